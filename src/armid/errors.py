@@ -1,0 +1,102 @@
+"""Errors that say what was asked, what was found, what is possible and what to do.
+
+Everything armid raises on bad input derives from `ArmidError`, so that a program can catch one type and the
+command line can print one message. `Finding` is the milder form: evidence recorded in an artefact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+__all__ = [
+    "ArmidError",
+    "EstimationError",
+    "Finding",
+    "MissingExtraError",
+    "ModelError",
+    "OutputError",
+    "RecordingError",
+    "RobotError",
+    "StudyError",
+]
+
+
+class ArmidError(Exception):
+    """Bad input, stated so that a person can act on it.
+
+    Args:
+        problem: What was asked and what was found instead, one sentence.
+        possible: What would have been accepted, for instance the known names.
+        remedy: What to do, an imperative sentence.
+    """
+
+    def __init__(self, problem: str, *, possible: str = "", remedy: str = "") -> None:
+        self.problem = problem
+        self.possible = possible
+        self.remedy = remedy
+        parts = [problem]
+        if possible:
+            parts.append(f"Possible: {possible}")
+        if remedy:
+            parts.append(f"Remedy: {remedy}")
+        super().__init__("\n".join(parts))
+
+
+class RobotError(ArmidError):
+    """A robot description that cannot be read or is not an open chain of one-degree-of-freedom joints."""
+
+
+class RecordingError(ArmidError):
+    """A recording that cannot be read or does not fit the robot."""
+
+
+class ModelError(ArmidError):
+    """Torque terms that do not fit the robot, or base parameters that two independent ways disagree on."""
+
+
+class StudyError(ArmidError):
+    """A study that contradicts itself or names something unknown."""
+
+
+class EstimationError(ArmidError):
+    """Data from which the asked estimate does not follow."""
+
+
+class OutputError(ArmidError):
+    """A result that cannot be written."""
+
+
+class MissingExtraError(ArmidError):
+    """An optional dependency that is not installed.
+
+    Args:
+        package: The import name that is missing.
+        purpose: What needs it.
+        extra: The extra of armid that brings it.
+    """
+
+    def __init__(self, package: str, purpose: str, extra: str) -> None:
+        super().__init__(
+            f"{purpose} needs the package {package!r}, which is not installed.",
+            remedy=f"pip install 'armid[{extra}]'",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something noticed on the way that the reader of a result should know.
+
+    Attributes:
+        code: Short stable name, for instance `description-rounded`.
+        severity: `error` stops the work, `warning` questions the result, `info` explains it.
+        channel: Joint, link, column or file that it concerns; empty when it concerns all.
+        evidence: What was seen, with numbers.
+        remedy: What to do about it; empty when nothing needs doing.
+    """
+
+    code: str
+    severity: Literal["error", "warning", "info"]
+    channel: str
+    evidence: str
+    remedy: str = ""

@@ -1,0 +1,1 @@
+"""What the data say: observations, streaming factors, square-root information."""

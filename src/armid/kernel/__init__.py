@@ -1,0 +1,1 @@
+"""The compiled kernel, its NumPy twin and the choice between them."""

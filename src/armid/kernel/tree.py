@@ -1,0 +1,82 @@
+"""What the kernel needs to know of an arm: a tree of joints, each with one degree of freedom."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import RobotError
+from armid.values import Array, array
+
+__all__ = ["Tree"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Tree:
+    """Constant geometry of n joints in an order where parents stand before children.
+
+    Frame i moves with link i. At q_i = 0 it is placed at (rotation_i, translation_i) in frame parent_i; a
+    revolute joint then turns it about `axis_i`, a prismatic joint shifts it along `axis_i`.
+
+    Attributes:
+        parent: Index of the joint before, -1 for the base, shape (n,).
+        prismatic: Which joints are prismatic, shape (n,).
+        axis: Unit axes in the joint's own frame, shape (n, 3).
+        rotation: R of frame i in frame parent_i at q_i = 0, shape (n, 3, 3).
+        translation: Origin of frame i in frame parent_i at q_i = 0, shape (n, 3) [m].
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
+    """
+
+    parent: NDArray[np.int32]
+    prismatic: NDArray[np.uint8]
+    axis: Array
+    rotation: Array
+    translation: Array
+    gravity: Array
+
+    def __post_init__(self) -> None:
+        parent = np.array(self.parent, dtype=np.int32)
+        n = len(parent)
+        prismatic = np.array(self.prismatic, dtype=np.uint8)
+        parent.setflags(write=False)
+        prismatic.setflags(write=False)
+        axis = array(self.axis, (n, 3), "axis")
+        set_ = object.__setattr__
+        set_(self, "parent", parent)
+        set_(self, "prismatic", prismatic)
+        set_(self, "axis", axis)
+        set_(self, "rotation", array(self.rotation, (n, 3, 3), "rotation"))
+        set_(self, "translation", array(self.translation, (n, 3), "translation"))
+        set_(self, "gravity", array(self.gravity, (3,), "gravity"))
+        if n == 0 or prismatic.shape != (n,):
+            raise RobotError(f"A tree needs at least one joint and one kind a joint; found {n} joints.")
+        if any(not -1 <= p < i for i, p in enumerate(parent)):
+            raise RobotError(f"Parents must stand before their children; found parents {parent.tolist()}.")
+        if np.abs(np.linalg.norm(axis, axis=1) - 1.0).max() > UNIT_TOLERANCE:
+            raise RobotError("Joint axes must have unit length.")
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.parent)
+
+    def ancestors(self, i: int) -> list[int]:
+        """Joints from the base to i, i included."""
+        chain: list[int] = []
+        while i >= 0:
+            chain.append(i)
+            i = int(self.parent[i])
+        return chain[::-1]
+
+    def subtree(self, i: int) -> list[int]:
+        """Joints that i carries, i included, in order."""
+        carried = [False] * self.n
+        for k in range(i, self.n):
+            carried[k] = k == i or (self.parent[k] >= 0 and carried[self.parent[k]])
+        return [k for k in range(self.n) if carried[k]]
+
+
+UNIT_TOLERANCE = 1e-12
+"""Axes are normalised by whoever makes the tree; what is left is rounding."""

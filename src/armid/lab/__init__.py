@@ -1,0 +1,1 @@
+"""A laboratory without a robot."""

@@ -1,0 +1,97 @@
+"""Ten inertial parameters of a rigid body and their equivalent forms.
+
+Order everywhere (Pinocchio's): m, m·x, m·y, m·z, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, the inertia about the origin
+of the body's frame. The pseudo-inertia [Wensing2018] is J = ∫ [p; 1][p; 1]ᵀ dm, a symmetric 4 x 4 matrix; a
+body is physically consistent exactly when J is positive semidefinite.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.maths.spatial import skew
+from armid.values import Array
+
+__all__ = [
+    "INERTIA_INDEX",
+    "com_inertia_to_vector",
+    "inertia_matrix",
+    "inertia_vector",
+    "pseudo_inertia",
+    "spatial_inertia",
+    "transform",
+    "vector_from_pseudo_inertia",
+    "vector_to_com_inertia",
+]
+
+INERTIA_INDEX = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+"""Row and column of each of the six inertia entries, in parameter order."""
+
+
+def inertia_matrix(six: Array) -> Array:
+    """Symmetric matrices (..., 3, 3) from entries (..., 6) in parameter order [kg·m²]."""
+    xx, xy, yy, xz, yz, zz = np.moveaxis(np.asarray(six), -1, 0)
+    return np.stack([np.stack([xx, xy, xz], -1), np.stack([xy, yy, yz], -1), np.stack([xz, yz, zz], -1)], -2)
+
+
+def inertia_vector(matrix: Array) -> Array:
+    """Entries (..., 6) in parameter order from symmetric matrices (..., 3, 3)."""
+    return np.stack([matrix[..., i, j] for i, j in INERTIA_INDEX], -1)
+
+
+def spatial_inertia(vector: Array) -> Array:
+    """Spatial inertia (6, 6) about the frame's origin, angular part first [Featherstone2008].
+
+    I = [[I_o, S(h)], [S(h)ᵀ, m·1]] with h the first moment.
+    """
+    m, h, inertia = vector[0], vector[1:4], inertia_matrix(vector[4:])
+    return np.block([[inertia, skew(h)], [skew(h).T, m * np.eye(3)]])
+
+
+def pseudo_inertia(vector: Array) -> Array:
+    """Pseudo-inertia (..., 4, 4): [[½ tr(I)·1 - I, h], [hᵀ, m]]."""
+    vector = np.asarray(vector)
+    inertia = inertia_matrix(vector[..., 4:])
+    half_trace = 0.5 * np.trace(inertia, axis1=-2, axis2=-1)[..., None, None]
+    result = np.empty((*vector.shape[:-1], 4, 4))
+    result[..., :3, :3] = half_trace * np.eye(3) - inertia
+    result[..., :3, 3] = result[..., 3, :3] = vector[..., 1:4]
+    result[..., 3, 3] = vector[..., 0]
+    return result
+
+
+def vector_from_pseudo_inertia(J: Array) -> Array:
+    """Parameters (..., 10) from pseudo-inertias (..., 4, 4): I = tr(Σ)·1 - Σ."""
+    sigma = J[..., :3, :3]
+    inertia = np.trace(sigma, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - sigma
+    return np.concatenate([J[..., 3:, 3], J[..., :3, 3], inertia_vector(inertia)], -1)
+
+
+def transform(vector: Array, rotation: Array, translation: Array) -> Array:
+    """Parameters of the same body seen from another frame: J' = T J Tᵀ.
+
+    Args:
+        vector: Parameters in frame B, shape (..., 10).
+        rotation: R_AB, shape (3, 3).
+        translation: Origin of B in A, shape (3,) [m].
+
+    Returns:
+        Parameters in frame A, shape (..., 10).
+    """
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation, translation
+    return vector_from_pseudo_inertia(T @ pseudo_inertia(vector) @ T.T)
+
+
+def com_inertia_to_vector(mass: float, com: Array, inertia_about_com: Array) -> Array:
+    """Parameters (10,) from mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg·m²]."""
+    S = skew(np.asarray(com))
+    return np.concatenate([[mass], mass * np.asarray(com), inertia_vector(inertia_about_com - mass * S @ S)])
+
+
+def vector_to_com_inertia(vector: Array) -> tuple[float, Array, Array]:
+    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3); the mass must not be zero."""
+    mass = float(vector[0])
+    com = vector[1:4] / mass
+    S = skew(com)
+    return mass, com, inertia_matrix(vector[4:]) + mass * S @ S

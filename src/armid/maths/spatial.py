@@ -1,0 +1,66 @@
+"""Rotations and cross products.
+
+R_AB maps coordinates in frame B to frame A; p_AB is the origin of B in A. Angles in radians.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.values import Array
+
+__all__ = ["axis_rotation", "homogeneous", "rotation_x", "rotation_y", "rotation_z", "rpy_rotation", "skew"]
+
+
+def skew(v: ArrayLike) -> Array:
+    """S(v), shape (..., 3, 3), with S(v) w = v × w."""
+    x, y, z = np.moveaxis(np.asarray(v, dtype=np.float64), -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
+
+
+def axis_rotation(axis: Array, angle: ArrayLike) -> Array:
+    """Rodrigues' rotation about a unit axis (3,) by angles (...,): shape (..., 3, 3)."""
+    S = skew(axis)
+    s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
+    return np.eye(3) + s * S + (1.0 - c) * (S @ S)
+
+
+def rotation_x(angle: float) -> Array:
+    """Rotation about x, exact where the angle is a multiple of a right angle."""
+    c, s = _cos_sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def rotation_y(angle: float) -> Array:
+    """Rotation about y, exact where the angle is a multiple of a right angle."""
+    c, s = _cos_sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def rotation_z(angle: float) -> Array:
+    """Rotation about z, exact where the angle is a multiple of a right angle."""
+    c, s = _cos_sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rpy_rotation(rpy: ArrayLike) -> Array:
+    """Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF."""
+    roll, pitch, yaw = np.asarray(rpy, dtype=np.float64)
+    return rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll)
+
+
+def homogeneous(rotation: Array, translation: ArrayLike) -> Array:
+    """Homogeneous transform (4, 4) from R_AB (3, 3) and p_AB (3,) [m]."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation, translation
+    return T
+
+
+def _cos_sin(angle: float) -> tuple[float, float]:
+    """Cosine and sine; right angles give exact zeros and ones, so that geometry stays exact."""
+    quarter = angle / (0.5 * np.pi)
+    if quarter == round(quarter):
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarter) % 4]
+    return float(np.cos(angle)), float(np.sin(angle))

@@ -1,0 +1,1 @@
+"""What the torque depends on: motion, torque terms, regressor, base parameters."""

@@ -1,0 +1,58 @@
+"""A motion of the joints over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
+
+from armid.errors import ArmidError
+from armid.values import Array, array
+
+__all__ = ["Motion"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Motion:
+    """Positions, velocities and accelerations of n joints at N samples.
+
+    Attributes:
+        time: Time of each sample, shape (N,) [s].
+        q: Joint positions, shape (N, n) [rad or m].
+        dq: Joint velocities, shape (N, n) [rad/s or m/s].
+        ddq: Joint accelerations, shape (N, n) [rad/s² or m/s²].
+    """
+
+    time: Array
+    q: Array
+    dq: Array
+    ddq: Array
+
+    def __post_init__(self) -> None:
+        q = array(self.q, (None, None), "q")
+        object.__setattr__(self, "q", q)
+        object.__setattr__(self, "time", array(self.time, (len(q),), "time"))
+        object.__setattr__(self, "dq", array(self.dq, q.shape, "dq"))
+        object.__setattr__(self, "ddq", array(self.ddq, q.shape, "ddq"))
+
+    @classmethod
+    def of_states(cls, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Motion:
+        """Separate states (N, n), one a second: for samples that do not follow each other in time."""
+        q = array(q, (None, None), "q")
+        return cls(range(len(q)), q, dq, ddq)  # pyright: ignore[reportArgumentType]
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N."""
+        return len(self.time)
+
+    @property
+    def n(self) -> int:
+        """Number of joints n."""
+        return self.q.shape[1]
+
+    def __getitem__(self, rows: slice) -> Motion:
+        """Some of the samples, as a view-like copy."""
+        if not isinstance(rows, slice):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ArmidError("A motion is cut by a slice of samples.")
+        return Motion(self.time[rows], self.q[rows], self.dq[rows], self.ddq[rows])

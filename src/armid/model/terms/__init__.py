@@ -1,0 +1,1 @@
+"""Torque terms, one a file."""

@@ -1,0 +1,1 @@
+"""What the arm is: values, readers, built-in arms."""

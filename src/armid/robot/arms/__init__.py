@@ -1,0 +1,1 @@
+"""Built-in arms, one description a file."""

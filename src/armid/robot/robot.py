@@ -1,0 +1,318 @@
+"""What the arm is: links, joints with one degree of freedom, limits, gravity, a tip frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.errors import Finding, RobotError
+from armid.kernel.tree import Tree
+from armid.maths import inertia as inertia_maths
+from armid.maths.spatial import axis_rotation, homogeneous
+from armid.values import Array, array
+
+__all__ = ["EARTH_GRAVITY", "Frame", "InertialParameters", "Joint", "Link", "Robot"]
+
+EARTH_GRAVITY = (0.0, 0.0, -9.81)
+"""Acceleration of gravity in the base frame of an upright arm [m/s²]; a hanging arm has (0, 0, 9.81)."""
+
+CONSISTENCY_TOLERANCE = 1e-9
+"""Smallest over largest eigenvalue of a pseudo-inertia that still counts as not negative: rounding."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class InertialParameters:
+    """Mass, first moment and inertia of a rigid body about the origin of its link frame.
+
+    Attributes:
+        mass: [kg].
+        first_moment: Mass times centre of mass, shape (3,) [kg·m].
+        inertia: Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the **link-frame origin**, shape (6,) [kg·m²].
+    """
+
+    mass: float
+    first_moment: Array
+    inertia: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", float(self.mass))
+        object.__setattr__(self, "first_moment", array(self.first_moment, (3,), "first_moment"))
+        object.__setattr__(self, "inertia", array(self.inertia, (6,), "inertia"))
+        if not math.isfinite(self.mass):
+            raise RobotError(f"mass must be finite; found {self.mass}.")
+
+    @classmethod
+    def from_vector(cls, vector: ArrayLike) -> InertialParameters:
+        """From the ten parameters in order m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+        v = array(vector, (10,), "inertial parameters")
+        return cls(float(v[0]), v[1:4], v[4:])
+
+    @classmethod
+    def from_com(cls, mass: float, com: ArrayLike, inertia_about_com: ArrayLike) -> InertialParameters:
+        """From mass [kg], centre of mass (3,) [m] and the inertia tensor about it (3, 3) [kg·m²]."""
+        tensor = array(inertia_about_com, (3, 3), "inertia_about_com")
+        return cls.from_vector(inertia_maths.com_inertia_to_vector(mass, array(com, (3,), "com"), tensor))
+
+    @classmethod
+    def zero(cls) -> InertialParameters:
+        """A body of nothing."""
+        return cls.from_vector(np.zeros(10))
+
+    @property
+    def vector(self) -> Array:
+        """The ten parameters, shape (10,)."""
+        return np.concatenate([[self.mass], self.first_moment, self.inertia])
+
+    @property
+    def pseudo_inertia(self) -> Array:
+        """Pseudo-inertia, shape (4, 4)."""
+        return inertia_maths.pseudo_inertia(self.vector)
+
+    @property
+    def com(self) -> Array:
+        """Centre of mass, shape (3,) [m]; NaN where the mass is zero."""
+        return self.first_moment / self.mass if self.mass else np.full(3, np.nan)
+
+    def is_consistent(self, tolerance: float = CONSISTENCY_TOLERANCE) -> bool:
+        """Whether some distribution of positive mass has these parameters."""
+        eigenvalues = np.linalg.eigvalsh(self.pseudo_inertia)
+        return bool(eigenvalues[0] >= -tolerance * max(abs(eigenvalues[-1]), np.finfo(float).tiny))
+
+    def seen_from(self, rotation: Array, translation: Array) -> InertialParameters:
+        """The same body in frame A, given R_AB (3, 3) and p_AB (3,) [m] of this frame B."""
+        return self.from_vector(inertia_maths.transform(self.vector, rotation, translation))
+
+    def __add__(self, other: InertialParameters) -> InertialParameters:
+        """The two bodies welded together, both in one frame."""
+        return self.from_vector(self.vector + other.vector)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Joint:
+    """A joint with one degree of freedom.
+
+    Attributes:
+        name: Name in the description.
+        kind: `revolute`, `continuous` (revolute without position limits) or `prismatic`.
+        parent: Index of the joint that carries this one; -1 for the base.
+        axis: Unit axis in the joint's frame, shape (3,).
+        placement: Frame of the joint at q = 0 in the parent link's frame, shape (4, 4).
+        position_limits: Lower and upper, shape (2,) [rad or m]; infinite where none is known.
+        velocity_limit: [rad/s or m/s]; infinite where none is known.
+        effort_limit: [N·m or N]; infinite where none is known.
+    """
+
+    name: str
+    kind: Literal["revolute", "continuous", "prismatic"]
+    parent: int
+    axis: Array
+    placement: Array
+    position_limits: Array
+    velocity_limit: float = math.inf
+    effort_limit: float = math.inf
+
+    def __post_init__(self) -> None:
+        axis = array(self.axis, (3,), f"axis of joint {self.name!r}")
+        length = float(np.linalg.norm(axis))
+        if length == 0.0:
+            raise RobotError(f"Joint {self.name!r} has an axis of zero length.", remedy="give its direction.")
+        if self.kind not in ("revolute", "continuous", "prismatic"):
+            raise RobotError(
+                f"Joint {self.name!r} is of kind {self.kind!r}.",
+                possible="revolute, continuous, prismatic",
+                remedy="lock it at a value or replace it by joints of these kinds.",
+            )
+        object.__setattr__(self, "axis", array(axis / length, (3,), "axis"))
+        object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of joint {self.name!r}"))
+        object.__setattr__(
+            self, "position_limits", array(self.position_limits, (2,), "position_limits", finite=False)
+        )
+
+    @property
+    def is_prismatic(self) -> bool:
+        """Whether it slides rather than turns."""
+        return self.kind == "prismatic"
+
+    @property
+    def unit(self) -> str:
+        """Unit of its position."""
+        return "m" if self.is_prismatic else "rad"
+
+    @property
+    def effort_unit(self) -> str:
+        """Unit of its effort."""
+        return "N" if self.is_prismatic else "N·m"
+
+    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Rotation (..., 3, 3) and translation (..., 3) [m] of the link in the parent link's frame."""
+        R0, p0 = self.placement[:3, :3], self.placement[:3, 3]
+        q = np.asarray(q, dtype=np.float64)
+        if self.is_prismatic:
+            R = np.broadcast_to(R0, (*q.shape, 3, 3))
+            return R, p0 + q[..., None] * (R0 @ self.axis)
+        return R0 @ axis_rotation(self.axis, q), np.broadcast_to(p0, (*q.shape, 3))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Link:
+    """A rigid body moved by the joint of the same index.
+
+    Attributes:
+        name: Name in the description; of the first body where several were merged.
+        inertial: What the description says of its inertia, in the link frame; `None` where it says nothing.
+    """
+
+    name: str
+    inertial: InertialParameters | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frame:
+    """A frame fixed to a link.
+
+    Attributes:
+        name: Its name.
+        parent: Index of the link it is fixed to; -1 for the base.
+        placement: In the link's frame, shape (4, 4).
+    """
+
+    name: str
+    parent: int
+    placement: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of {self.name!r}"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Robot:
+    """An open chain or tree of joints on a fixed base.
+
+    Attributes:
+        name: Name of the arm.
+        joints: Joints, parents before children.
+        links: Link i is moved by joint i.
+        tip: The frame that stands for the tool flange.
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
+        source: Where the description came from: a path or the name of a built-in arm.
+        sha256: Digest of the description's text; empty where there was none.
+        findings: What was noticed while reading.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...]
+    tip: Frame
+    gravity: Array = EARTH_GRAVITY  # pyright: ignore[reportAssignmentType]
+    source: str = ""
+    sha256: str = ""
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "links", tuple(self.links))
+        object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
+        if len(self.joints) != len(self.links):
+            raise RobotError(f"{len(self.joints)} joints move {len(self.links)} links; the numbers must agree.")
+        names = self.joint_names
+        if len(set(names)) != len(names):
+            raise RobotError(f"Joint names must differ; found {', '.join(names)}.")
+        self.tree  # noqa: B018  (raises where the joints are no tree)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def tree(self) -> Tree:
+        """The geometry as the kernel takes it."""
+        return Tree(
+            parent=np.array([j.parent for j in self.joints]),
+            prismatic=np.array([j.is_prismatic for j in self.joints]),
+            axis=np.array([j.axis for j in self.joints]),
+            rotation=np.array([j.placement[:3, :3] for j in self.joints]),
+            translation=np.array([j.placement[:3, 3] for j in self.joints]),
+            gravity=self.gravity,
+        )
+
+    @property
+    def inertial_vector(self) -> Array | None:
+        """Nominal inertial parameters, shape (n, 10); `None` where no link has any mass to speak of."""
+        if all(link.inertial is None or not link.inertial.vector.any() for link in self.links):
+            return None
+        zero = InertialParameters.zero()
+        return np.array([(link.inertial or zero).vector for link in self.links])
+
+    def joint_index(self, name: str) -> int:
+        """Index of a joint by name.
+
+        Raises:
+            RobotError: No such joint; the message lists the joints.
+        """
+        try:
+            return self.joint_names.index(name)
+        except ValueError:
+            raise RobotError(f"{self.name} has no joint {name!r}.", possible=", ".join(self.joint_names)) from None
+
+    def with_gravity(self, gravity: ArrayLike) -> Robot:
+        """The same arm under another gravity acceleration (3,) [m/s²], for instance hanging."""
+        return replace(self, gravity=array(gravity, (3,), "gravity"))
+
+    def lock(self, values: Mapping[str, float] | Iterable[str]) -> Robot:
+        """The arm with some joints held still, each welded to the link that carries it.
+
+        Args:
+            values: Joint names, with positions [rad or m]; 0 where only names are given.
+
+        Raises:
+            RobotError: An unknown joint, or no joint left.
+        """
+        wanted = dict(values) if isinstance(values, Mapping) else dict.fromkeys(values, 0.0)
+        robot = self
+        for name, value in wanted.items():
+            robot = _weld(robot, robot.joint_index(name), float(value))
+        return robot
+
+
+def _weld(robot: Robot, index: int, value: float) -> Robot:
+    """The robot without joint `index`, its link merged into the parent link at position `value`."""
+    if robot.n == 1:
+        raise RobotError(f"Locking {robot.joints[index].name!r} leaves {robot.name} without a joint.")
+    joint = robot.joints[index]
+    rotation, translation = joint.motion(value)
+    weld = homogeneous(rotation, translation)
+
+    def moved(parent: int) -> int:
+        parent = joint.parent if parent == index else parent
+        return parent - (parent > index)
+
+    joints: list[Joint] = []
+    links: list[Link] = []
+    for i, (other, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
+        if i == index:
+            continue
+        placement = weld @ other.placement if other.parent == index else other.placement
+        joints.append(replace(other, parent=moved(other.parent), placement=placement))
+        body = robot.links[index].inertial
+        if i == joint.parent and body is not None:
+            carried = body.seen_from(rotation, translation)
+            carried = carried if link.inertial is None else link.inertial + carried
+            links.append(replace(link, inertial=carried))
+        else:
+            links.append(link)
+    tip = robot.tip
+    if tip.parent == index:
+        tip = replace(tip, placement=weld @ tip.placement)
+    tip = replace(tip, parent=moved(tip.parent))
+    return replace(robot, joints=tuple(joints), links=tuple(links), tip=tip)

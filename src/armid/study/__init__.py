@@ -1,0 +1,1 @@
+"""What a study says, and the run it becomes."""

@@ -1,0 +1,1 @@
+"""Prediction on unseen motion."""
