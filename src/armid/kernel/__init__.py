@@ -1,1 +1,43 @@
-"""The compiled kernel, its NumPy twin and the choice between them."""
+"""The compiled kernel, its NumPy twin and the choice between them.
+
+`reference` is the twin: short, and the meaning of everything here. The compiled kernel holds one build for each
+instruction set and takes the widest that the machine runs. The environment variable `ARMID_KERNEL` chooses
+another: `avx512`, `avx2`, `baseline` or `numpy` (the twin). `in_use()` says which one runs.
+"""
+
+from armid.kernel.dispatch import (
+    columns,
+    coriolis_matrix,
+    decimate,
+    factor,
+    factor_columns,
+    gravity_torque,
+    in_use,
+    instruction_sets,
+    inverse_dynamics,
+    mass_matrix,
+    potential_energy,
+    regressor,
+    unpack_factors,
+)
+from armid.kernel.layout import ColumnLayout, make_layout
+from armid.kernel.tree import Tree
+
+__all__ = [
+    "ColumnLayout",
+    "Tree",
+    "columns",
+    "coriolis_matrix",
+    "decimate",
+    "factor",
+    "factor_columns",
+    "gravity_torque",
+    "in_use",
+    "instruction_sets",
+    "inverse_dynamics",
+    "make_layout",
+    "mass_matrix",
+    "potential_energy",
+    "regressor",
+    "unpack_factors",
+]

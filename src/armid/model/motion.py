@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from armid.errors import ArmidError
 from armid.values import Array, array
 
 __all__ = ["Motion"]
@@ -52,7 +51,8 @@ class Motion:
         return self.q.shape[1]
 
     def __getitem__(self, rows: slice) -> Motion:
-        """Some of the samples, as a view-like copy."""
-        if not isinstance(rows, slice):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ArmidError("A motion is cut by a slice of samples.")
-        return Motion(self.time[rows], self.q[rows], self.dq[rows], self.ddq[rows])
+        """Some of the samples, without copying them."""
+        part = object.__new__(Motion)
+        for name in ("time", "q", "dq", "ddq"):
+            object.__setattr__(part, name, getattr(self, name)[rows])
+        return part

@@ -1,0 +1,49 @@
+// The constant geometry of an arm, and where the columns of its regressor go: plain data that every instruction
+// set's translation unit reads.
+//
+// Nothing here or in the kernel's headers may be an inline function or a template shared between translation units:
+// the linker would keep one copy of it, perhaps the one compiled for a wider instruction set than the machine has.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace armid {
+
+struct JointConstants {
+  std::int32_t parent;  // -1 for the base
+  bool prismatic;
+  double axis[3];  // unit axis in the joint's own frame
+  // Rotation of the link in its parent at q: along + sin(q) cross + cos(q) across, row-major.
+  double along[9], cross[9], across[9];
+  double position[3];  // origin at q = 0 in the parent frame
+  double slide[3];     // axis in the parent frame
+};
+
+struct Arm {
+  int n;
+  const JointConstants* joints;
+  double gravity[3];
+  // All ancestors of link i, base first and i last, are ancestor[first[i]] ... ancestor[first[i + 1] - 1]. The index
+  // into this list is called a pair (link i, joint j).
+  const std::int32_t *first, *ancestor;
+};
+
+// Which columns each joint's rows have. Joint j owns columns offset[j] ... offset[j + 1] - 1; the last is its torque.
+struct Layout {
+  const std::int32_t* offset;
+  const std::int32_t* target;  // pairs x 10: column within the joint's own, -1 where not wanted; null for no bodies
+  const std::int32_t* term;    // column of each row of the terms
+  int terms;
+};
+
+// What a motion looks like to the kernel: row-major (N, n), terms (terms, N) with their own row stride.
+struct Samples {
+  const double *q, *dq, *ddq;
+  const double* torque;  // (N, n)
+  const double* terms;
+  std::ptrdiff_t term_stride;
+  const std::uint8_t* mask;  // (N, n), or null where every row counts
+};
+
+}  // namespace armid

@@ -1,0 +1,284 @@
+// Python bindings: conversion of arrays, choice of the instruction set, threads over blocks. No mathematics.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <exception>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "kernel.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using armid::Arm;
+using armid::JointConstants;
+using armid::Kernel;
+using armid::Layout;
+using armid::Samples;
+
+template <class T>
+using In = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
+template <class T>
+using Out = nb::ndarray<T, nb::c_contig, nb::device::cpu>;
+
+namespace {
+
+// Kernels this machine can run, widest first.
+const std::vector<const Kernel*>& kernels() {
+  static const std::vector<const Kernel*> usable = [] {
+    std::vector<const Kernel*> found;
+#ifdef ARMID_X86
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+      found.push_back(&armid::kernel_avx512);
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) found.push_back(&armid::kernel_avx2);
+#endif
+    found.push_back(&armid::kernel_baseline);
+    return found;
+  }();
+  return usable;
+}
+
+const Kernel& kernel(const std::string& isa) {
+  for (const Kernel* k : kernels()) {
+    if (isa == k->name) return *k;
+  }
+  throw std::invalid_argument("this machine cannot run the kernel '" + isa + "'");
+}
+
+std::vector<std::string> instruction_sets() {
+  std::vector<std::string> names;
+  for (const Kernel* k : kernels()) names.emplace_back(k->name);
+  return names;
+}
+
+void require(bool ok, const char* what) {
+  if (!ok) throw std::invalid_argument(what);
+}
+
+// Owns what an Arm points to.
+struct ArmData {
+  std::vector<JointConstants> joints;
+  std::vector<std::int32_t> first{0}, ancestor;
+  Arm arm{};
+
+  ArmData(In<std::int32_t> parent, In<std::uint8_t> prismatic, In<double> axis, In<double> rotation,
+          In<double> translation, In<double> gravity) {
+    const int n = static_cast<int>(parent.size());
+    require(n > 0 && prismatic.size() == parent.size() && axis.size() == 3 * parent.size() &&
+                rotation.size() == 9 * parent.size() && translation.size() == 3 * parent.size() && gravity.size() == 3,
+            "the arrays of a tree must have one entry a joint");
+    for (int i = 0; i < n; ++i) {
+      const int p = parent.data()[i];
+      require(-1 <= p && p < i, "parents must stand before their children");
+      joints.push_back(constants(p, prismatic.data()[i] != 0, axis.data() + 3 * i, rotation.data() + 9 * i,
+                                 translation.data() + 3 * i));
+      for (int k = p < 0 ? 0 : first[p]; k < (p < 0 ? 0 : first[p + 1]); ++k) ancestor.push_back(int{ancestor[k]});
+      ancestor.push_back(i);
+      first.push_back(static_cast<std::int32_t>(ancestor.size()));
+    }
+    arm.n = n;
+    arm.joints = joints.data();
+    std::copy_n(gravity.data(), 3, arm.gravity);
+    arm.first = first.data();
+    arm.ancestor = ancestor.data();
+  }
+  ArmData(const ArmData&) = delete;
+
+  // The rotation at q, R (a aᵀ + sin(q) S(a) + cos(q) (1 - a aᵀ)) for a unit axis a, split into its three parts.
+  static JointConstants constants(int parent, bool prismatic, const double* a, const double* R, const double* p) {
+    JointConstants c{};
+    c.parent = parent;
+    c.prismatic = prismatic;
+    const double S[9] = {0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0};
+    for (int r = 0; r < 3; ++r) {
+      c.axis[r] = a[r];
+      c.position[r] = p[r];
+      c.slide[r] = R[3 * r] * a[0] + R[3 * r + 1] * a[1] + R[3 * r + 2] * a[2];
+    }
+    for (int r = 0; r < 3; ++r) {
+      for (int k = 0; k < 3; ++k) {
+        c.along[3 * r + k] = c.slide[r] * a[k];
+        c.cross[3 * r + k] = R[3 * r] * S[k] + R[3 * r + 1] * S[3 + k] + R[3 * r + 2] * S[6 + k];
+        c.across[3 * r + k] = R[3 * r + k] - c.along[3 * r + k];
+      }
+    }
+    return c;
+  }
+};
+
+std::ptrdiff_t samples_of(const ArmData& data, const In<double>& q, const In<double>& dq, const In<double>& ddq) {
+  require(q.size() % data.arm.n == 0 && dq.size() == q.size() && ddq.size() == q.size(),
+          "q, dq and ddq must have one column a joint");
+  return static_cast<std::ptrdiff_t>(q.size()) / data.arm.n;
+}
+
+// Columns wanted of each joint; owns nothing.
+Layout layout_of(const ArmData& data, const In<std::int32_t>& offset, const In<std::int32_t>& target,
+                 const In<std::int32_t>& term) {
+  const int n = data.arm.n;
+  require(offset.size() == static_cast<std::size_t>(n) + 1, "offset must have n + 1 entries");
+  require(target.size() == 0 || target.size() == 10 * data.ancestor.size(), "target must have ten entries a pair");
+  for (std::size_t k = 0; k < target.size(); ++k) {
+    const int j = data.ancestor[k / 10];
+    require(target.data()[k] < offset.data()[j + 1] - offset.data()[j] - 1, "a target lies outside its joint's columns");
+  }
+  for (std::size_t k = 0; k < term.size(); ++k) {
+    require(0 <= term.data()[k] && term.data()[k] < offset.data()[n], "a term's column lies outside the layout");
+  }
+  return {offset.data(), target.size() ? target.data() : nullptr, term.data(), static_cast<int>(term.size())};
+}
+
+Samples samples(const ArmData& data, const In<double>& q, const In<double>& dq, const In<double>& ddq,
+                const In<double>& torque, const In<double>& terms, const In<std::uint8_t>& mask, int term_count) {
+  const std::ptrdiff_t N = samples_of(data, q, dq, ddq);
+  require(torque.size() == q.size(), "torque must have the shape of q");
+  require(mask.size() == 0 || mask.size() == q.size(), "mask must have the shape of q");
+  require(terms.size() == static_cast<std::size_t>(term_count) * N, "terms must have one row an entry");
+  return {q.data(), dq.data(), ddq.data(), torque.data(), terms.data(), N, mask.size() ? mask.data() : nullptr};
+}
+
+void require_bounds(const In<std::int64_t>& bounds, std::ptrdiff_t N) {
+  require(bounds.size() >= 2, "bounds must name at least one block");
+  for (std::size_t k = 0; k < bounds.size(); ++k) {
+    require((k == 0 ? 0 : bounds.data()[k - 1]) <= bounds.data()[k] && bounds.data()[k] <= N,
+            "bounds must rise and stay within the samples");
+  }
+}
+
+void regressor(const std::string& isa, const ArmData& data, In<double> q, In<double> dq, In<double> ddq,
+               Out<double> out) {
+  const std::ptrdiff_t N = samples_of(data, q, dq, ddq);
+  require(out.size() == static_cast<std::size_t>(10 * N) * data.arm.n * data.arm.n, "out must be (N, n, 10 n)");
+  const Samples in{q.data(), dq.data(), ddq.data(), nullptr, nullptr, 0, nullptr};
+  const Kernel& k = kernel(isa);
+  double* to = out.data();
+  nb::gil_scoped_release release;
+  k.regressor(data.arm, in, N, to);
+}
+
+void columns(const std::string& isa, const ArmData& data, In<std::int32_t> offset, In<std::int32_t> target,
+             In<std::int32_t> term, In<double> q, In<double> dq, In<double> ddq, In<double> torque, In<double> terms,
+             Out<double> out) {
+  const Layout layout = layout_of(data, offset, target, term);
+  const Samples in = samples(data, q, dq, ddq, torque, terms, {}, layout.terms);
+  const std::ptrdiff_t N = samples_of(data, q, dq, ddq);
+  require(out.size() == static_cast<std::size_t>(offset.data()[data.arm.n]) * N, "out must be (columns, N)");
+  const Kernel& k = kernel(isa);
+  double* to = out.data();
+  nb::gil_scoped_release release;
+  k.columns(data.arm, layout, in, N, to);
+}
+
+void inverse_dynamics(const std::string& isa, const ArmData& data, In<double> inertial, In<double> q, In<double> dq,
+                      In<double> ddq, Out<double> out) {
+  const std::ptrdiff_t N = samples_of(data, q, dq, ddq);
+  require(inertial.size() == static_cast<std::size_t>(10 * data.arm.n), "inertial must be (n, 10)");
+  require(out.size() == q.size(), "out must be (N, n)");
+  const Samples in{q.data(), dq.data(), ddq.data(), nullptr, nullptr, 0, nullptr};
+  const Kernel& k = kernel(isa);
+  const double* m = inertial.data();
+  double* to = out.data();
+  nb::gil_scoped_release release;
+  k.inverse_dynamics(data.arm, m, in, N, to);
+}
+
+void mass_matrix(const std::string& isa, const ArmData& data, In<double> inertial, In<double> q, Out<double> out) {
+  const std::ptrdiff_t N = samples_of(data, q, q, q);
+  require(inertial.size() == static_cast<std::size_t>(10 * data.arm.n), "inertial must be (n, 10)");
+  require(out.size() == q.size() * data.arm.n, "out must be (N, n, n)");
+  const Kernel& k = kernel(isa);
+  const double *m = inertial.data(), *at = q.data();
+  double* to = out.data();
+  nb::gil_scoped_release release;
+  k.mass_matrix(data.arm, m, at, N, to);
+}
+
+void factor(const std::string& isa, const ArmData& data, In<std::int32_t> offset, In<std::int32_t> target,
+            In<std::int32_t> term, In<double> q, In<double> dq, In<double> ddq, In<double> torque, In<double> terms,
+            In<std::uint8_t> mask, In<std::int64_t> bounds, bool by_gram, int threads, Out<double> out) {
+  const Layout layout = layout_of(data, offset, target, term);
+  const Samples in = samples(data, q, dq, ddq, torque, terms, mask, layout.terms);
+  require_bounds(bounds, samples_of(data, q, dq, ddq));
+  std::ptrdiff_t size = 0;
+  for (int j = 0; j < data.arm.n; ++j) {
+    const std::ptrdiff_t width = layout.offset[j + 1] - layout.offset[j];
+    size += width * width;
+  }
+  const int blocks = static_cast<int>(bounds.size()) - 1;
+  require(out.size() == static_cast<std::size_t>(size) * blocks, "out must hold every joint's factor for each block");
+  const Kernel& k = kernel(isa);
+  double* R = out.data();
+  const std::int64_t* bound = bounds.data();
+  nb::gil_scoped_release release;
+  const int workers = std::clamp(threads, 1, blocks);
+  std::vector<std::exception_ptr> failures(workers);
+  const auto work = [&](int w) {
+    try {
+      k.factor(data.arm, layout, in, bound, blocks * w / workers, blocks * (w + 1) / workers, size, by_gram, R);
+    } catch (...) {
+      failures[w] = std::current_exception();
+    }
+  };
+  std::vector<std::thread> others;
+  for (int w = 1; w < workers; ++w) others.emplace_back(work, w);
+  work(0);
+  for (std::thread& other : others) other.join();
+  for (const std::exception_ptr& failure : failures) {
+    if (failure) std::rethrow_exception(failure);
+  }
+}
+
+void factor_columns(const std::string& isa, In<double> x, In<std::int64_t> bounds, Out<double> out) {
+  require(x.ndim() == 2, "x must be (columns, rows)");
+  const int K = static_cast<int>(x.shape(0));
+  const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(x.shape(1));
+  require_bounds(bounds, rows);
+  const int blocks = static_cast<int>(bounds.size()) - 1;
+  require(out.size() == static_cast<std::size_t>(K) * K * blocks, "out must be (blocks, columns, columns)");
+  const Kernel& k = kernel(isa);
+  const double* from = x.data();
+  const std::int64_t* bound = bounds.data();
+  double* R = out.data();
+  nb::gil_scoped_release release;
+  k.factor_columns(from, rows, K, bound, blocks, R);
+}
+
+void decimate(const std::string& isa, const ArmData& data, In<std::int32_t> offset, In<std::int32_t> target,
+              In<std::int32_t> term, In<double> q, In<double> dq, In<double> ddq, In<double> torque, In<double> terms,
+              In<double> taps, std::int64_t step, std::int64_t first, Out<double> out) {
+  const Layout layout = layout_of(data, offset, target, term);
+  const Samples in = samples(data, q, dq, ddq, torque, terms, {}, layout.terms);
+  const std::ptrdiff_t N = samples_of(data, q, dq, ddq);
+  require(out.ndim() == 2 && static_cast<std::int64_t>(out.shape(0)) == offset.data()[data.arm.n],
+          "out must be (columns, rows)");
+  require(step >= 1 && taps.size() >= 1, "the decimation needs taps and a step of at least one");
+  const Kernel& k = kernel(isa);
+  const double* h = taps.data();
+  const std::ptrdiff_t length = static_cast<std::ptrdiff_t>(taps.size());
+  const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(out.shape(1));
+  double* to = out.data();
+  nb::gil_scoped_release release;
+  k.decimate(data.arm, layout, in, 0, N, h, length, step, first, rows, to);
+}
+
+}  // namespace
+
+NB_MODULE(_native, m) {
+  nb::class_<ArmData>(m, "Arm").def(
+      nb::init<In<std::int32_t>, In<std::uint8_t>, In<double>, In<double>, In<double>, In<double>>(), "parent"_a,
+      "prismatic"_a, "axis"_a, "rotation"_a, "translation"_a, "gravity"_a);
+  m.def("instruction_sets", &instruction_sets);
+  m.def("regressor", &regressor);
+  m.def("columns", &columns);
+  m.def("inverse_dynamics", &inverse_dynamics);
+  m.def("mass_matrix", &mass_matrix);
+  m.def("factor", &factor);
+  m.def("factor_columns", &factor_columns);
+  m.def("decimate", &decimate);
+}

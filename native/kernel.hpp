@@ -1,0 +1,31 @@
+// The kernel as a table of functions, one table an instruction set.
+#pragma once
+
+#include "arm.hpp"
+
+namespace armid {
+
+struct Kernel {
+  const char* name;
+  int lanes;
+  void (*regressor)(const Arm&, const Samples&, std::ptrdiff_t N, double* out);
+  void (*columns)(const Arm&, const Layout&, const Samples&, std::ptrdiff_t N, double* out);
+  void (*inverse_dynamics)(const Arm&, const double* inertial, const Samples&, std::ptrdiff_t N, double* torque);
+  void (*mass_matrix)(const Arm&, const double* inertial, const double* q, std::ptrdiff_t N, double* out);
+  // Blocks [from, to) of the samples between bounds[k] and bounds[k + 1]; `R` holds one K x K factor a
+  // joint for each block, `size` doubles a block, zero at first.
+  void (*factor)(const Arm&, const Layout&, const Samples&, const std::int64_t* bounds, int from, int to,
+                 std::ptrdiff_t size, bool by_gram, double* R);
+  void (*factor_columns)(const double* x, std::ptrdiff_t stride, int K, const std::int64_t* bounds, int blocks,
+                         double* R);
+  void (*decimate)(const Arm&, const Layout&, const Samples&, std::ptrdiff_t begin, std::ptrdiff_t end,
+                   const double* taps, std::ptrdiff_t length, std::ptrdiff_t step, std::ptrdiff_t first,
+                   std::ptrdiff_t rows, double* out);
+};
+
+// Linked where the build makes them; the bindings ask only for those.
+extern const Kernel kernel_avx512;
+extern const Kernel kernel_avx2;
+extern const Kernel kernel_baseline;
+
+}  // namespace armid

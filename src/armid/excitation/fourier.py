@@ -1,0 +1,116 @@
+"""Finite Fourier series, the motion that arms are excited with: band-limited, periodic, with exact derivatives.
+
+    q_i(t) = offset_i + Σ_l a_il / (ω l) sin(ω l t) - b_il / (ω l) cos(ω l t)        (3.55b)
+
+so that a and b are the coefficients of the velocity [Swevers1997].
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.errors import ArmidError
+from armid.model.motion import Motion
+from armid.values import Array, array, replace_file
+
+__all__ = ["Excitation", "load_plan", "save_plan"]
+
+PLAN_KEYS = ("robot", "base_frequency", "offset", "a", "b")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Excitation:
+    """A periodic motion of n joints with L harmonics.
+
+    Attributes:
+        base_frequency: ω [rad/s].
+        a: Sine coefficients, shape (n, L) [rad/s or m/s].
+        b: Cosine coefficients, shape (n, L) [rad/s or m/s].
+        offset: Position about which the joints move, shape (n,) [rad or m].
+        robot: Name of the arm it was made for.
+    """
+
+    base_frequency: float
+    a: Array
+    b: Array
+    offset: Array
+    robot: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "base_frequency", float(self.base_frequency))
+        if not 0.0 < self.base_frequency < math.inf:
+            raise ArmidError(f"The base frequency must be positive; found {self.base_frequency} rad/s.")
+        a = array(self.a, (None, None), "a")
+        object.__setattr__(self, "a", a)
+        object.__setattr__(self, "b", array(self.b, a.shape, "b"))
+        object.__setattr__(self, "offset", array(self.offset, (len(a),), "offset"))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.a)
+
+    @property
+    def harmonics(self) -> int:
+        """Number of harmonics L."""
+        return self.a.shape[1]
+
+    @property
+    def period(self) -> float:
+        """Length of one period [s]."""
+        return 2.0 * math.pi / self.base_frequency
+
+    def at(self, time: ArrayLike) -> Motion:
+        """The motion at given times (N,) [s], derivatives exact."""
+        t = array(time, (None,), "time")
+        frequency = self.base_frequency * np.arange(1, self.harmonics + 1)
+        s, c = np.sin(np.outer(t, frequency)), np.cos(np.outer(t, frequency))
+        q = self.offset + (s / frequency) @ self.a.T - (c / frequency) @ self.b.T
+        dq = c @ self.a.T + s @ self.b.T
+        ddq = (-s * frequency) @ self.a.T + (c * frequency) @ self.b.T
+        return Motion(t, q, dq, ddq)
+
+    def sample(self, rate: float, periods: int = 1) -> Motion:
+        """Whole periods at `rate` samples a second [Hz], from t = 0 to one sample before the end."""
+        return self.at(np.arange(round(periods * self.period * rate)) / rate)
+
+    def stretched(self, period: float) -> Excitation:
+        """The same path in another time [s]: velocities scale with the ratio of the periods."""
+        ratio = self.period / period
+        return replace(self, base_frequency=self.base_frequency * ratio, a=self.a * ratio, b=self.b * ratio)
+
+
+def load_plan(path: Path | str) -> Excitation:
+    """Read the excitation of a `plan.json`.
+
+    Raises:
+        ArmidError: The file is missing, no JSON, or lacks a key.
+    """
+    path = Path(path)
+    try:
+        plan: dict[str, Any] = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} is no plan: {error}.", remedy="give a plan.json.") from error
+    missing = [key for key in PLAN_KEYS if key not in plan]
+    if missing:
+        raise ArmidError(f"{path} lacks {', '.join(missing)}.", possible=", ".join(PLAN_KEYS))
+    return Excitation(plan["base_frequency"], plan["a"], plan["b"], plan["offset"], str(plan["robot"]))
+
+
+def save_plan(excitation: Excitation, path: Path | str) -> Path:
+    """Write the excitation as a `plan.json`, numbers in full."""
+    plan = {
+        "robot": excitation.robot,
+        "base_frequency": excitation.base_frequency,
+        "offset": excitation.offset.tolist(),
+        "a": excitation.a.tolist(),
+        "b": excitation.b.tolist(),
+    }
+    return replace_file(path, json.dumps(plan, indent=1) + "\n")

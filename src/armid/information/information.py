@@ -1,0 +1,170 @@
+"""Square-root information: what a recording says about the base parameters, compressed to triangular factors.
+
+A row of the regressor touches only the links above its joint, so each joint keeps a small factor of its own: with
+X_j the joint's columns and torque over a block of rows, R_jᵀ R_j = X_jᵀ X_j. These factors are sufficient for every
+least-squares estimate with one noise level a joint; no estimate reads the recording again. Blocks stay apart, which
+later gives covariances that cover, cross-validation and bootstrap from the same factors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError
+from armid.kernel import factor_columns
+from armid.values import Array, array
+
+__all__ = ["Information", "JointFactors", "merge", "select", "stack", "total"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class JointFactors:
+    """Triangular factors of one joint's rows, one a block.
+
+    Attributes:
+        parameters: Base parameters that the joint's rows touch, shape (k,).
+        R: Upper triangular, last column the torque, shape (blocks, k + 1, k + 1) [units of the columns].
+    """
+
+    parameters: NDArray[np.int32]
+    R: Array
+
+    def __post_init__(self) -> None:
+        parameters = np.array(self.parameters, dtype=np.int32)
+        parameters.setflags(write=False)
+        width = len(parameters) + 1
+        object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "R", array(self.R, (None, width, width), "R"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Information:
+    """Factors of all joints and blocks.
+
+    Attributes:
+        names: Names of the base parameters, b of them.
+        joints: Factors of each joint, n of them.
+        rows: Rows that counted, shape (blocks, n).
+        run: Contiguous run that each block is part of, counted through all recordings, shape (blocks,).
+        recording: Recording that each block is part of, shape (blocks,).
+        made_by: How the factors were made: kernel and method.
+    """
+
+    names: tuple[str, ...]
+    joints: tuple[JointFactors, ...]
+    rows: NDArray[np.int64]
+    run: NDArray[np.int64]
+    recording: NDArray[np.int64]
+    made_by: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "joints", tuple(self.joints))
+        blocks = len(self.run)
+        for name, shape in (("rows", (blocks, len(self.joints))), ("run", (blocks,)), ("recording", (blocks,))):
+            value = np.array(getattr(self, name), dtype=np.int64)
+            if value.shape != shape:
+                raise ArmidError(f"Information.{name} must have shape {shape}; found {value.shape}.")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if any(len(joint.R) != blocks for joint in self.joints):
+            raise ArmidError("Every joint must have a factor for every block.")
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.run)
+
+    @property
+    def count(self) -> int:
+        """Number of base parameters b."""
+        return len(self.names)
+
+
+def merge(parts: Sequence[Information]) -> Information:
+    """All blocks of several pieces of information, in order. Associative: chunks and machines combine by it.
+
+    Raises:
+        ArmidError: Nothing to merge, or the pieces are about different parameters.
+    """
+    if not parts:
+        raise ArmidError("There is no information to merge.")
+    first = parts[0]
+    for part in parts[1:]:
+        alike = part.names == first.names and all(
+            np.array_equal(a.parameters, b.parameters) for a, b in zip(part.joints, first.joints, strict=True)
+        )
+        if not alike:
+            raise ArmidError("Only information about the same base parameters can be merged.")
+    joints = tuple(
+        JointFactors(joint.parameters, np.concatenate([part.joints[j].R for part in parts]))
+        for j, joint in enumerate(first.joints)
+    )
+    return replace(
+        first,
+        joints=joints,
+        rows=np.concatenate([part.rows for part in parts]),
+        run=np.concatenate([part.run for part in parts]),
+        recording=np.concatenate([part.recording for part in parts]),
+        made_by=", ".join(dict.fromkeys(part.made_by for part in parts)),
+    )
+
+
+def select(information: Information, blocks: NDArray[np.integer] | NDArray[np.bool_]) -> Information:
+    """Some of the blocks, by index or mask; an index may occur twice, as in a bootstrap."""
+    joints = tuple(JointFactors(joint.parameters, joint.R[blocks]) for joint in information.joints)
+    return replace(
+        information,
+        joints=joints,
+        rows=information.rows[blocks],
+        run=information.run[blocks],
+        recording=information.recording[blocks],
+    )
+
+
+def total(information: Information) -> Information:
+    """All blocks as one: the factor of the stacked factors, joint by joint."""
+    if information.blocks == 1:
+        return information
+    joints = tuple(
+        JointFactors(joint.parameters, factor_columns(joint.R.reshape(-1, joint.R.shape[2]).T))
+        for joint in information.joints
+    )
+    return replace(
+        information,
+        joints=joints,
+        rows=information.rows.sum(axis=0, keepdims=True),
+        run=np.zeros(1),
+        recording=np.zeros(1),
+    )
+
+
+def stack(information: Information, weights: Array | None = None) -> tuple[Array, Array]:
+    """Rows and right-hand side of the least-squares problem that the information stands for.
+
+    Args:
+        information: Any number of blocks.
+        weights: Multiplies the rows of each joint, shape (n,); one where not given.
+
+    Returns:
+        A (rows, b) and y (rows,): minimising |A π - y| gives the estimate.
+    """
+    parts: list[Array] = []
+    sides: list[Array] = []
+    for j, joint in enumerate(information.joints):
+        weight = 1.0 if weights is None else float(weights[j])
+        R = joint.R.reshape(-1, joint.R.shape[2])
+        rows = np.zeros((len(R), information.count))
+        rows[:, joint.parameters] = weight * R[:, :-1]
+        parts.append(rows)
+        sides.append(weight * R[:, -1])
+    return np.concatenate(parts), np.concatenate(sides)

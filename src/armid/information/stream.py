@@ -1,0 +1,239 @@
+"""From observations to information in one pass, without ever holding the regressor at full rate.
+
+Where the band is open, samples go straight into the factors. Where it filters, every column of the regressor and
+the torque pass the same filter: first a linear-phase decimation inside the kernel's stream, then the sharp filter on
+what is left, a segment at a time, so that memory does not grow with the length of the recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid import kernel
+from armid.errors import ArmidError
+from armid.information.band import Band
+from armid.information.filtering import filtered_columns, filtered_torque
+from armid.information.information import Information, JointFactors, merge, stack, total
+from armid.information.observations import Observations, ObservedRun
+from armid.information.setup import ColumnSource, column_source
+from armid.maths.linalg import scaled_condition
+from armid.model.base import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.values import Array
+
+__all__ = ["Progress", "inform"]
+
+Progress = Callable[[int, int], None]
+"""Told how many samples are done, and of how many."""
+
+CHUNK = 16384
+"""Samples whose term columns are held at a time: 2 MB for a seven-joint arm."""
+
+GRAM_ROWS = 20_000
+"""Below so many rows a QR takes milliseconds, and the faster way is not worth a thought."""
+
+GRAM_CONDITION = 60.0
+"""Largest scaled condition number at which factors made from products are as good as a QR: their error is
+ε times its square, so below 1e-12."""
+
+GRAM_RESIDUAL = 1e-5
+"""Smallest residual, over the torque, that factors made from products resolve: ε under the root, with room."""
+
+
+def inform(
+    model: DynamicsModel,
+    base: BaseParameters,
+    observations: Observations,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Information:
+    """What the observations say about the base parameters.
+
+    Factors are made by QR. Long unfiltered recordings first try the columns' products, twice as fast, and keep the
+    result only where the condition number and the residual prove it as exact.
+
+    Args:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        observations: Runs and their band.
+        threads: Blocks of unfiltered runs are shared among so many threads.
+        progress: Told of samples done.
+
+    Raises:
+        ArmidError: The observations have other joints than the model, or no row counts.
+    """
+    if not any(run.mask.any() for run in observations.runs):
+        raise ArmidError(
+            "No row of the recordings counts: every one is masked or trimmed away.",
+            remedy="record longer, trim less, or look at what `slow`, `saturation` and `exclude` mask.",
+        )
+    for run in observations.runs:
+        if run.motion.n != model.n:
+            raise ArmidError(f"A run has {run.motion.n} joints; {model.robot.name} has {model.n}.")
+    source = column_source(model, base)
+    long = sum(len(run.rows) for run in observations.runs if _is_raw(run, observations.band)) > GRAM_ROWS
+    if long:
+        information = _inform(source, observations, threads, progress, by_gram=True)
+        if _is_exact(information):
+            return information
+    return _inform(source, observations, threads, progress, by_gram=False)
+
+
+def _is_raw(run: ObservedRun, band: Band) -> bool:
+    """Whether the columns of this run go into the factors as they are."""
+    return band.is_open or not run.consecutive or not band.columns
+
+
+def _is_exact(information: Information) -> bool:
+    """Whether products of columns, instead of a QR, have cost no accuracy."""
+    whole = total(information)
+    torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
+    residual = np.array([abs(joint.R[0, -1, -1]) for joint in whole.joints])
+    if (residual < GRAM_RESIDUAL * torque).any():
+        return False
+    # Weights by joint change the condition; the two that estimation uses are looked at.
+    for weights in (None, 1.0 / residual):
+        if scaled_condition(stack(whole, weights)[0]) > GRAM_CONDITION:
+            return False
+    return True
+
+
+def _inform(
+    source: ColumnSource,
+    observations: Observations,
+    threads: int,
+    progress: Progress | None,
+    *,
+    by_gram: bool,
+) -> Information:
+    """Information of all runs, the blocks of each counted on."""
+    samples = sum(run.motion.samples for run in observations.runs)
+    done = 0
+    parts: list[Information] = []
+    for index, run in enumerate(observations.runs):
+        raw = _is_raw(run, observations.band)
+        pieces = (
+            _raw_blocks(source, run, observations.band, threads, by_gram=by_gram)
+            if raw
+            else _filtered_blocks(source, run, observations.band)
+        )
+        factors: list[Array] = []
+        blocks: list[NDArray[np.int64]] = []
+        for R, block, samples_done in pieces:
+            factors.append(R)
+            blocks.append(block)
+            if progress is not None:
+                progress(done + samples_done, samples)
+        done += run.motion.samples
+        method = "products" if raw and by_gram else "qr"
+        parts.append(_of_run(source, run, index, np.concatenate(factors), np.concatenate(blocks), method))
+    return merge(parts)
+
+
+def _of_run(
+    source: ColumnSource, run: ObservedRun, index: int, R: Array, block: NDArray[np.int64], method: str
+) -> Information:
+    """Information of one run from factors of pieces, several of which may belong to one block."""
+    names, first = np.unique(block, return_index=True)
+    joints: list[JointFactors] = []
+    for parameters, pieces in zip(source.layout.parameters, kernel.unpack_factors(source.layout, R), strict=True):
+        joined = pieces[first]
+        for k, name in enumerate(names):
+            mine = pieces[block == name]
+            if len(mine) > 1:
+                joined[k] = kernel.factor_columns(mine.reshape(-1, mine.shape[2]).T)[0]
+        joints.append(JointFactors(parameters, joined))
+    rows = np.stack([np.bincount(run.block, run.mask[:, j], names[-1] + 1)[names] for j in range(source.tree.n)], 1)
+    return Information(
+        source.names,
+        tuple(joints),
+        rows,
+        np.full(len(names), index),
+        np.full(len(names), run.recording),
+        f"{kernel.in_use()} {method}",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """Rows `begin` to `end - 1` of the output grid, all of one block."""
+
+    begin: int
+    end: int
+    block: int
+
+
+def _pieces(run: ObservedRun) -> list[_Piece]:
+    """The output grid cut at the borders of blocks, and within long blocks every CHUNK rows."""
+    borders = np.flatnonzero(np.diff(run.block)) + 1
+    cuts = [0, *borders.tolist(), len(run.block)]
+    return [
+        _Piece(a, min(a + CHUNK, end), int(run.block[begin]))
+        for begin, end in pairwise(cuts)
+        for a in range(begin, end, CHUNK)
+    ]
+
+
+def _chunks(pieces: list[_Piece]) -> Iterator[list[_Piece]]:
+    """Neighbouring pieces together while they hold at most CHUNK rows."""
+    group: list[_Piece] = []
+    for piece in pieces:
+        if group and piece.end - group[0].begin > CHUNK:
+            yield group
+            group = []
+        group.append(piece)
+    if group:
+        yield group
+
+
+def _raw_blocks(
+    source: ColumnSource, run: ObservedRun, band: Band, threads: int, *, by_gram: bool
+) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
+    """Factors of pieces of an unfiltered run, their blocks, and the samples done so far."""
+    one_sided = run.consecutive and not band.is_open and not band.columns
+    torque = filtered_torque(run, band) if one_sided else run.torque
+    masked = not run.mask.all()
+    for group in _chunks(_pieces(run)):
+        a, b = group[0].begin, group[-1].end
+        rows = slice(run.offset + a * run.step, run.offset + (b - 1) * run.step + 1, run.step)
+        motion = run.motion[rows]
+        bounds = np.array([a, *(piece.end for piece in group)]) - a
+        R = kernel.factor(
+            source.tree,
+            source.layout,
+            motion.q,
+            motion.dq,
+            motion.ddq,
+            torque[rows],
+            source.term_rows(motion),
+            bounds,
+            mask=run.mask[a:b] if masked else None,
+            by_gram=by_gram,
+            threads=threads,
+        )
+        yield R, np.array([piece.block for piece in group]), rows.stop
+
+
+def _filtered_blocks(
+    source: ColumnSource, run: ObservedRun, band: Band
+) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
+    """Factors of pieces of a filtered run, their blocks, and the samples done so far."""
+    widths = source.layout.widths.astype(np.int64)
+    for begin, x in filtered_columns(source, run, band):
+        mask, block = run.mask[begin : begin + x.shape[1]], run.block[begin : begin + x.shape[1]]
+        bounds = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [len(block)]])
+        R = np.empty((len(bounds) - 1, int((widths**2).sum())))
+        column = 0
+        for j in range(source.tree.n):
+            a, b = source.layout.offset[j], source.layout.offset[j + 1]
+            # Masked rows become zero rows, which say nothing.
+            factors = kernel.factor_columns(x[a:b] * mask[:, j], bounds)
+            R[:, column : column + (b - a) ** 2] = factors.reshape(len(factors), -1)
+            column += (b - a) ** 2
+        yield R, block[bounds[:-1]], run.offset + (begin + x.shape[1]) * run.step

@@ -1,0 +1,63 @@
+from typing import Any
+
+from numpy.typing import NDArray
+
+_A = NDArray[Any]
+
+class Arm:
+    def __init__(self, parent: _A, prismatic: _A, axis: _A, rotation: _A, translation: _A, gravity: _A) -> None: ...
+
+def instruction_sets() -> list[str]: ...
+def regressor(isa: str, arm: Arm, q: _A, dq: _A, ddq: _A, out: _A, /) -> None: ...
+def columns(
+    isa: str,
+    arm: Arm,
+    offset: _A,
+    target: _A,
+    term: _A,
+    q: _A,
+    dq: _A,
+    ddq: _A,
+    torque: _A,
+    terms: _A,
+    out: _A,
+    /,
+) -> None: ...
+def inverse_dynamics(isa: str, arm: Arm, inertial: _A, q: _A, dq: _A, ddq: _A, out: _A, /) -> None: ...
+def mass_matrix(isa: str, arm: Arm, inertial: _A, q: _A, out: _A, /) -> None: ...
+def factor(
+    isa: str,
+    arm: Arm,
+    offset: _A,
+    target: _A,
+    term: _A,
+    q: _A,
+    dq: _A,
+    ddq: _A,
+    torque: _A,
+    terms: _A,
+    mask: _A,
+    bounds: _A,
+    by_gram: bool,
+    threads: int,
+    out: _A,
+    /,
+) -> None: ...
+def factor_columns(isa: str, x: _A, bounds: _A, out: _A, /) -> None: ...
+def decimate(
+    isa: str,
+    arm: Arm,
+    offset: _A,
+    target: _A,
+    term: _A,
+    q: _A,
+    dq: _A,
+    ddq: _A,
+    torque: _A,
+    terms: _A,
+    taps: _A,
+    step: int,
+    first: int,
+    out: _A,
+    /,
+) -> None: ...

@@ -1,0 +1,306 @@
+"""Entry points of the kernel: shapes checked, output made, the chosen build called.
+
+N samples, n joints, all arrays float64 in C order. `chosen` names an instruction set; by default the one in use.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armid.errors import ArmidError
+from armid.kernel import _native, reference, reference_factor
+from armid.kernel.layout import ColumnLayout
+from armid.kernel.tree import Tree
+from armid.values import Array
+
+__all__ = [
+    "columns",
+    "coriolis_matrix",
+    "decimate",
+    "factor",
+    "factor_columns",
+    "gravity_torque",
+    "in_use",
+    "instruction_sets",
+    "inverse_dynamics",
+    "mass_matrix",
+    "potential_energy",
+    "regressor",
+    "unpack_factors",
+]
+
+TWIN = "numpy"
+NO_MASK = np.empty(0, dtype=np.uint8)
+
+coriolis_matrix = reference.coriolis_matrix
+gravity_torque = reference.gravity_torque
+potential_energy = reference.potential_energy
+
+
+def instruction_sets() -> tuple[str, ...]:
+    """Builds of the kernel that this machine runs, fastest first; the last is the NumPy twin."""
+    return (*_native.instruction_sets(), TWIN)
+
+
+@lru_cache(maxsize=1)
+def in_use() -> str:
+    """The build that runs unless told otherwise: `ARMID_KERNEL`, or the fastest.
+
+    Raises:
+        ArmidError: `ARMID_KERNEL` names a build that this machine does not run.
+    """
+    possible = instruction_sets()
+    wanted = os.environ.get("ARMID_KERNEL", "") or possible[0]
+    if wanted not in possible:
+        raise ArmidError(
+            f"ARMID_KERNEL asks for {wanted!r}, which this machine does not run.",
+            possible=", ".join(possible),
+        )
+    return wanted
+
+
+@lru_cache(maxsize=64)
+def _arm(tree: Tree) -> _native.Arm:
+    """The tree as the compiled kernel holds it."""
+    return _native.Arm(tree.parent, tree.prismatic, tree.axis, tree.rotation, tree.translation, tree.gravity)
+
+
+def _states(tree: Tree, *arrays: ArrayLike) -> list[Array]:
+    """Arrays (N, n) as the kernel reads them.
+
+    Raises:
+        ArmidError: Another shape.
+    """
+    result = [np.ascontiguousarray(x, dtype=np.float64) for x in arrays]
+    for x in result:
+        if x.shape != result[0].shape or x.ndim != 2 or x.shape[1] != tree.n:
+            raise ArmidError(f"Expected arrays of one shape (N, {tree.n}); found {[y.shape for y in result]}.")
+    return result
+
+
+def _output(out: Array | None, shape: tuple[int, ...]) -> Array:
+    """The array to fill: `out`, or a new one."""
+    if out is None:
+        return np.empty(shape)
+    if out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous or not out.flags.writeable:
+        raise ArmidError(f"out must be a writable float64 array of shape {shape} in C order; found {out.shape}.")
+    return out
+
+
+def regressor(
+    tree: Tree,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    *,
+    out: Array | None = None,
+    chosen: str | None = None,
+) -> Array:
+    """Rigid-body regressor, shape (N, n, 10 n), with τ = Y θ for the inertial parameters link by link.
+
+    Where `out` is given it is filled and returned: a fresh array of some size costs more than its contents.
+    """
+    q, dq, ddq = _states(tree, q, dq, ddq)
+    chosen = chosen or in_use()
+    out = _output(out, (len(q), tree.n, 10 * tree.n))
+    if chosen == TWIN:
+        out[:] = reference.regressor(tree, q, dq, ddq)
+        return out
+    _native.regressor(chosen, _arm(tree), q, dq, ddq, out)
+    return out
+
+
+def inverse_dynamics(
+    tree: Tree,
+    inertial: ArrayLike,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    *,
+    chosen: str | None = None,
+) -> Array:
+    """Joint torque (N, n) of rigid links with inertial parameters (n, 10)."""
+    q, dq, ddq = _states(tree, q, dq, ddq)
+    inertial = np.ascontiguousarray(inertial, dtype=np.float64)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference.inverse_dynamics(tree, inertial, q, dq, ddq)
+    out = np.empty_like(q)
+    _native.inverse_dynamics(chosen, _arm(tree), inertial, q, dq, ddq, out)
+    return out
+
+
+def mass_matrix(tree: Tree, inertial: ArrayLike, q: ArrayLike, *, chosen: str | None = None) -> Array:
+    """Mass matrix (N, n, n) of rigid links with inertial parameters (n, 10)."""
+    (q,) = _states(tree, q)
+    inertial = np.ascontiguousarray(inertial, dtype=np.float64)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference.mass_matrix(tree, inertial, q)
+    out = np.empty((len(q), tree.n, tree.n))
+    _native.mass_matrix(chosen, _arm(tree), inertial, q, out)
+    return out
+
+
+def columns(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    torque: ArrayLike,
+    terms: ArrayLike,
+    *,
+    out: Array | None = None,
+    chosen: str | None = None,
+) -> Array:
+    """Every joint's columns, torque last, along N samples: shape (columns, N).
+
+    Args:
+        tree: The arm.
+        layout: Which columns are kept.
+        q: Joint positions, shape (N, n).
+        dq: Joint velocities, shape (N, n).
+        ddq: Joint accelerations, shape (N, n).
+        torque: Joint torques, shape (N, n).
+        terms: Kept rows of the terms' columns, shape (e, N).
+        out: Filled and returned where given.
+        chosen: Build of the kernel.
+    """
+    q, dq, ddq, torque = _states(tree, q, dq, ddq, torque)
+    terms = np.ascontiguousarray(terms, dtype=np.float64)
+    chosen = chosen or in_use()
+    out = _output(out, (layout.columns, len(q)))
+    if chosen == TWIN:
+        out[:] = reference_factor.columns(tree, layout, q, dq, ddq, torque, terms)
+        return out
+    _native.columns(chosen, _arm(tree), layout.offset, layout.target, layout.term, q, dq, ddq, torque, terms, out)
+    return out
+
+
+def factor(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    torque: ArrayLike,
+    terms: ArrayLike,
+    bounds: ArrayLike,
+    *,
+    mask: NDArray[np.bool_] | None = None,
+    by_gram: bool = False,
+    threads: int = 1,
+    chosen: str | None = None,
+) -> Array:
+    """Triangular factors of every joint's columns, one set a block, without holding the columns.
+
+    Args:
+        tree: The arm.
+        layout: Which columns are kept.
+        q: Joint positions, shape (N, n).
+        dq: Joint velocities, shape (N, n).
+        ddq: Joint accelerations, shape (N, n).
+        torque: Joint torques, shape (N, n).
+        terms: Kept rows of the terms' columns, shape (e, N).
+        bounds: Block k holds samples `bounds[k]` to `bounds[k + 1] - 1`, shape (blocks + 1,).
+        mask: Which rows count, shape (N, n).
+        by_gram: Make the factors from the columns' products instead of by QR: half the arithmetic, but an error
+            of ε times the square of the scaled condition number, which the caller must look at.
+        threads: Blocks are shared among so many threads.
+        chosen: Build of the kernel.
+
+    Returns:
+        Factors behind one another, shape (blocks, sum of widths squared); see `unpack_factors`.
+    """
+    q, dq, ddq, torque = _states(tree, q, dq, ddq, torque)
+    terms = np.ascontiguousarray(terms, dtype=np.float64)
+    bounds = np.ascontiguousarray(bounds, dtype=np.int64)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference_factor.factor(tree, layout, q, dq, ddq, torque, terms, bounds, mask)
+    out = np.zeros((len(bounds) - 1, int((layout.widths.astype(np.int64) ** 2).sum())))
+    rows = NO_MASK if mask is None else np.ascontiguousarray(mask, dtype=np.uint8)
+    _native.factor(
+        chosen, _arm(tree), layout.offset, layout.target, layout.term,
+        q, dq, ddq, torque, terms, rows, bounds, by_gram, threads, out,
+    )  # fmt: skip
+    return out
+
+
+def unpack_factors(layout: ColumnLayout, factors: Array) -> tuple[Array, ...]:
+    """For each joint its factors, shape (blocks, width, width), upper triangular."""
+    sizes = layout.widths.astype(np.int64) ** 2
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    return tuple(
+        factors[:, a:b].reshape(len(factors), k, k)
+        for a, b, k in zip(starts[:-1], starts[1:], layout.widths, strict=True)
+    )
+
+
+def factor_columns(x: ArrayLike, bounds: ArrayLike | None = None, *, chosen: str | None = None) -> Array:
+    """Triangular factors (blocks, K, K) of columns held in memory.
+
+    Args:
+        x: Columns, shape (K, rows).
+        bounds: Block k holds rows `bounds[k]` to `bounds[k + 1] - 1`; one block where none are given.
+        chosen: Build of the kernel.
+    """
+    x = np.ascontiguousarray(x, dtype=np.float64)
+    bounds = np.array([0, x.shape[1]] if bounds is None else bounds, dtype=np.int64)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference_factor.factor_columns(x, bounds)
+    out = np.zeros((len(bounds) - 1, len(x), len(x)))
+    _native.factor_columns(chosen, x, bounds, out)
+    return out
+
+
+def decimate(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    torque: ArrayLike,
+    terms: ArrayLike,
+    taps: ArrayLike,
+    step: int,
+    first: int,
+    out: Array,
+    *,
+    chosen: str | None = None,
+) -> None:
+    """Add every joint's columns, filtered and decimated, to `out` without holding them at full rate.
+
+    Row r gets the sum over samples s of taps[s - first - r step] · column[s].
+
+    Args:
+        tree: The arm.
+        layout: Which columns are kept.
+        q: Joint positions, shape (N, n).
+        dq: Joint velocities, shape (N, n).
+        ddq: Joint accelerations, shape (N, n).
+        torque: Joint torques, shape (N, n).
+        terms: Kept rows of the terms' columns, shape (e, N).
+        taps: Filter coefficients, shape (length,).
+        step: Samples from one output row to the next.
+        first: Sample under the first tap of output row 0; may be negative.
+        out: Shape (columns, rows), added to.
+        chosen: Build of the kernel.
+    """
+    q, dq, ddq, torque = _states(tree, q, dq, ddq, torque)
+    terms = np.ascontiguousarray(terms, dtype=np.float64)
+    taps = np.ascontiguousarray(taps, dtype=np.float64)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        reference_factor.decimate(tree, layout, q, dq, ddq, torque, terms, taps, step, first, out)
+        return
+    _native.decimate(
+        chosen, _arm(tree), layout.offset, layout.target, layout.term,
+        q, dq, ddq, torque, terms, taps, step, first, out,
+    )  # fmt: skip

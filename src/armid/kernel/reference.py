@@ -1,0 +1,178 @@
+"""The NumPy twin of the kernel: rigid-body dynamics of a tree, batched over N samples.
+
+This file is what the compiled kernel means. Everything follows from three things that each link i has at its own
+origin, in its own frame, angular part first [Featherstone2008]: its Jacobian J_i (v_i = J_i q̇), the derivative of
+that Jacobian D_i (acceleration = J_i q̈ + D_i q̇) and gravity G_i as a spatial acceleration. The base stands still
+while everything accelerates with -G.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.kernel.tree import Tree
+from armid.maths.inertia import spatial_inertia
+from armid.maths.spatial import axis_rotation, skew
+from armid.values import Array
+
+__all__ = [
+    "coriolis_matrix",
+    "gravity_torque",
+    "inverse_dynamics",
+    "kinetic_energy",
+    "mass_matrix",
+    "potential_energy",
+    "regressor",
+]
+
+_UNIT_BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
+
+
+@dataclass(slots=True)
+class _Link:
+    """One link at N samples: rotation R_0i, origin in the base, and J, D, G as above."""
+
+    rotation: Array  # (N, 3, 3)
+    origin: Array  # (N, 3)
+    jacobian: Array  # (N, 6, n)
+    derivative: Array  # (N, 6, n)
+    gravity: Array  # (N, 6)
+
+
+def regressor(tree: Tree, q: Array, dq: Array, ddq: Array) -> Array:
+    """Y with torque = Y · parameters, shape (N, n, 10 n): sample, joint, parameter link by link."""
+    Y = np.empty((len(q), tree.n, 10 * tree.n))
+    for i, link in enumerate(_links(tree, q, dq)):
+        v, a = _velocity_acceleration(link, dq, ddq)
+        body = _momentum_columns(a) + _cross_force(v) @ _momentum_columns(v)
+        Y[:, :, 10 * i : 10 * i + 10] = _transpose(link.jacobian) @ body
+    return Y
+
+
+def inverse_dynamics(tree: Tree, inertial: Array, q: Array, dq: Array, ddq: Array) -> Array:
+    """Joint torque (N, n) for inertial parameters (n, 10): Σ J_iᵀ (I a + v ×* I v)."""
+    tau = np.zeros((len(q), tree.n))
+    for link, inertia in zip(_links(tree, q, dq), map(spatial_inertia, inertial), strict=True):
+        v, a = _velocity_acceleration(link, dq, ddq)
+        force = a @ inertia + _apply(_cross_force(v), v @ inertia)
+        tau += _apply(_transpose(link.jacobian), force)
+    return tau
+
+
+def mass_matrix(tree: Tree, inertial: Array, q: Array) -> Array:
+    """M(q), shape (N, n, n): Σ J_iᵀ I_i J_i."""
+    M = np.zeros((len(q), tree.n, tree.n))
+    for link, inertia in zip(_links(tree, q, np.zeros_like(q)), map(spatial_inertia, inertial), strict=True):
+        M += _transpose(link.jacobian) @ inertia @ link.jacobian
+    return M
+
+
+def coriolis_matrix(tree: Tree, inertial: Array, q: Array, dq: Array) -> Array:
+    """C(q, q̇) of Christoffel symbols, shape (N, n, n): Σ J_iᵀ (I D_i + B J_i) [Echeandia2021]."""
+    C = np.zeros((len(q), tree.n, tree.n))
+    for link, inertia in zip(_links(tree, q, dq), map(spatial_inertia, inertial), strict=True):
+        v = _apply(link.jacobian, dq)
+        # B = ½ (v×* I - I v× + (I v)×̄*) makes the product of velocities symmetric.
+        B = _cross_force(v) @ inertia - inertia @ _cross_motion(v) + _momentum_cross(v @ inertia)
+        C += _transpose(link.jacobian) @ (inertia @ link.derivative + 0.5 * B @ link.jacobian)
+    return C
+
+
+def gravity_torque(tree: Tree, inertial: Array, q: Array) -> Array:
+    """g(q), shape (N, n): what holds the arm still."""
+    still = np.zeros_like(q)
+    return inverse_dynamics(tree, inertial, q, still, still)
+
+
+def kinetic_energy(tree: Tree, inertial: Array, q: Array, dq: Array) -> Array:
+    """Kinetic energy, shape (N,) [J]."""
+    velocities = (_apply(link.jacobian, dq) for link in _links(tree, q, dq))
+    pairs = zip(velocities, map(spatial_inertia, inertial), strict=True)
+    return sum((0.5 * np.sum(v * (v @ inertia), -1) for v, inertia in pairs), np.zeros(len(q)))
+
+
+def potential_energy(tree: Tree, inertial: Array, q: Array) -> Array:
+    """Potential energy of gravity, shape (N,) [J]; zero for a mass at the origin of the base."""
+    links = _links(tree, q, np.zeros_like(q))
+    moments = (b[0] * link.origin + link.rotation @ b[1:4] for link, b in zip(links, inertial, strict=True))
+    return sum((-moment @ tree.gravity for moment in moments), np.zeros(len(q)))
+
+
+def _links(tree: Tree, q: Array, dq: Array) -> list[_Link]:
+    """Every link of the tree at N samples, base to tips."""
+    samples, n = q.shape
+    still = np.zeros((samples, 6, n))
+    gravity = np.broadcast_to(np.concatenate([np.zeros(3), tree.gravity]), (samples, 6))
+    base = _Link(np.broadcast_to(np.eye(3), (samples, 3, 3)), np.zeros((samples, 3)), still, still, gravity)
+    links: list[_Link] = []
+    for i in range(n):
+        parent = links[tree.parent[i]] if tree.parent[i] >= 0 else base
+        R, p = _placement(tree, i, q[:, i])
+        X = _motion_transform(R, p)
+        axis = tree.axis[i]
+        subspace = np.concatenate([0.0 * axis, axis] if tree.prismatic[i] else [axis, 0.0 * axis])
+        jacobian, derivative = X @ parent.jacobian, X @ parent.derivative
+        jacobian[:, :, i] = subspace
+        derivative[:, :, i] = _cross_motion(_apply(jacobian, dq)) @ subspace
+        origin = parent.origin + _apply(parent.rotation, p)
+        links.append(_Link(parent.rotation @ R, origin, jacobian, derivative, _apply(X, parent.gravity)))
+    return links
+
+
+def _placement(tree: Tree, i: int, q: Array) -> tuple[Array, Array]:
+    """Rotation (N, 3, 3) and origin (N, 3) of frame i in its parent's frame."""
+    R, p = tree.rotation[i], tree.translation[i]
+    if tree.prismatic[i]:
+        return np.broadcast_to(R, (len(q), 3, 3)), p + q[:, None] * (R @ tree.axis[i])
+    return R @ axis_rotation(tree.axis[i], q), np.broadcast_to(p, (len(q), 3))
+
+
+def _velocity_acceleration(link: _Link, dq: Array, ddq: Array) -> tuple[Array, Array]:
+    """Spatial velocity and acceleration less gravity, each (N, 6)."""
+    acceleration = _apply(link.jacobian, ddq) + _apply(link.derivative, dq) - link.gravity
+    return _apply(link.jacobian, dq), acceleration
+
+
+def _momentum_columns(v: Array) -> Array:
+    """Columns (N, 6, 10) of the momentum I v in the inertial parameters."""
+    return np.einsum("kab,nb->nak", _UNIT_BODIES, v)
+
+
+def _motion_transform(R: Array, p: Array) -> Array:
+    """X (N, 6, 6): spatial motion of the parent's frame as seen from frame (R, p)."""
+    X = np.zeros((len(R), 6, 6))
+    X[:, :3, :3] = X[:, 3:, 3:] = _transpose(R)
+    X[:, 3:, :3] = -_transpose(R) @ skew(p)
+    return X
+
+
+def _cross_motion(v: Array) -> Array:
+    """v× (N, 6, 6) on motions."""
+    X = np.zeros((len(v), 6, 6))
+    X[:, :3, :3] = X[:, 3:, 3:] = skew(v[:, :3])
+    X[:, 3:, :3] = skew(v[:, 3:])
+    return X
+
+
+def _cross_force(v: Array) -> Array:
+    """v×* (N, 6, 6) on forces."""
+    return -_transpose(_cross_motion(v))
+
+
+def _momentum_cross(f: Array) -> Array:
+    """f×̄* (N, 6, 6) with (f×̄*) v = v ×* f."""
+    X = np.zeros((len(f), 6, 6))
+    X[:, :3, :3] = -skew(f[:, :3])
+    X[:, :3, 3:] = X[:, 3:, :3] = -skew(f[:, 3:])
+    return X
+
+
+def _apply(A: Array, x: Array) -> Array:
+    """A_k x_k for each sample k."""
+    return (A @ x[..., None])[..., 0]
+
+
+def _transpose(A: Array) -> Array:
+    return np.swapaxes(A, -1, -2)

@@ -1,0 +1,82 @@
+"""NumPy twin of the streaming half of the kernel: columns, triangular factors, decimation.
+
+It holds the whole regressor, which the compiled kernel never does; that is the price of being short.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.kernel import reference
+from armid.kernel.layout import ColumnLayout
+from armid.kernel.tree import Tree
+from armid.values import Array
+
+__all__ = ["columns", "decimate", "factor", "factor_columns"]
+
+
+def columns(tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, torque: Array, terms: Array) -> Array:
+    """Every joint's columns, torque last, shape (columns, N)."""
+    out = np.zeros((layout.columns, len(q)))
+    if len(layout.target):
+        Y = reference.regressor(tree, q, dq, ddq)
+        pairs = [(i, j) for i in range(tree.n) for j in tree.ancestors(i)]
+        for (i, j), targets in zip(pairs, layout.target.reshape(-1, 10), strict=True):
+            wanted = targets >= 0
+            out[layout.offset[j] + targets[wanted]] = Y[:, j, 10 * i : 10 * i + 10][:, wanted].T
+    out[layout.term] = terms
+    out[layout.offset[1:] - 1] = torque.T
+    return out
+
+
+def factor_columns(x: Array, bounds: NDArray[np.int64]) -> Array:
+    """Triangular factor of each block of rows, shape (blocks, K, K)."""
+    K = len(x)
+    out = np.zeros((len(bounds) - 1, K, K))
+    for R, a, b in zip(out, bounds[:-1], bounds[1:], strict=True):
+        top = np.linalg.qr(x[:, a:b].T, mode="r")
+        R[: len(top)] = top
+    return out
+
+
+def factor(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    torque: Array,
+    terms: Array,
+    bounds: NDArray[np.int64],
+    mask: NDArray[np.bool_] | None,
+) -> Array:
+    """Factors of every joint's columns, one behind another, shape (blocks, sum of widths squared)."""
+    x = columns(tree, layout, q, dq, ddq, torque, terms)
+    factors: list[Array] = []
+    for j, (a, b) in enumerate(zip(layout.offset[:-1], layout.offset[1:], strict=True)):
+        rows = x[a:b] if mask is None else x[a:b] * mask[:, j]
+        factors.append(factor_columns(rows, bounds).reshape(len(bounds) - 1, -1))
+    return np.concatenate(factors, axis=1)
+
+
+def decimate(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    torque: Array,
+    terms: Array,
+    taps: Array,
+    step: int,
+    first: int,
+    out: Array,
+) -> None:
+    """Adds sum over s of taps[s - first - r step] · column[s] to row r of `out` (columns, rows)."""
+    x = columns(tree, layout, q, dq, ddq, torque, terms)
+    for r in range(out.shape[1]):
+        start = first + r * step
+        a, b = max(start, 0), min(start + len(taps), x.shape[1])
+        if a < b:
+            out[:, r] += x[:, a:b] @ taps[a - start : b - start]

@@ -1,0 +1,41 @@
+"""Condition numbers, rank and covariance from tall or triangular matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.values import Array
+
+__all__ = ["condition", "null_directions", "scaled_condition", "unit_columns"]
+
+RANK_TOLERANCE = 1e-10
+"""Singular values of unit columns below this share of the largest are rank that is missing: rounding of the
+factors is 1e-15, and what lies between is data so poor that no digit of the estimate would be right."""
+
+
+def unit_columns(A: Array) -> tuple[Array, Array]:
+    """Columns scaled to unit length, and the lengths (b,); zero columns stay zero with length one."""
+    length = np.linalg.norm(A, axis=0)
+    length = np.where(length > 0.0, length, 1.0)
+    return A / length, length
+
+
+def condition(A: Array) -> float:
+    """Ratio of the largest to the smallest singular value; infinite where that is zero."""
+    values = np.linalg.svd(A, compute_uv=False)
+    return float(values[0] / values[-1]) if values[-1] > 0.0 and A.shape[0] >= A.shape[1] else float("inf")
+
+
+def scaled_condition(A: Array) -> float:
+    """Condition number with columns scaled to unit length, free of the choice of units."""
+    return condition(unit_columns(A)[0])
+
+
+def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
+    """Directions (k, b) of unit length in scaled coordinates that the rows of A do not see."""
+    scaled, _ = unit_columns(A)
+    rows = max(scaled.shape)
+    padded = np.zeros((rows, scaled.shape[1]))
+    padded[: len(scaled)] = scaled
+    _, values, V = np.linalg.svd(padded, full_matrices=False)
+    return V[values <= tolerance * max(values[0], 1.0)]

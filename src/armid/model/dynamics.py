@@ -1,0 +1,268 @@
+"""The model: an arm and the torque terms that act on it, linear in its standard parameters.
+
+    τ = Y(q, q̇, q̈) θ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction
+
+Parameters stand link by link: the ten inertial ones in Pinocchio's order, then those of the other terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armid import kernel
+from armid.errors import ModelError
+from armid.kernel.tree import Tree
+from armid.model.expression import derivative, evaluate, symbols
+from armid.model.motion import Motion
+from armid.model.terms import Law, RigidBody, Term
+from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
+from armid.robot.robot import Robot
+from armid.values import Array, array
+
+__all__ = ["DynamicsModel", "Parameter", "TermColumns"]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A standard parameter.
+
+    Attributes:
+        symbol: As the field writes it, for instance `MX` or `FV`.
+        number: Number of its link or joint, from 1.
+        unit: Its unit.
+        kind: Name of the term it belongs to.
+        joint: Name of its joint.
+        nonnegative: Whether physics forbids negative values.
+    """
+
+    symbol: str
+    number: int
+    unit: str
+    kind: str
+    joint: str
+    nonnegative: bool = False
+
+    @property
+    def name(self) -> str:
+        """Symbol and number, for instance `MX_2`."""
+        return f"{self.symbol}_{self.number}"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TermColumns:
+    """Columns of the terms beside the rigid bodies, each for one row of the regressor.
+
+    Attributes:
+        joint: Row of the regressor that each column stands in, shape (e,).
+        parameter: Parameter that each column belongs to, shape (e,); a coupling's parameter occurs twice.
+        values: Shape (e, N).
+    """
+
+    joint: NDArray[np.int32]
+    parameter: NDArray[np.int32]
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
+class DynamicsModel:
+    """An arm with its torque terms.
+
+    Attributes:
+        robot: The arm.
+        terms: Torque terms; names must differ, except that there may be several couplings.
+    """
+
+    robot: Robot
+    terms: tuple[Term, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "terms", tuple(self.terms))
+        if not self.terms:
+            raise ModelError("A model needs at least one torque term.", remedy="add RigidBody().")
+        names = [p.name for p in self.parameters]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ModelError(
+                f"Two terms bring the same parameters: {', '.join(twice)}.",
+                remedy="name each term once and restrict terms to different joints.",
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.robot.n
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The arm's geometry."""
+        return self.robot.tree
+
+    @cached_property
+    def has_rigid_bodies(self) -> bool:
+        """Whether the inertial parameters of the links are among the parameters."""
+        return any(isinstance(term, RigidBody) for term in self.terms)
+
+    @cached_property
+    def laws(self) -> tuple[tuple[str, Law], ...]:
+        """Every law with the name of its term, in order of joints and then of terms."""
+        laws = [(term.name, law) for term in self.terms for law in term.laws(self.robot)]
+        return tuple(sorted(laws, key=lambda named: named[1].joint))
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Standard parameters, link by link, p of them."""
+        result: list[Parameter] = []
+        for i, joint in enumerate(self.robot.joints):
+            if self.has_rigid_bodies:
+                bodies = zip(RIGID_BODY_SYMBOLS, rigid_body_units(), strict=True)
+                result += [Parameter(s, i + 1, unit, RigidBody.name, joint.name) for s, unit in bodies]
+            result += [
+                Parameter(law.symbol, i + 1, law.unit, kind, joint.name, law.nonnegative)
+                for kind, law in self.laws
+                if law.joint == i
+            ]
+        return tuple(result)
+
+    @cached_property
+    def inertial_columns(self) -> NDArray[np.intp]:
+        """Positions of the inertial parameters among all, link by link, shape (10 n,) or (0,)."""
+        return np.flatnonzero([p.kind == RigidBody.name for p in self.parameters])
+
+    @cached_property
+    def law_columns(self) -> NDArray[np.intp]:
+        """Positions of the laws' parameters among all, in the order of `laws`."""
+        return np.flatnonzero([p.kind != RigidBody.name for p in self.parameters])
+
+    @cached_property
+    def entries(self) -> tuple[tuple[int, int, Law, float], ...]:
+        """Joint, parameter, law and weight of every column of the terms beside the rigid bodies."""
+        return tuple(
+            (j, int(column), law, weight)
+            for column, (_, law) in zip(self.law_columns, self.laws, strict=True)
+            for j, weight in law.coordinate
+        )
+
+    def term_columns(self, motion: Motion, kept: NDArray[np.integer] | None = None) -> TermColumns:
+        """Columns of all terms but the rigid bodies along a motion; of some of them where `kept` says which."""
+        entries = self.entries if kept is None else [self.entries[e] for e in kept]
+        values = np.empty((len(entries), motion.samples))
+        for row, (_, _, law, weight) in enumerate(entries):
+            values[row] = evaluate(law.expression, _environment(law, motion))
+            if weight != 1.0:
+                values[row] *= weight
+        joint = np.array([e[0] for e in entries], dtype=np.int32)
+        parameter = np.array([e[1] for e in entries], dtype=np.int32)
+        return TermColumns(joint, parameter, values)
+
+    def regressor(self, motion: Motion) -> Array:
+        """Y with τ = Y θ, shape (N, n, p)."""
+        self._check(motion)
+        Y = np.zeros((motion.samples, self.n, len(self.parameters)))
+        if self.has_rigid_bodies:
+            Y[:, :, self.inertial_columns] = kernel.regressor(self.tree, motion.q, motion.dq, motion.ddq)
+        columns = self.term_columns(motion)
+        for joint, parameter, values in zip(columns.joint, columns.parameter, columns.values, strict=True):
+            Y[:, joint, parameter] += values
+        return Y
+
+    def torque(self, motion: Motion, parameters: ArrayLike) -> Array:
+        """Joint torque (N, n) [N·m or N] for standard parameters (p,)."""
+        self._check(motion)
+        theta = self._standard(parameters)
+        tau = np.zeros((motion.samples, self.n))
+        if self.has_rigid_bodies:
+            inertial = self._inertial(theta)
+            tau += kernel.inverse_dynamics(self.tree, inertial, motion.q, motion.dq, motion.ddq)
+        columns = self.term_columns(motion)
+        for joint, parameter, values in zip(columns.joint, columns.parameter, columns.values, strict=True):
+            tau[:, joint] += values * theta[parameter]
+        return tau
+
+    def mass_matrix(self, q: ArrayLike, parameters: ArrayLike) -> Array:
+        """M(q) of links and rotors, shape (N, n, n), at positions (N, n)."""
+        theta, q = self._standard(parameters), self._positions(q)
+        M = np.zeros((len(q), self.n, self.n))
+        if self.has_rigid_bodies:
+            M += kernel.mass_matrix(self.tree, self._inertial(theta), q)
+        still = Motion.of_states(q, np.zeros_like(q), np.zeros_like(q))
+        for column, (_, law) in zip(self.law_columns, self.laws, strict=True):
+            per_acceleration = derivative(law.expression, "ddq")
+            inertia = theta[column] * evaluate(per_acceleration, _environment(law, still))
+            for i, w_i in law.coordinate:
+                for j, w_j in law.coordinate:
+                    M[:, i, j] += w_i * w_j * inertia
+        return M
+
+    def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, parameters: ArrayLike) -> Array:
+        """C(q, q̇) by Christoffel symbols, shape (N, n, n); dM/dt - 2 C is skew-symmetric."""
+        q, dq = self._positions(q), self._positions(dq)
+        return kernel.coriolis_matrix(self.tree, self._inertial(self._standard(parameters)), q, dq)
+
+    def gravity_torque(self, q: ArrayLike, parameters: ArrayLike) -> Array:
+        """g(q), shape (N, n) [N·m or N]."""
+        q = self._positions(q)
+        return kernel.gravity_torque(self.tree, self._inertial(self._standard(parameters)), q)
+
+    def kinetic_energy(self, q: ArrayLike, dq: ArrayLike, parameters: ArrayLike) -> Array:
+        """½ q̇ᵀ M q̇, shape (N,) [J]."""
+        dq = self._positions(dq)
+        return 0.5 * np.einsum("ni,nij,nj->n", dq, self.mass_matrix(q, parameters), dq)
+
+    def potential_energy(self, q: ArrayLike, parameters: ArrayLike) -> Array:
+        """Energy in the field of gravity, shape (N,) [J]; zero for masses at the origin of the base."""
+        q = self._positions(q)
+        return kernel.potential_energy(self.tree, self._inertial(self._standard(parameters)), q)
+
+    def nominal_parameters(self) -> Array | None:
+        """Standard parameters (p,) that the description gives, other terms zero; `None` where it gives none."""
+        inertial = self.robot.inertial_vector
+        if inertial is None or not self.has_rigid_bodies:
+            return None
+        theta = np.zeros(len(self.parameters))
+        theta[self.inertial_columns] = inertial.ravel()
+        return theta
+
+    def _inertial(self, theta: Array) -> Array:
+        if not self.has_rigid_bodies:
+            return np.zeros((self.n, 10))
+        return theta[self.inertial_columns].reshape(self.n, 10)
+
+    def _standard(self, parameters: ArrayLike) -> Array:
+        return array(parameters, (len(self.parameters),), "standard parameters")
+
+    def _positions(self, q: ArrayLike) -> Array:
+        return array(q, (None, self.n), "joint positions or velocities")
+
+    def _check(self, motion: Motion) -> None:
+        if motion.n != self.n:
+            raise ModelError(f"The motion has {motion.n} joints; {self.robot.name} has {self.n}.")
+
+
+def _environment(law: Law, motion: Motion) -> dict[str, Array]:
+    """Position, velocity and acceleration, as far as needed, of the coordinate that a law acts on."""
+
+    def combined(x: Array) -> Array:
+        parts = [x[:, j] if w == 1.0 else w * x[:, j] for j, w in law.coordinate]
+        return parts[0] if len(parts) == 1 else np.sum(parts, axis=0)
+
+    states = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
+    return {name: combined(states[name]) for name in symbols(law.expression) if name in states}
+
+
+def make_terms(names: Sequence[str]) -> tuple[Term, ...]:
+    """Terms by name with their default shapes.
+
+    Raises:
+        ModelError: An unknown name; the message lists the known ones.
+    """
+    from armid.model.terms import TERMS
+
+    for name in names:
+        if name not in TERMS:
+            raise ModelError(f"Unknown torque term {name!r}.", possible=", ".join(TERMS))
+    return tuple(TERMS[name]() for name in names)

@@ -1,0 +1,221 @@
+"""Small expressions in which a torque term states its law once.
+
+From one expression follow the values of a regressor column (`evaluate`), its derivative with respect to any symbol
+(`derivative`) and how it is written (`text`, `latex`). An expression is a number, a symbol or a function of
+expressions; the functions are the rows of `FUNCTIONS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ModelError
+from armid.values import Array
+
+__all__ = [
+    "FUNCTIONS",
+    "Expression",
+    "derivative",
+    "evaluate",
+    "exponential",
+    "latex",
+    "magnitude",
+    "number",
+    "sign",
+    "symbol",
+    "symbols",
+    "tanh",
+    "text",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Expression:
+    """A node: a number (`head` is a float), a symbol (`head` is its name) or a function of `arguments`."""
+
+    head: float | str
+    arguments: tuple[Expression, ...] = ()
+
+    def __add__(self, other: Expression | float) -> Expression:
+        return _sum(self, number(other))
+
+    def __radd__(self, other: float) -> Expression:
+        return _sum(number(other), self)
+
+    def __sub__(self, other: Expression | float) -> Expression:
+        return _sum(self, _product(number(-1.0), number(other)))
+
+    def __neg__(self) -> Expression:
+        return _product(number(-1.0), self)
+
+    def __mul__(self, other: Expression | float) -> Expression:
+        return _product(self, number(other))
+
+    def __rmul__(self, other: float) -> Expression:
+        return _product(number(other), self)
+
+    def __truediv__(self, other: Expression | float) -> Expression:
+        return _product(self, _power(number(other), number(-1.0)))
+
+    def __pow__(self, exponent: Expression | float) -> Expression:
+        return _power(self, number(exponent))
+
+    def __str__(self) -> str:
+        return text(self)
+
+
+def number(value: Expression | float) -> Expression:
+    """A constant; an expression passes through."""
+    return value if isinstance(value, Expression) else Expression(float(value))
+
+
+def symbol(name: str) -> Expression:
+    """A variable: `q`, `dq`, `ddq` of the coordinate that a law acts on, `load`, or a shape."""
+    return Expression(name)
+
+
+def sign(x: Expression) -> Expression:
+    """The sign: -1, 0 at zero, or 1."""
+    return Expression("sign", (x,))
+
+
+def tanh(x: Expression) -> Expression:
+    """Hyperbolic tangent."""
+    return Expression("tanh", (x,))
+
+
+def magnitude(x: Expression) -> Expression:
+    """Absolute value."""
+    return Expression("abs", (x,))
+
+
+def exponential(x: Expression) -> Expression:
+    """Exponential function."""
+    return Expression("exp", (x,))
+
+
+def _is(x: Expression, value: float) -> bool:
+    return not x.arguments and x.head == value
+
+
+def _sum(a: Expression, b: Expression) -> Expression:
+    if _is(a, 0.0):
+        return b
+    if _is(b, 0.0):
+        return a
+    return Expression("add", (a, b))
+
+
+def _product(a: Expression, b: Expression) -> Expression:
+    if _is(a, 0.0) or _is(b, 0.0):
+        return number(0.0)
+    if _is(a, 1.0):
+        return b
+    if _is(b, 1.0):
+        return a
+    return Expression("mul", (a, b))
+
+
+def _power(a: Expression, b: Expression) -> Expression:
+    if _is(b, 1.0):
+        return a
+    if _is(b, 0.0):
+        return number(1.0)
+    return Expression("pow", (a, b))
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """What there is to know of a function.
+
+    Attributes:
+        value: Evaluates it on arrays.
+        partials: For each argument the partial derivative, made from the tuple of arguments.
+        text: Pattern of its plain form.
+        latex: Pattern of its LaTeX form.
+    """
+
+    value: Callable[..., Any]
+    partials: tuple[Callable[[tuple[Expression, ...]], Expression], ...]
+    text: str
+    latex: str
+
+
+_ZERO = Expression(0.0)
+_ONE = Expression(1.0)
+
+FUNCTIONS: dict[str, Function] = {
+    "add": Function(np.add, (lambda x: _ONE, lambda x: _ONE), "({} + {})", "({} + {})"),
+    "mul": Function(np.multiply, (lambda x: x[1], lambda x: x[0]), "{} {}", r"{} \, {}"),
+    "pow": Function(
+        np.power,
+        (lambda x: x[1] * x[0] ** (x[1] - 1.0), lambda x: _ZERO),
+        "{}^{}",
+        "{{{}}}^{{{}}}",
+    ),
+    "sign": Function(np.sign, (lambda x: _ZERO,), "sign({})", r"\operatorname{{sgn}}({})"),
+    "tanh": Function(np.tanh, (lambda x: _ONE - tanh(x[0]) ** 2.0,), "tanh({})", r"\tanh({})"),
+    "abs": Function(np.abs, (lambda x: sign(x[0]),), "|{}|", r"|{}|"),
+    "exp": Function(np.exp, (lambda x: exponential(x[0]),), "exp({})", r"\exp({})"),
+}
+"""Every function an expression may use. The exponent of `pow` must not depend on what is differentiated."""
+
+LATEX_SYMBOLS = {"q": "q", "dq": r"\dot{q}", "ddq": r"\ddot{q}", "load": r"\tau_{\mathrm{load}}"}
+
+
+def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -> Array:
+    """Value of an expression, broadcast over arrays of symbols.
+
+    Raises:
+        ModelError: A symbol has no value in `environment`.
+    """
+    head, arguments = expression.head, expression.arguments
+    if not isinstance(head, str):
+        return np.asarray(head)
+    if not arguments:
+        if head not in environment:
+            raise ModelError(f"The symbol {head!r} has no value.", possible=", ".join(sorted(environment)))
+        return np.asarray(environment[head])
+    return np.asarray(FUNCTIONS[head].value(*(evaluate(a, environment) for a in arguments)))
+
+
+def derivative(expression: Expression, by: str) -> Expression:
+    """Derivative with respect to a symbol; that of `sign` counts as zero everywhere."""
+    head, arguments = expression.head, expression.arguments
+    if not isinstance(head, str) or not arguments:
+        return _ONE if head == by else _ZERO
+    result = _ZERO
+    for argument, partial in zip(arguments, FUNCTIONS[head].partials, strict=True):
+        inner = derivative(argument, by)
+        if not _is(inner, 0.0):
+            result = _sum(result, _product(partial(arguments), inner))
+    return result
+
+
+def symbols(expression: Expression) -> frozenset[str]:
+    """Names of the symbols in an expression."""
+    if isinstance(expression.head, str) and not expression.arguments:
+        return frozenset({expression.head})
+    return frozenset().union(*(symbols(a) for a in expression.arguments))
+
+
+def text(expression: Expression) -> str:
+    """Plain form, for instance `tanh(dq / 0.02)` written `tanh(50 dq)`."""
+    head, arguments = expression.head, expression.arguments
+    if not isinstance(head, str):
+        return f"{head:g}"
+    return FUNCTIONS[head].text.format(*map(text, arguments)) if arguments else head
+
+
+def latex(expression: Expression) -> str:
+    """LaTeX form."""
+    head, arguments = expression.head, expression.arguments
+    if not isinstance(head, str):
+        return f"{head:g}"
+    if not arguments:
+        return LATEX_SYMBOLS.get(head, rf"\mathrm{{{head}}}")
+    return FUNCTIONS[head].latex.format(*map(latex, arguments))

@@ -1,0 +1,46 @@
+"""Coulomb friction: τ = FS · sgn(q̇), or FS · tanh(q̇ / width) where a width is given.
+
+A sign loses a factor of two on arms that rest (its value flips with the noise of the encoder); a width loses a
+newton metre where the truth is a sign. So the width is a shape of the term, and 0 is the sign with sgn(0) = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.errors import ModelError
+from armid.model.expression import Expression, sign, symbol, tanh
+from armid.model.terms.term import Law, single_joint_laws
+from armid.robot.robot import Robot
+
+__all__ = ["Coulomb", "coulomb_law"]
+
+
+def coulomb_law(width: float) -> Expression:
+    """sgn(dq) for a width of zero, else tanh(dq / width)."""
+    velocity = symbol("dq")
+    return sign(velocity) if width == 0.0 else tanh(velocity * (1.0 / width))
+
+
+@dataclass(frozen=True, slots=True)
+class Coulomb:
+    """Friction of constant size against the motion.
+
+    Attributes:
+        width: Velocity over which the sign turns [rad/s or m/s]; 0 for a true sign.
+        joints: Names of the joints that have it; `None` for all.
+    """
+
+    width: float = 0.0
+    joints: tuple[str, ...] | None = None
+    name: ClassVar[str] = "coulomb"
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.width < float("inf"):
+            raise ModelError(f"The width of Coulomb friction must be zero or positive; found {self.width}.")
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """FS · sgn(dq) on each joint."""
+        law = coulomb_law(self.width)
+        return single_joint_laws(robot, self.joints, "FS", law, units=("N·m", "N"), nonnegative=True)

@@ -1,0 +1,28 @@
+"""Constant torque offset: τ = FO, the bias of a sensor or an asymmetry of Coulomb friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.model.expression import number
+from armid.model.terms.term import Law, single_joint_laws
+from armid.robot.robot import Robot
+
+__all__ = ["Offset"]
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """A constant torque.
+
+    Attributes:
+        joints: Names of the joints that have it; `None` for all.
+    """
+
+    joints: tuple[str, ...] | None = None
+    name: ClassVar[str] = "offset"
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """FO on each joint."""
+        return single_joint_laws(robot, self.joints, "FO", number(1.0), units=("N·m", "N"), nonnegative=False)

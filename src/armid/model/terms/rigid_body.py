@@ -1,0 +1,34 @@
+"""Rigid links: the ten inertial parameters of every link, M MX MY MZ XX XY XZ YY YZ ZZ.
+
+The kernel makes these columns by the recursion of Newton and Euler; this term only says that they are there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.model.terms.term import Law
+from armid.robot.robot import Robot
+
+__all__ = ["RIGID_BODY_SYMBOLS", "RigidBody", "rigid_body_units"]
+
+RIGID_BODY_SYMBOLS = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
+"""Symbols in parameter order."""
+
+
+def rigid_body_units() -> tuple[str, ...]:
+    """Units in parameter order."""
+    return ("kg", *("kg·m",) * 3, *("kg·m²",) * 6)
+
+
+@dataclass(frozen=True, slots=True)
+class RigidBody:
+    """Inertia and weight of the links."""
+
+    name: ClassVar[str] = "rigid-body"
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """None: the columns come from the kernel."""
+        del robot
+        return ()
