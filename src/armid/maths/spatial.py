@@ -5,6 +5,8 @@ R_AB maps coordinates in frame B to frame A; p_AB is the origin of B in A. Angle
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -28,19 +30,19 @@ def axis_rotation(axis: Array, angle: ArrayLike) -> Array:
 
 
 def rotation_x(angle: float) -> Array:
-    """Rotation about x, exact where the angle is a multiple of a right angle."""
+    """Rotation about x, exact where the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def rotation_y(angle: float) -> Array:
-    """Rotation about y, exact where the angle is a multiple of a right angle."""
+    """Rotation about y, exact where the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def rotation_z(angle: float) -> Array:
-    """Rotation about z, exact where the angle is a multiple of a right angle."""
+    """Rotation about z, exact where the angle is a multiple of 15°."""
     c, s = _cos_sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
@@ -59,8 +61,27 @@ def homogeneous(rotation: Array, translation: ArrayLike) -> Array:
 
 
 def _cos_sin(angle: float) -> tuple[float, float]:
-    """Cosine and sine; right angles give exact zeros and ones, so that geometry stays exact."""
-    quarter = angle / (0.5 * np.pi)
-    if quarter == round(quarter):
-        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarter) % 4]
+    """Cosine and sine; multiples of 15° are exact or correctly rounded, so that geometry stays exact."""
+    steps = angle / (np.pi / 12.0)
+    nearest = round(steps)
+    if abs(steps - nearest) <= 4.0 * np.finfo(float).eps * max(1, abs(nearest)):
+        return _cos_of_steps(nearest), _cos_of_steps(nearest - 6)
     return float(np.cos(angle)), float(np.sin(angle))
+
+
+def _cos_of_steps(steps: int) -> float:
+    """Cosine of `steps` times 15°."""
+    steps = abs((steps + 12) % 24 - 12)
+    return COSINES[steps] if steps <= 6 else -COSINES[12 - steps]
+
+
+COSINES = (
+    1.0,
+    (math.sqrt(6.0) + math.sqrt(2.0)) / 4.0,
+    math.sqrt(3.0) / 2.0,
+    math.sqrt(0.5),
+    0.5,
+    (math.sqrt(6.0) - math.sqrt(2.0)) / 4.0,
+    0.0,
+)
+"""Cosines of 0°, 15°, ... 90°."""

@@ -1,1 +1,18 @@
 """What the arm is: values, readers, built-in arms."""
+
+from armid.robot.kinematics import forward_kinematics, frame_pose
+from armid.robot.load import builtin_arms, load_robot
+from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
+
+__all__ = [
+    "EARTH_GRAVITY",
+    "Frame",
+    "InertialParameters",
+    "Joint",
+    "Link",
+    "Robot",
+    "builtin_arms",
+    "forward_kinematics",
+    "frame_pose",
+    "load_robot",
+]

@@ -224,6 +224,9 @@ class Robot:
             raise RobotError(f"Joint names must differ; found {', '.join(names)}.")
         self.tree  # noqa: B018  (raises where the joints are no tree)
 
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}: {', '.join(self.joint_names)}; tip {self.tip.name!r})"
+
     @property
     def n(self) -> int:
         """Number of joints."""

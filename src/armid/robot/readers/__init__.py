@@ -1,1 +1,39 @@
-"""Readers of robot descriptions, one format a file."""
+"""Catalogue of the formats of robot descriptions: one module a format, one line here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from armid.robot.readers import dh, mjcf, urdf, xacro
+from armid.robot.robot import Robot
+
+__all__ = ["READERS", "Reader"]
+
+
+class Reader(Protocol):
+    """What a reader module offers."""
+
+    SUFFIXES: tuple[str, ...]
+    """Endings of the file names it reads, lower case, with the dot."""
+
+    @staticmethod
+    def recognises(text: str) -> bool:
+        """Whether a text looks like this format; decides where two readers share an ending."""
+        ...
+
+    @staticmethod
+    def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
+        """The robot that the text describes.
+
+        Joints named in `locked` that have one degree of freedom stay joints of the result; others are made fixed.
+        """
+        ...
+
+
+READERS: Mapping[str, Reader] = {
+    "urdf": urdf,
+    "mjcf": mjcf,
+    "xacro": xacro,
+    "dh": dh,
+}

@@ -1,0 +1,55 @@
+"""Where links and frames are, for many joint positions at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.robot.robot import Frame, Robot
+from armid.values import Array, array
+
+__all__ = ["forward_kinematics", "frame_pose"]
+
+
+def forward_kinematics(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
+    """Poses of all link frames in the base frame.
+
+    Args:
+        robot: The robot.
+        q: Joint positions, shape (N, n) [rad or m].
+
+    Returns:
+        Rotations (N, n, 3, 3) and origins (N, n, 3) [m].
+    """
+    q = array(q, (None, robot.n), "q")
+    R = np.empty((len(q), robot.n, 3, 3))
+    p = np.empty((len(q), robot.n, 3))
+    for i, joint in enumerate(robot.joints):
+        R_local, p_local = joint.motion(q[:, i])
+        if joint.parent < 0:
+            R[:, i], p[:, i] = R_local, p_local
+        else:
+            R_parent = R[:, joint.parent]
+            R[:, i] = R_parent @ R_local
+            p[:, i] = p[:, joint.parent] + (R_parent @ p_local[..., None])[..., 0]
+    return R, p
+
+
+def frame_pose(robot: Robot, q: ArrayLike, frame: Frame | None = None) -> tuple[Array, Array]:
+    """Pose of a frame in the base frame.
+
+    Args:
+        robot: The robot.
+        q: Joint positions, shape (N, n) [rad or m].
+        frame: The frame; the robot's tip by default.
+
+    Returns:
+        Rotations (N, 3, 3) and origins (N, 3) [m].
+    """
+    frame = robot.tip if frame is None else frame
+    R, p = forward_kinematics(robot, q)
+    R_frame, p_frame = frame.placement[:3, :3], frame.placement[:3, 3]
+    if frame.parent < 0:
+        return np.tile(R_frame, (len(R), 1, 1)), np.tile(p_frame, (len(R), 1))
+    R_link, p_link = R[:, frame.parent], p[:, frame.parent]
+    return R_link @ R_frame, p_link + R_link @ p_frame

@@ -1,0 +1,110 @@
+"""XML of robot descriptions: parsed without entities, faults told with a line number."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+from typing import NoReturn
+from xml.parsers import expat
+
+from armid.errors import RobotError
+
+__all__ = ["check_locked", "identity_only", "numbers", "parse_xml", "root_tag"]
+
+
+def parse_xml(text: str, source: str) -> ET.Element:
+    """The root element of an XML text.
+
+    A document type is refused before anything in it is read: it could pull in other files or grow without bound,
+    and no robot description needs one.
+
+    Args:
+        text: The document.
+        source: Its path, for messages.
+
+    Raises:
+        RobotError: Not well-formed, or with a document type.
+    """
+
+    def refuse(*_: object) -> NoReturn:
+        raise RobotError(
+            f"{source}:{parser.CurrentLineNumber}: a document type or entities are declared; armid reads neither.",
+            remedy="remove the <!DOCTYPE …> declaration and write entities out.",
+        )
+
+    parser = expat.ParserCreate("utf-8")
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(text.encode(), True)
+        return ET.fromstring(text)
+    except (expat.ExpatError, ET.ParseError) as error:
+        line = parser.ErrorLineNumber
+        reason = expat.ErrorString(parser.ErrorCode) or str(error)
+        raise RobotError(
+            f"{source}:{line}: not well-formed XML ({reason}).", remedy="repair or export the file again."
+        ) from error
+
+
+def root_tag(text: str) -> str:
+    """Tag of the root element; empty where the text does not get that far."""
+    tags: list[str] = []
+
+    def start(tag: str, _: dict[str, str]) -> None:
+        tags.append(tag)
+
+    parser = expat.ParserCreate("utf-8")
+    parser.StartElementHandler = start
+    try:
+        parser.Parse(text.encode(), True)
+    except expat.ExpatError:
+        pass
+    return tags[0] if tags else ""
+
+
+def numbers(element: ET.Element, attribute: str, count: int, source: str, where: str) -> list[float] | None:
+    """Numbers in an attribute; `None` where the attribute is missing.
+
+    Raises:
+        RobotError: Another count, or no finite numbers.
+    """
+    text = element.get(attribute)
+    if text is None:
+        return None
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(math.isfinite(v) for v in values):
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise RobotError(f"{source}: {attribute} of {where} must be {wanted}; found {text!r}.")
+    return values
+
+
+def check_locked(locked: Iterable[str], known: Iterable[str], source: str) -> None:
+    """Refuse locked joints that the description does not have.
+
+    Raises:
+        RobotError: Such a joint; the message lists those there are.
+    """
+    names = list(known)
+    missing = [name for name in locked if name not in names]
+    if missing:
+        raise RobotError(
+            f"{source} has no joint {', '.join(map(repr, missing))} to lock.",
+            possible=", ".join(names),
+            remedy="lock joints by their names in the description.",
+        )
+
+
+def identity_only(name: str, kind: str, value: float) -> None:
+    """Refuse to lock a joint of several degrees of freedom anywhere but at its zero pose.
+
+    Raises:
+        RobotError: `value` is not 0.
+    """
+    if value != 0.0:
+        raise RobotError(
+            f"Joint {name!r} is {kind}; it can be locked at its zero pose only, not at {value}.",
+            remedy=f"lock {name!r} without a value, or make it a fixed joint with the pose you need.",
+        )

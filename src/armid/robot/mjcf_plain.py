@@ -1,0 +1,376 @@
+"""MJCF in a plain form that Pinocchio reads right.
+
+Pinocchio's parser passes over includes, gravity, all but the first tree, switched-off limits and some ways to
+write an orientation, and invents a unit mass where the inertia would come from a mesh. Here includes and default
+classes are resolved, angles become radians, every body keeps at most one joint and hangs below one root body.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import Finding, RobotError
+from armid.maths.spatial import axis_rotation, rotation_x, rotation_y, rotation_z
+from armid.robot.markup import identity_only, numbers, parse_xml
+from armid.robot.pinocchio_model import Limits, limits_of
+from armid.robot.robot import EARTH_GRAVITY
+from armid.values import Array
+
+__all__ = ["Plain", "flatten", "joint_names", "plain_mjcf"]
+
+REFUSED_ELEMENTS = ("frame", "replicate", "composite", "flexcomp", "attach")
+LOOPS = ("connect", "weld", "tendon", "flex", "flexvert", "flexstrain")
+IGNORED_COMPILER = ("boundmass", "boundinertia", "balanceinertia", "settotalmass")
+ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
+PRIMITIVES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
+MASSLESS = ("plane", "hfield")
+POSE = {"pos": 3, "quat": 4, "xyaxes": 6, "zaxis": 3}
+"""Attributes that Pinocchio reads right, and how many numbers each holds."""
+INERTIAL = {"mass": 1, "diaginertia": 3, "fullinertia": 6}
+GEOM = {"fromto": 6, "mass": 1, "density": 1}
+
+
+@dataclass(slots=True)
+class Plain:
+    """A description in plain form.
+
+    Attributes:
+        text: The MJCF for Pinocchio.
+        limits: Limits by joint.
+        gravity: Acceleration of gravity [m/s²].
+        findings: What was noticed.
+    """
+
+    text: str
+    limits: dict[str, Limits]
+    gravity: tuple[float, ...]
+    findings: tuple[Finding, ...]
+
+
+def flatten(root: ET.Element, source: str) -> ET.Element:
+    """The document with the files it includes put in place and all bodies and joints named, in the given element.
+
+    Raises:
+        RobotError: An included file cannot be read or is included twice.
+    """
+    folder, seen = Path(source).parent, set[Path]()
+
+    def expand(element: ET.Element) -> None:
+        for index, child in reversed(list(enumerate(element))):
+            if child.tag != "include":
+                expand(child)
+                continue
+            path = folder / child.get("file", "")
+            if path in seen:
+                raise RobotError(f"{source} includes {path} more than once.", remedy="include each file once.")
+            seen.add(path)
+            try:
+                included = parse_xml(path.read_text(encoding="utf-8"), str(path))
+            except (OSError, UnicodeDecodeError) as error:
+                raise RobotError(
+                    f"{source} includes {path}, which cannot be read ({error}).",
+                    remedy="put the file where the include says, or merge the files into one.",
+                ) from error
+            expand(included)
+            element[index : index + 1] = list(included)
+
+    expand(root)
+    unnamed = count()
+    for body in root.iter("body"):
+        name = body.get("name") or f"body_{next(unnamed)}"
+        body.set("name", name)
+        for k, joint in enumerate(_joints(body)):
+            joint.set("name", joint.get("name") or f"{name}_joint_{k}")
+    return root
+
+
+def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Plain:
+    """The plain form of a flattened document.
+
+    Args:
+        root: The document.
+        source: Its path, for messages.
+        locked: Joints to be held still; those with several degrees of freedom are left out.
+
+    Raises:
+        RobotError: Something that has no plain form, or a joint of several degrees of freedom that is not locked.
+    """
+    for element in root.iter():
+        if element.tag in REFUSED_ELEMENTS:
+            raise RobotError(
+                f"{source} uses <{element.tag}>, which armid does not read.",
+                remedy="let MuJoCo compile the file, save it (mj_saveLastXML) and give the result.",
+            )
+    _check_equalities(root, source, locked)
+    writer = _Writer(root, source, locked)
+    plain = ET.Element("mujoco", model=root.get("model") or "robot")
+    ET.SubElement(plain, "compiler", angle="radian")
+    world = ET.SubElement(ET.SubElement(plain, "worldbody"), "body", name="world")
+    for worldbody in root.findall("worldbody"):
+        for body in worldbody.findall("body"):
+            world.append(writer.body(body, worldbody.get("childclass", "main")))
+    gravity = EARTH_GRAVITY
+    for option in root.findall("option"):
+        gravity = tuple(numbers(option, "gravity", 3, source, "option") or gravity)
+    writer.add_actuator_limits(root)
+    limits: dict[str, Limits] = {}
+    for name, (position, effort, turns) in writer.stated.items():
+        limits[name], finding = limits_of(name, position=position, velocity=0.0, effort=effort, turns=turns)
+        if finding is not None:
+            writer.findings.append(finding)
+    return Plain(ET.tostring(plain, encoding="unicode"), limits, gravity, tuple(writer.findings))
+
+
+def joint_names(root: ET.Element) -> list[str]:
+    """Names of all joints of a flattened document."""
+    return [
+        joint.get("name", "")
+        for worldbody in root.findall("worldbody")
+        for body in worldbody.iter("body")
+        for joint in _joints(body)
+    ]
+
+
+def _joints(body: ET.Element) -> list[ET.Element]:
+    """The joints of one body."""
+    return [element for element in body if element.tag in ("joint", "freejoint")]
+
+
+def _check_equalities(root: ET.Element, source: str, locked: Mapping[str, float]) -> None:
+    """Refuse what closes loops or ties joints to each other, unless the tied joint is locked."""
+    for constraint in (c for section in root.findall("equality") for c in section):
+        if constraint.get("active") == "false":
+            continue
+        if constraint.tag in LOOPS:
+            raise RobotError(
+                f"{source} has an equality of kind {constraint.tag!r}, which closes a loop or couples joints.",
+                possible="open chains and trees",
+                remedy='remove it, or give it active="false".',
+            )
+        follower = constraint.get("joint1")
+        if constraint.tag == "joint" and follower not in locked:
+            leader = constraint.get("joint2")
+            raise RobotError(
+                f"{source}: joint {follower!r} is of kind mimic: an equality ties it to {leader!r}.",
+                remedy=f"lock {follower!r}, or remove the equality.",
+            )
+
+
+@dataclass(slots=True)
+class _Writer:
+    """Writes bodies in plain form and collects what they say of limits."""
+
+    root: ET.Element
+    source: str
+    locked: Mapping[str, float]
+    stated: dict[str, tuple[tuple[float, float] | None, float, bool]] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    compiler: dict[str, str] = field(default_factory=dict)
+    defaults: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
+    bodies: set[str] = field(default_factory=lambda: {"world"})
+
+    def __post_init__(self) -> None:
+        for compiler in self.root.findall("compiler"):
+            self.compiler.update(compiler.attrib)
+        ignored = [key for key in IGNORED_COMPILER if key in self.compiler]
+        if ignored:
+            self.findings.append(
+                Finding(
+                    "description-ignored",
+                    "warning",
+                    "",
+                    f"the compiler settings {', '.join(ignored)} change masses or inertias and are not applied",
+                    "write the masses and inertias out",
+                )
+            )
+        sequence = self.compiler.get("eulerseq", "xyz")
+        if len(sequence) != 3 or set(sequence.lower()) - set("xyz"):
+            raise RobotError(f"{self.source}: eulerseq is {sequence!r}.", possible="three letters of x, y, z")
+        self.defaults["main"] = {}
+        for section in self.root.findall("default"):
+            self._add_defaults(section, {}, "main")
+
+    def _add_defaults(self, section: ET.Element, inherited: dict[str, dict[str, str]], fallback: str) -> None:
+        own = {tag: dict(values) for tag, values in inherited.items()}
+        for element in section:
+            if element.tag != "default":
+                own[element.tag] = {**own.get(element.tag, {}), **element.attrib}
+        self.defaults[section.get("class", fallback)] = own
+        for inner in section.findall("default"):
+            self._add_defaults(inner, own, fallback)
+
+    def resolved(self, element: ET.Element, childclass: str) -> ET.Element:
+        """The element with the attributes that its default class adds."""
+        name = element.get("class", childclass)
+        if name not in self.defaults:
+            raise RobotError(f"{self.source} has no default class {name!r}.", possible=", ".join(self.defaults))
+        attributes = {**self.defaults[name].get(element.tag, {}), **element.attrib}
+        attributes.pop("class", None)
+        return ET.Element(element.tag, attributes)
+
+    def body(self, body: ET.Element, childclass: str) -> ET.Element:
+        """A body with everything below it; several joints become a chain of bodies of nothing."""
+        childclass = body.get("childclass", childclass)
+        name = body.get("name", "")
+        if name in self.bodies:
+            raise RobotError(f"{self.source} has two bodies named {name!r}.", remedy="give each its own name.")
+        self.bodies.add(name)
+        joints = [
+            plain for joint in _joints(body) if (plain := self._joint(self.resolved(joint, childclass))) is not None
+        ]
+        outer = inner = ET.Element("body", self._pose(body, f"body {name!r}"))
+        for joint in joints[:-1]:
+            inner.set("name", f"{name} after {joint.get('name')}")
+            inner.append(joint)
+            inner = ET.SubElement(inner, "body")
+        inner.set("name", name)
+        inner.extend(joints[-1:])
+        inner.extend(self._mass(body, childclass, name))
+        for site in body.findall("site"):
+            site = self.resolved(site, childclass)
+            if site.get("name"):
+                ET.SubElement(inner, "site", {"name": site.get("name", ""), **self._pose(site, "a site")})
+        for child in body.findall("body"):
+            inner.append(self.body(child, childclass))
+        return outer
+
+    def _pose(self, element: ET.Element, where: str) -> dict[str, str]:
+        """Position and orientation; orientations that Pinocchio misreads become two axes."""
+        pose = self._checked(element, POSE, where)
+        euler = numbers(element, "euler", 3, self.source, where)
+        axisangle = numbers(element, "axisangle", 4, self.source, where)
+        if euler is not None:
+            pose["xyaxes"] = _axes(_euler_rotation(self._radians(euler), self.compiler.get("eulerseq", "xyz")))
+        elif axisangle is not None:
+            axis = np.array(axisangle[:3])
+            pose["xyaxes"] = _axes(
+                axis_rotation(axis / (np.linalg.norm(axis) or 1.0), self._radians(axisangle[3:])[0])
+            )
+        return pose
+
+    def _checked(self, element: ET.Element, counts: Mapping[str, int], where: str) -> dict[str, str]:
+        """Those attributes that are there, each found to hold so many numbers: Pinocchio would not look."""
+        there = [key for key, n in counts.items() if numbers(element, key, n, self.source, where) is not None]
+        return {key: element.get(key, "") for key in there}
+
+    def _radians(self, angles: list[float]) -> list[float]:
+        return angles if self.compiler.get("angle", "degree") == "radian" else [math.radians(a) for a in angles]
+
+    def _joint(self, joint: ET.Element) -> ET.Element | None:
+        """A hinge or slide in plain form; `None` where it is locked and has more degrees of freedom."""
+        name = joint.get("name", "")
+        kind = "free" if joint.tag == "freejoint" else joint.get("type", "hinge")
+        if kind not in ("hinge", "slide"):
+            if name in self.locked:
+                identity_only(name, kind, self.locked[name])
+                return None
+            raise RobotError(
+                f"{self.source}: joint {name!r} is of kind {kind!r}.",
+                possible="hinge, slide",
+                remedy=f"lock {name!r}, or replace it by joints of these kinds.",
+            )
+        where, turns = f"joint {name!r}", kind == "hinge"
+        if not any(numbers(joint, "axis", 3, self.source, where) or [1.0]):
+            raise RobotError(f"{self.source}: {where} has an axis of zero length.", remedy="give its direction.")
+        plain = self._checked(joint, {"axis": 3, "pos": 3}, where)
+        reference = numbers(joint, "ref", 1, self.source, where)
+        if reference is not None:
+            plain["ref"] = repr((self._radians(reference) if turns else reference)[0])
+        position = numbers(joint, "range", 2, self.source, where)
+        unstated = "false" if self.compiler.get("autolimits") == "false" else "true"
+        if joint.get("limited", "auto").replace("auto", unstated) == "false":
+            position = None
+        if position is not None and turns:
+            position = self._radians(position)
+        force = numbers(joint, "actuatorfrcrange", 2, self.source, where)
+        effort = min(map(abs, force)) if force and joint.get("actuatorfrclimited") != "false" else 0.0
+        if name in self.stated:
+            raise RobotError(f"{self.source} has two joints named {name!r}.", remedy="give each its own name.")
+        self.stated[name] = ((position[0], position[1]) if position else None, effort, turns)
+        return ET.Element("joint", {"name": name, "type": kind, **plain})
+
+    def _mass(self, body: ET.Element, childclass: str, name: str) -> list[ET.Element]:
+        """The inertial element, or the geoms that stand for it."""
+        source_of_mass = self.compiler.get("inertiafromgeom", "auto")
+        inertial = body.find("inertial")
+        if inertial is not None and source_of_mass != "true":
+            where = f"the inertial of {name!r}"
+            kept = self._checked(inertial, INERTIAL, where)
+            if "mass" not in kept:
+                raise RobotError(f"{self.source}: {where} has no mass.", remedy="give its mass [kg].")
+            return [ET.Element("inertial", {**kept, **self._pose(inertial, where)})]
+        geoms = [self.resolved(geom, childclass) for geom in body.findall("geom")]
+        heavy = [geom for geom in geoms if self._has_mass(geom)] if source_of_mass != "false" else []
+        if all(_is_solid(geom) for geom in heavy):
+            return [self._geom(geom, f"a geom of {name!r}") for geom in heavy]
+        self.findings.append(
+            Finding(
+                "inertial-missing",
+                "info",
+                name,
+                "the inertia would come from meshes or shells, which are not evaluated; it counts as unknown",
+                "give the body an <inertial> if nominal values matter",
+            )
+        )
+        return []
+
+    def _geom(self, geom: ET.Element, where: str) -> ET.Element:
+        """A primitive with what its mass and inertia depend on."""
+        sizes = {"size": len(geom.get("size", "").split())}
+        kept = self._checked(geom, {**GEOM, **sizes}, where)
+        return ET.Element("geom", {"type": geom.get("type", "sphere"), **kept, **self._pose(geom, where)})
+
+    def _has_mass(self, geom: ET.Element) -> bool:
+        """Whether a geom adds to the mass of its body."""
+        if geom.get("type") in MASSLESS:
+            return False
+        low, high = numbers(
+            ET.Element("compiler", self.compiler), "inertiagrouprange", 2, self.source, "compiler"
+        ) or (0, 5)
+        group, mass, density = (numbers(geom, key, 1, self.source, "a geom") for key in ("group", "mass", "density"))
+        # A stated mass goes before the density.
+        return low <= (group or [0.0])[0] <= high and (mass or density or [1.0])[0] != 0.0
+
+    def add_actuator_limits(self, root: ET.Element) -> None:
+        """Effort limits from actuators on joints that state none themselves."""
+        for element in (a for section in root.findall("actuator") for a in section if a.tag in ACTUATORS):
+            actuator = self.resolved(element, "main")
+            name = actuator.get("joint", "")
+            if name not in self.stated or self.stated[name][1]:
+                continue
+            actuator.set("gear", (actuator.get("gear") or "1").split()[0])
+            gear = numbers(actuator, "gear", 1, self.source, f"the actuator of {name!r}")
+            # The control of a motor is its force; of other actuators it is not.
+            keys = ("forcerange", "ctrlrange") if actuator.tag == "motor" else ("forcerange",)
+            ranges = [r for k in keys if (r := numbers(actuator, k, 2, self.source, f"the actuator of {name!r}"))]
+            if ranges:
+                position, _, turns = self.stated[name]
+                self.stated[name] = (position, abs((gear or [1.0])[0]) * min(map(abs, ranges[0])), turns)
+
+
+def _is_solid(geom: ET.Element) -> bool:
+    """Whether the geom's inertia follows from its shape alone."""
+    primitive = geom.get("type", "sphere") in PRIMITIVES and "mesh" not in geom.attrib
+    return primitive and geom.get("shellinertia") != "true"
+
+
+def _euler_rotation(angles: list[float], sequence: str) -> Array:
+    """Rotation by Euler angles [rad]; lower case turns with the body, upper case about fixed axes."""
+    rotation = np.eye(3)
+    about = {"x": rotation_x, "y": rotation_y, "z": rotation_z}
+    for letter, angle in zip(sequence, angles, strict=True):
+        step = about[letter.lower()](angle)
+        rotation = rotation @ step if letter.islower() else step @ rotation
+    return rotation
+
+
+def _axes(rotation: Array) -> str:
+    """First and second column as text that reads back exactly."""
+    return " ".join(repr(float(x)) for x in rotation[:, :2].T.ravel())

@@ -1,0 +1,281 @@
+"""From a Pinocchio model to a `Robot`: what the URDF and the MJCF reader share."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import os
+import tempfile
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.errors import Finding, RobotError
+from armid.maths.spatial import homogeneous
+from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
+from armid.values import Array
+
+__all__ = ["Limits", "build", "find_tip", "limits_of", "pinocchio", "robot_from_model"]
+
+ORTHONORMAL_TOLERANCE = 1e-6
+"""Departure of RᵀR from the identity that printed numbers can explain; more is a broken description."""
+
+NO_STOP = 100.0
+"""A position limit beyond this many radians stands for "none": no arm turns sixteen times between its stops."""
+
+FLANGE_NAMES = ("tool0", "flange")
+"""Names of the tool flange by the convention REP 199 of ROS-Industrial, in order of preference."""
+
+Rotating = ("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "RevoluteUnaligned", "RevoluteUnboundedUnaligned")
+Sliding = ("PX", "PY", "PZ", "PrismaticUnaligned")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of one joint; infinite where the description does not say.
+
+    Attributes:
+        lower: Lowest position [rad or m].
+        upper: Highest position [rad or m].
+        velocity: [rad/s or m/s].
+        effort: [N·m or N].
+    """
+
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    effort: float = math.inf
+
+
+def limits_of(
+    joint: str, *, position: tuple[float, float] | None, velocity: float, effort: float, turns: bool
+) -> tuple[Limits, Finding | None]:
+    """Limits of a joint from what stands in a description, placeholders taken as unknown.
+
+    Zero velocity or effort, a range without width, and a range of a rotating joint wider than any stops allow are
+    placeholders; the last two are reported.
+
+    Args:
+        joint: Its name.
+        position: Lower and upper [rad or m], `None` where not given.
+        velocity: [rad/s or m/s], 0 where not given.
+        effort: [N·m or N], 0 where not given.
+        turns: Whether it rotates.
+
+    Raises:
+        RobotError: Lower above upper.
+    """
+    lower, upper = position or (-math.inf, math.inf)
+    finding = None
+    if lower > upper:
+        raise RobotError(
+            f"Joint {joint!r} has its lower position limit {lower:g} above the upper one {upper:g}.",
+            remedy="exchange them.",
+        )
+    if lower == upper or (turns and position is not None and min(-lower, upper) > NO_STOP):
+        finding = Finding(
+            "limits-unknown",
+            "info",
+            joint,
+            f"position limits {lower:g} to {upper:g} cannot be meant; taken as none",
+            "write the joint's limits into the description if they matter",
+        )
+        lower, upper = -math.inf, math.inf
+    return Limits(lower, upper, abs(velocity) or math.inf, abs(effort) or math.inf), finding
+
+
+def pinocchio() -> Any:
+    """The Pinocchio module, imported when first needed because that takes 0.3 s."""
+    return importlib.import_module("pinocchio")
+
+
+def build(make: Callable[[], Any], source: str) -> Any:
+    """What `make` makes of a description, with the parser's printed complaints moved into the error.
+
+    Raises:
+        RobotError: The parser refused the description, or complained and left something out.
+    """
+    result, reason = None, ""
+    # urdfdom says what is wrong on the C++ standard error only, and goes on without an inertia it cannot read.
+    with tempfile.TemporaryFile() as said:
+        saved = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            result = make()
+        except (ValueError, RuntimeError) as error:
+            reason = str(error).strip().splitlines()[-1].removeprefix("message:").strip()
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+        said.seek(0)
+        lines = [line.strip() for line in said.read().decode(errors="replace").splitlines()]
+    told = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
+    if result is None or told:
+        raise RobotError(
+            f"{source} is not a description that can be read: {'; '.join(told) or reason}",
+            remedy="correct what the reason names.",
+        )
+    return result
+
+
+def robot_from_model(
+    model: Any,
+    *,
+    name: str,
+    limits: Mapping[str, Limits],
+    source: str,
+    locked: Collection[str],
+    tip: str | None,
+    gravity: ArrayLike = EARTH_GRAVITY,
+    findings: tuple[Finding, ...] = (),
+) -> Robot:
+    """The robot that a Pinocchio model describes; its fixed joints are merged already.
+
+    Args:
+        model: A `pinocchio.Model`.
+        name: Name of the robot.
+        limits: Limits by joint.
+        source: Path of the description.
+        locked: Joints that will be held still; they do not count in the search for the tip.
+        tip: Name of the tip frame; `None` finds it (see `find_tip`).
+        gravity: Acceleration of gravity in the base frame (3,) [m/s²].
+        findings: What was noticed so far.
+
+    Raises:
+        RobotError: No moving joint, a joint of another kind, or no such tip frame.
+    """
+    if model.njoints < 2:
+        raise RobotError(
+            f"{source} has no joint that moves.",
+            remedy="give at least one revolute, continuous or prismatic joint.",
+        )
+    joints = tuple(_joint(model, i, limits, source) for i in range(1, model.njoints))
+    links = tuple(_link(model, i) for i in range(1, model.njoints))
+    frame = find_tip(model, locked) if tip is None else _named_frame(model, tip, source)
+    placement = _placement(frame.placement, f"frame {frame.name!r}", source)
+    return Robot(
+        name,
+        joints,
+        links,
+        Frame(frame.name, frame.parentJoint - 1, placement),
+        np.array(gravity, dtype=np.float64),
+        source=source,
+        findings=findings,
+    )
+
+
+def find_tip(model: Any, locked: Collection[str]) -> Any:
+    """The frame that stands for the tool flange.
+
+    The last moving joint of the longest chain is sought (locked joints do not count; of equally long chains the
+    last one is taken). If something fixed to its link is called tool0 or flange, that is the tip. Otherwise the
+    bodies fixed to the link are followed outwards from the link while one way leads on; where several do, a body
+    on a fixed joint goes before one on a locked joint, and where that does not decide the search stops.
+    """
+    frames = list(model.frames)
+    last = _last_joint(model, locked)
+    fixed, over_locked = _attached(model, locked)
+    joint = next(k for k, f in enumerate(frames) if f.type.name == "JOINT" and f.parentJoint == last)
+    body = next((b for b, f in enumerate(frames) if f.type.name == "BODY" and f.parentFrame == joint), joint)
+    reached, carried = [body], [body]
+    while reached:
+        reached = [b for k in reached for b in fixed[k] + over_locked[k]]
+        carried += reached
+    for wanted in FLANGE_NAMES:
+        for k in carried:
+            if frames[k].name == wanted:
+                return frames[k]
+    onwards = [body]
+    while len(onwards) == 1:
+        body = onwards[0]
+        onwards = fixed[body] if len(fixed[body]) == 1 else fixed[body] + over_locked[body]
+    return frames[body]
+
+
+def _last_joint(model: Any, locked: Collection[str]) -> int:
+    """Index of the last moving joint of the longest chain."""
+    depth = [0] * model.njoints
+    for i in range(1, model.njoints):
+        depth[i] = depth[model.parents[i]] + (model.names[i] not in locked)
+    moving = [i for i in range(1, model.njoints) if model.names[i] not in locked]
+    if not moving:
+        raise RobotError("All joints are locked; nothing moves.", remedy="leave at least one joint free.")
+    return max(moving, key=lambda i: (depth[i], i))
+
+
+def _attached(model: Any, locked: Collection[str]) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
+    """For each frame the bodies next to it over fixed joints, and over locked joints."""
+    frames = list(model.frames)
+    fixed: dict[int, list[int]] = {k: [] for k in range(len(frames))}
+    over_locked: dict[int, list[int]] = {k: [] for k in range(len(frames))}
+    for k, body in enumerate(frames):
+        joint = frames[body.parentFrame]
+        if body.type.name == "BODY" and joint.type.name == "FIXED_JOINT":
+            fixed[joint.parentFrame].append(k)
+        elif body.type.name == "BODY" and joint.type.name == "JOINT" and joint.name in locked:
+            over_locked[joint.parentFrame].append(k)
+    return fixed, over_locked
+
+
+def _named_frame(model: Any, name: str, source: str) -> Any:
+    """The frame of that name, bodies before others."""
+    kinds = {kind: [f for f in model.frames if f.type.name == kind] for kind in ("BODY", "OP_FRAME", "FIXED_JOINT")}
+    for frames in kinds.values():
+        for frame in frames:
+            if frame.name == name:
+                return frame
+    raise RobotError(
+        f"{source} has no frame {name!r} for the tip.",
+        possible=", ".join(f.name for frames in kinds.values() for f in frames if f.name != "universe"),
+    )
+
+
+def _joint(model: Any, i: int, limits: Mapping[str, Limits], source: str) -> Joint:
+    """Joint i of the model."""
+    joint, name = model.joints[i], model.names[i]
+    kind = joint.shortname().removeprefix("JointModel")
+    if kind not in Rotating + Sliding:
+        raise RobotError(
+            f"{source}: joint {name!r} is of kind {kind}, which has other than one degree of freedom.",
+            possible="revolute, continuous, prismatic",
+            remedy=f"lock {name!r}, or replace it by joints of these kinds.",
+        )
+    data = joint.createData()
+    joint.calc(data, pinocchio().neutral(model))
+    subspace = np.asarray(data.S).reshape(6)  # linear part first
+    prismatic = kind in Sliding
+    limit = limits.get(name, Limits())
+    bounded = math.isfinite(limit.lower) or math.isfinite(limit.upper)
+    return Joint(
+        name,
+        "prismatic" if prismatic else "revolute" if bounded else "continuous",
+        int(model.parents[i]) - 1,
+        subspace[:3] if prismatic else subspace[3:],
+        _placement(model.jointPlacements[i], f"joint {name!r}", source),
+        np.array([limit.lower, limit.upper]),
+        limit.velocity,
+        limit.effort,
+    )
+
+
+def _link(model: Any, i: int) -> Link:
+    """Link i: named after the body on the joint, `None` for the inertia where nothing is said."""
+    vector = np.asarray(model.inertias[i].toDynamicParameters())
+    bodies = [
+        f.name
+        for f in model.frames
+        if f.type.name == "BODY" and f.parentJoint == i and model.frames[f.parentFrame].type.name == "JOINT"
+    ]
+    name = bodies[0] if bodies else f"link of {model.names[i]}"
+    return Link(name, InertialParameters.from_vector(vector) if vector.any() else None)
+
+
+def _placement(pose: Any, where: str, source: str) -> Array:
+    """Homogeneous transform of a Pinocchio pose, its rotation checked."""
+    rotation = np.array(pose.rotation)
+    if not np.abs(rotation.T @ rotation - np.eye(3)).max() < ORTHONORMAL_TOLERANCE:
+        raise RobotError(f"{source}: the orientation of {where} is not a rotation.", remedy="correct its angles.")
+    return homogeneous(rotation, np.array(pose.translation))

@@ -1,0 +1,318 @@
+"""Tables of Denavit-Hartenberg parameters in TOML.
+
+A file reads so::
+
+    name = "my-arm"
+    convention = "modified"           # standard, modified or thesis
+    units = "deg"                     # of angles written as plain numbers: rad (default) or deg
+    gravity = [0.0, 0.0, -9.81]       # optional, acceleration in the base frame [m/s²]
+
+    [base]                            # optional: where row 1 starts, in the base frame
+    xyz = [0.0, 0.0, 0.1]
+    rpy = [0, 0, "pi/2"]              # Rz(yaw) Ry(pitch) Rx(roll)
+
+    [[joint]]                         # from the base outwards
+    name = "A1"
+    kind = "revolute"                 # revolute (default), continuous or prismatic
+    alpha = 0                         # the row; what is left out is 0
+    a = 0.0
+    theta = 0
+    d = 0.36
+    position = [-170, 170]            # limits, optional; m, m/s and N for a prismatic joint
+    velocity = 98
+    effort = 176                      # [N·m]
+
+    [joint.inertial]                  # optional: nominal inertia of the link
+    mass = 4.0                        # [kg]
+    com = [0.0, -0.03, 0.12]          # [m], in the row's frame
+    inertia = { xx = 0.1, xy = 0.0, xz = 0.0, yy = 0.09, yz = 0.0, zz = 0.02 }   # [kg·m²] about the centre of mass
+
+    [tip]                             # optional: the flange, in the last row's frame
+    name = "flange"
+    xyz = [0.0, 0.0, 0.045]
+    rpy = [0, 0, 0]
+
+Angles are numbers in `units`, or strings such as "pi/2", "-pi", "3*pi/4", which are radians and stand for the
+exact value. Velocities of turning joints are in `units` per second. A mass without inertia is a point mass.
+
+The conventions, with q added to the angle of a turning joint and to the length d of a sliding one:
+
+=========  ==========================================  =================================
+standard   T = Rz(theta) Tz(d) Tx(a) Rx(alpha)         row i ends in frame i
+modified   T = Rx(alpha) Tx(a) Rz(theta) Tz(d)         alpha and a are those of row i - 1 [Craig]
+thesis     T = Ty(d_y) Tz(d_z) Rz(phi) Rx(theta) Rz(psi)   a sliding joint moves along the new z
+=========  ==========================================  =================================
+
+A link frame of armid has its origin on the joint's axis. For `modified` and `thesis` it is the row's own frame;
+for `standard` it is the row's frame without Tx(a) Rx(alpha), which go to the next row, so that a standard table
+becomes the modified table it equals. Centres of mass and inertias of a standard table are given in the row's own
+frame (where manufacturers publish them) and are carried over.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from armid.errors import Finding, RobotError
+from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotation
+from armid.robot.markup import check_locked
+from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
+from armid.values import Array
+
+__all__ = ["SUFFIXES", "read", "recognises"]
+
+SUFFIXES: tuple[str, ...] = (".toml",)
+
+ROWS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "standard": (("a", "d"), ("alpha", "theta")),
+    "modified": (("a", "d"), ("alpha", "theta")),
+    "thesis": (("d_y", "d_z"), ("phi", "theta", "psi")),
+}
+"""Lengths and angles of a row, by convention."""
+
+TOP = ("name", "convention", "units", "gravity", "base", "joint", "tip")
+JOINT = ("name", "kind", "position", "velocity", "effort", "inertial")
+INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
+
+PI_EXPRESSION = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d+)?)\s*\*\s*)?pi\s*(?:/\s*(\d+(?:\.\d+)?)\s*)?")
+
+
+def recognises(text: str) -> bool:
+    """Whether the text looks like a DH table."""
+    return "[[joint]]" in text
+
+
+def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
+    """The robot of a DH table.
+
+    Args:
+        text: The TOML text.
+        source: Its path or the name of a built-in arm.
+        locked: Joints to be held still; all are still joints of the result.
+        tip: Name of the tip frame: the table's own tip, or a link (`link_1`, …); `None` takes the table's own.
+
+    Raises:
+        RobotError: Not such a table; the message names the key and lists the known ones.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RobotError(f"{source} is not valid TOML: {error}.", remedy="correct the line.") from error
+    top = _Table(document, source)
+    top.only(TOP)
+    convention = top.choice("convention", tuple(ROWS))
+    degrees = top.choice("units", ("rad", "deg"), "rad") == "deg"
+    rows = [
+        _Table(row, f"{source}, joint {k}", degrees) for k, row in enumerate(_tables(document, "joint", source), 1)
+    ]
+    if not rows:
+        raise RobotError(f"{source} has no [[joint]].", remedy="give one for every joint, from the base outwards.")
+    table = [_row(row, convention) for row in rows]
+    check_locked(locked, (row.text("name") for row in rows), source)
+
+    joints: list[Joint] = []
+    links: list[Link] = []
+    findings: list[Finding] = []
+    reached = _pose(document, "base", source, degrees)  # of the row's start in the frame of the joint before
+    for i, (row, (before, after)) in enumerate(zip(rows, table, strict=True)):
+        joints.append(_joint(row, i - 1, reached @ before))
+        inertial = _inertial(row, after, findings)
+        links.append(Link(f"link_{i + 1}", inertial))
+        reached = after
+    last = reached @ _pose(document, "tip", source, degrees)
+    own = Frame(_Table(document.get("tip", {}), f"{source}, [tip]").text("name", "tip"), len(joints) - 1, last)
+    return Robot(
+        top.text("name", source),
+        tuple(joints),
+        tuple(links),
+        _tip(own, links, tip, source),
+        np.array(top.vector("gravity", 3, EARTH_GRAVITY)),
+        source=source,
+        findings=tuple(findings),
+    )
+
+
+def _tip(own: Frame, links: list[Link], name: str | None, source: str) -> Frame:
+    """The table's own tip or the frame of a link."""
+    frames = [own, *(Frame(link.name, i, np.eye(4)) for i, link in enumerate(links))]
+    for frame in frames:
+        if name in (None, frame.name):
+            return frame
+    raise RobotError(f"{source} has no frame {name!r} for the tip.", possible=", ".join(f.name for f in frames))
+
+
+def _row(row: _Table, convention: str) -> tuple[Array, Array]:
+    """Transforms of a row before its link frame and from the link frame to the row's end, each (4, 4)."""
+    lengths, angles = ROWS[convention]
+    row.only((*lengths, *angles, *JOINT))
+    length = {key: row.number(key, 0.0) for key in lengths}
+    angle = {key: row.angle(key) for key in angles}
+    if convention == "thesis":
+        turn = rotation_z(angle["phi"]) @ rotation_x(angle["theta"]) @ rotation_z(angle["psi"])
+        return homogeneous(turn, [0.0, length["d_y"], length["d_z"]]), np.eye(4)
+    along_z = homogeneous(rotation_z(angle["theta"]), [0.0, 0.0, length["d"]])
+    along_x = homogeneous(rotation_x(angle["alpha"]), [length["a"], 0.0, 0.0])
+    return (along_z, along_x) if convention == "standard" else (along_x @ along_z, np.eye(4))
+
+
+def _joint(row: _Table, parent: int, placement: Array) -> Joint:
+    kind = cast("Literal['revolute', 'continuous', 'prismatic']", row.choice("kind", KINDS, "revolute"))
+    turns = kind != "prismatic"
+    position = row.vector("position", 2, (-math.inf, math.inf), angle=turns)
+    name = row.text("name")
+    if position[0] >= position[1]:
+        raise RobotError(f"{row.where}: the limits {row.data['position']} of {name!r} leave no room.")
+    if kind == "continuous" and "position" in row.data:
+        raise RobotError(f"{row.where}: {name!r} is continuous and has position limits.", remedy="call it revolute.")
+    return Joint(
+        name,
+        kind,
+        parent,
+        np.array([0.0, 0.0, 1.0]),
+        placement,
+        np.array(position),
+        row.positive("velocity", angle=turns),
+        row.positive("effort"),
+    )
+
+
+def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialParameters | None:
+    """Inertial parameters in the link frame; the table gives them in the frame where the row ends."""
+    data = row.data.get("inertial")
+    if data is None:
+        return None
+    where = f"{row.where}, inertial"
+    table = _Table(data, where)
+    table.only(("mass", "com", "inertia"))
+    com = np.array(table.vector("com", 3))
+    tensor = np.zeros((3, 3))
+    if "inertia" in table.data:
+        entries = _Table(table.data["inertia"], f"{where}, inertia")
+        entries.only(INERTIA)
+        xx, xy, xz, yy, yz, zz = (entries.number(key) for key in INERTIA)
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    else:
+        findings.append(
+            Finding("inertia-missing", "info", row.text("name"), "no inertia is given; the link is a point mass")
+        )
+    body = InertialParameters.from_com(table.number("mass"), com, tensor)
+    # Untouched where the frames agree, so that the numbers stay those of the file.
+    return body if (to_end == np.eye(4)).all() else body.seen_from(to_end[:3, :3], to_end[:3, 3])
+
+
+def _pose(document: dict[str, Any], key: str, source: str, degrees: bool) -> Array:
+    """Homogeneous transform of [base] or [tip]."""
+    table = _Table(document.get(key, {}), f"{source}, [{key}]", degrees)
+    table.only(("name", "xyz", "rpy") if key == "tip" else ("xyz", "rpy"))
+    rpy = table.vector("rpy", 3, (0.0, 0.0, 0.0), angle=True)
+    return homogeneous(rpy_rotation(rpy), table.vector("xyz", 3, (0.0, 0.0, 0.0)))
+
+
+def _tables(document: dict[str, Any], key: str, source: str) -> list[Any]:
+    rows = document.get(key, [])
+    if not isinstance(rows, list):
+        raise RobotError(f"{source}: {key} must be an array of tables.", remedy=f"write [[{key}]] before each.")
+    return cast("list[Any]", rows)
+
+
+KINDS = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """A TOML table whose entries are checked as they are taken."""
+
+    data: Any
+    where: str
+    degrees: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.data, dict):
+            raise self.wrong("the entry", self.data, "a table")
+
+    def wrong(self, key: str, found: object, wanted: str) -> RobotError:
+        """The error for an entry that is not what it should be."""
+        return RobotError(f"{self.where}: {key} must be {wanted}; found {found!r}.")
+
+    def only(self, known: tuple[str, ...]) -> None:
+        """Refuse keys that are not known."""
+        for key in self.data:
+            if key not in known:
+                close = get_close_matches(key, known, 1)
+                remedy = f"write {close[0]!r}" if close else "remove it"
+                raise RobotError(
+                    f"{self.where}: unknown key {key!r}.", possible=", ".join(known), remedy=f"{remedy}."
+                )
+
+    def need(self, key: str) -> Any:
+        """The entry, refused where missing."""
+        if key not in self.data:
+            raise RobotError(f"{self.where}: {key} is missing.", possible=", ".join(self.data) or "nothing is given")
+        return self.data[key]
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """A string that is not empty."""
+        value = self.data.get(key, default) if default is not None else self.need(key)
+        if not isinstance(value, str) or not value:
+            raise self.wrong(key, value, "a name")
+        return value
+
+    def choice(self, key: str, possible: tuple[str, ...], default: str | None = None) -> str:
+        """One of several words."""
+        value = self.text(key, default)
+        if value not in possible:
+            raise RobotError(f"{self.where}: {key} is {value!r}.", possible=", ".join(possible))
+        return value
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """A finite number."""
+        return self._number(key, self.data.get(key, default) if default is not None else self.need(key))
+
+    def angle(self, key: str) -> float:
+        """An angle [rad], 0 where left out."""
+        return self._angle(key, self.data.get(key, 0.0))
+
+    def positive(self, key: str, *, angle: bool = False) -> float:
+        """A positive limit, infinite where left out."""
+        if key not in self.data:
+            return math.inf
+        value = self._angle(key, self.data[key]) if angle else self.number(key)
+        if value <= 0.0:
+            raise self.wrong(key, self.data[key], "positive")
+        return value
+
+    def vector(
+        self, key: str, length: int, default: tuple[float, ...] | None = None, *, angle: bool = False
+    ) -> tuple[float, ...]:
+        """Several numbers or angles."""
+        if key not in self.data and default is not None:
+            return default
+        value = self.need(key)
+        if not isinstance(value, list) or len(cast("list[Any]", value)) != length:
+            raise self.wrong(key, value, f"a list of {length}")
+        one = self._angle if angle else self._number
+        return tuple(one(key, item) for item in cast("list[Any]", value))
+
+    def _number(self, key: str, value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise self.wrong(key, value, "a finite number")
+        return float(value)
+
+    def _angle(self, key: str, value: object) -> float:
+        if not isinstance(value, str):
+            number = self._number(key, value)
+            return math.radians(number) if self.degrees else number
+        match = PI_EXPRESSION.fullmatch(value)
+        if match is None or (match[3] and float(match[3]) == 0.0):
+            raise self.wrong(key, value, 'an angle: a number, or a multiple of pi such as "-3*pi/4"')
+        sign, factor, divisor = match.groups()
+        magnitude = float(factor or 1.0) * math.pi / (float(divisor) if divisor else 1.0)
+        return -magnitude if sign == "-" else magnitude

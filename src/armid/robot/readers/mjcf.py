@@ -1,0 +1,71 @@
+"""MJCF, brought into a plain form (`armid.robot.mjcf_plain`) and parsed by Pinocchio; meshes are never opened.
+
+Bodies with several hinges or slides become a chain of links of nothing. Limits on effort come from the joint, or
+from the actuator on it. Gravity is what the file says.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from armid.errors import RobotError
+from armid.robot.markup import check_locked, parse_xml, root_tag
+from armid.robot.mjcf_plain import flatten, joint_names, plain_mjcf
+from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
+from armid.robot.robot import Robot
+
+__all__ = ["SUFFIXES", "read", "recognises"]
+
+SUFFIXES: tuple[str, ...] = (".mjcf", ".xml")
+
+
+def recognises(text: str) -> bool:
+    """Whether the text looks like MJCF."""
+    return root_tag(text) == "mujoco"
+
+
+def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
+    """The robot of an MJCF text.
+
+    Args:
+        text: The MJCF.
+        source: Its path; included files are sought beside it, and count for the digest.
+        locked: Joints to be held still, with positions [rad or m]. Those of more than one degree of freedom are
+            left out here; the others are still joints of the result.
+        tip: Name of the body or site that stands for the flange; `None` finds a body (see `find_tip`).
+
+    Raises:
+        RobotError: Not an MJCF, or not a tree of joints with one degree of freedom.
+    """
+    root = parse_xml(text, source)
+    if root.tag != "mujoco":
+        raise RobotError(f"{source} is not an MJCF: its root is <{root.tag}>, not <mujoco>.")
+    included = root.find(".//include") is not None
+    root = flatten(root, source)
+    check_locked(locked, joint_names(root), source)
+    plain = plain_mjcf(root, source, locked)
+
+    def make() -> object:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "plain.xml"
+            path.write_text(plain.text, encoding="utf-8")
+            return pinocchio().buildModelFromMJCF(str(path))
+
+    robot = robot_from_model(
+        build(make, source),
+        name=root.get("model") or "robot",
+        limits=plain.limits,
+        source=source,
+        locked=locked,
+        tip=tip,
+        gravity=plain.gravity,
+        findings=plain.findings,
+    )
+    if not included:
+        return robot
+    return replace(robot, sha256=hashlib.sha256(ET.tostring(root)).hexdigest())

@@ -1,0 +1,135 @@
+"""URDF, parsed by Pinocchio; meshes are never opened.
+
+Joint kinds, mimic tags, axes and limits are checked first, because urdfdom passes over some faults and
+reports others without saying where. Fixed joints are merged into the link that carries them.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+
+from armid.errors import Finding, RobotError
+from armid.robot.markup import check_locked, identity_only, numbers, parse_xml, root_tag
+from armid.robot.pinocchio_model import Limits, build, limits_of, pinocchio, robot_from_model
+from armid.robot.robot import Robot
+
+__all__ = ["SUFFIXES", "read", "recognises"]
+
+SUFFIXES: tuple[str, ...] = (".urdf", ".xml")
+
+ONE_DEGREE = ("revolute", "continuous", "prismatic")
+REFUSED = ("floating", "planar", "spherical", "ball")
+
+
+def recognises(text: str) -> bool:
+    """Whether the text looks like a URDF."""
+    return root_tag(text) == "robot"
+
+
+def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
+    """The robot of a URDF text.
+
+    Args:
+        text: The URDF.
+        source: Its path.
+        locked: Joints to be held still, with positions [rad or m]. Those of more than one degree of freedom are
+            made fixed here; the others are still joints of the result.
+        tip: Name of the link that stands for the flange; `None` finds it (see `find_tip`).
+
+    Raises:
+        RobotError: Not a URDF, or not a tree of joints with one degree of freedom.
+    """
+    root = parse_xml(text, source)
+    if root.tag != "robot":
+        raise RobotError(f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.")
+    if any("ros.org/wiki/xacro" in element.tag for element in root.iter()):
+        raise RobotError(
+            f"{source} holds unexpanded xacro.", remedy="give the file the ending .xacro, or expand it with xacro."
+        )
+    moving = [joint.get("name", "") for joint in _joints(root) if joint.get("type") != "fixed"]
+    check_locked(locked, moving, source)
+    limits: dict[str, Limits] = {}
+    findings: list[Finding] = []
+    for joint in _joints(root):
+        limit, finding = _prepare(joint, locked, source)
+        limits[joint.get("name", "")] = limit
+        if finding is not None:
+            findings.append(finding)
+    for link in root.iter("link"):
+        for drawn in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(drawn)
+
+    return robot_from_model(
+        build(lambda: pinocchio().buildModelFromXML(ET.tostring(root, encoding="unicode")), source),
+        name=root.get("name") or "robot",
+        limits=limits,
+        source=source,
+        locked=locked,
+        tip=tip,
+        findings=tuple(findings),
+    )
+
+
+def _joints(root: ET.Element) -> list[ET.Element]:
+    """The joints themselves, not those that transmissions mention."""
+    return root.findall("joint")
+
+
+def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tuple[Limits, Finding | None]:
+    """Check a joint, make it such that urdfdom accepts it, and return its limits."""
+    name, kind = joint.get("name", ""), joint.get("type", "")
+    if kind in REFUSED and name in locked:
+        identity_only(name, kind, locked[name])
+        kind = "fixed"
+        joint.set("type", kind)
+    if kind == "fixed":
+        return Limits(), None
+    if kind not in ONE_DEGREE:
+        raise RobotError(
+            f"{source}: joint {name!r} is of kind {kind!r}.",
+            possible=", ".join((*ONE_DEGREE, "fixed")),
+            remedy=f"lock {name!r}, or replace it by joints of these kinds.",
+        )
+    _check_mimic(joint, locked, source)
+    axis = joint.find("axis")
+    if axis is not None and not any(numbers(axis, "xyz", 3, source, f"the axis of joint {name!r}") or [1.0]):
+        raise RobotError(f"{source}: joint {name!r} has an axis of zero length.", remedy="give its direction.")
+    return _read_limit(joint, kind, source)
+
+
+def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) -> None:
+    """Refuse a joint that follows another one, unless it is locked; then forget what it follows."""
+    name, mimic = joint.get("name", ""), joint.find("mimic")
+    if mimic is None:
+        return
+    if name not in locked:
+        leader = mimic.get("joint")
+        raise RobotError(
+            f"{source}: joint {name!r} is of kind mimic: it follows {leader!r} and is no freedom of its own.",
+            remedy=f"lock {name!r} (and {leader!r} if it should not move either), or remove <mimic>.",
+        )
+    joint.remove(mimic)
+
+
+def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[Limits, Finding | None]:
+    """Limits of a joint; leaves behind a <limit> that urdfdom accepts."""
+    name, limit = joint.get("name", ""), joint.find("limit")
+    where = f"the limit of joint {name!r}"
+    values = {key: numbers(limit, key, 1, source, where) if limit is not None else None for key in LIMIT_KEYS}
+    lower, upper, velocity, effort = ((values[key] or [0.0])[0] for key in LIMIT_KEYS)
+    stated = values["lower"] is not None or values["upper"] is not None
+    found = limits_of(
+        name,
+        position=(lower, upper) if stated and kind != "continuous" else None,
+        velocity=velocity,
+        effort=effort,
+        turns=kind != "prismatic",
+    )
+    if limit is None:
+        limit = ET.SubElement(joint, "limit")
+    limit.attrib.update(dict.fromkeys(LIMIT_KEYS, "0"))
+    return found
+
+
+LIMIT_KEYS = ("lower", "upper", "velocity", "effort")

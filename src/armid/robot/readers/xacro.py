@@ -1,0 +1,79 @@
+"""Xacro: expanded by xacrodoc, then read as URDF.
+
+The digest is that of the expanded text, since included files shape the robot too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from xml.parsers.expat import ExpatError
+
+from armid.errors import MissingExtraError, RobotError
+from armid.robot.markup import parse_xml, root_tag
+from armid.robot.readers import urdf
+from armid.robot.robot import Robot
+
+__all__ = ["SUFFIXES", "expand", "read", "recognises"]
+
+SUFFIXES: tuple[str, ...] = (".xacro",)
+
+
+def recognises(text: str) -> bool:
+    """Whether the text looks like xacro."""
+    return root_tag(text) == "robot" and "ros.org/wiki/xacro" in text
+
+
+def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
+    """The robot of a xacro text; arguments keep their defaults.
+
+    Args:
+        text: The xacro.
+        source: Its path; packages named by $(find …) are sought in the folders above it.
+        locked: Joints to be held still, with positions [rad or m].
+        tip: Name of the link that stands for the flange; `None` finds it.
+
+    Raises:
+        MissingExtraError: xacrodoc is not installed.
+        RobotError: It cannot be expanded, or is no robot once expanded.
+    """
+    expanded = expand(text, source)
+    robot = urdf.read(expanded, source=source, locked=locked, tip=tip)
+    return replace(robot, sha256=hashlib.sha256(expanded.encode()).hexdigest())
+
+
+def expand(text: str, source: str) -> str:
+    """The URDF text that a xacro text stands for.
+
+    Raises:
+        MissingExtraError: xacrodoc is not installed.
+        RobotError: It cannot be expanded.
+    """
+    try:
+        import xacro
+        import xacrodoc
+        from xacro.substitution_args import SubstitutionException
+    except ImportError as error:
+        raise MissingExtraError("xacrodoc", f"Reading {source}", "xacro") from error
+    parse_xml(text, source)
+    xacrodoc.packages.walk_up_from(source)
+    faults = (
+        xacro.XacroException,
+        SubstitutionException,
+        xacrodoc.packages.PackageNotFoundError,
+        OSError,
+        ValueError,
+        ExpatError,
+    )
+    try:
+        # xacro resolves relative includes against the file at the bottom of a stack that it keeps in a global.
+        xacro.init_stacks(str(Path(source).resolve()))
+        document = xacrodoc.XacroDoc.from_string(text, resolve_packages=False)
+        return document.dom.toxml()
+    except faults as error:
+        raise RobotError(
+            f"{source} cannot be expanded by xacro: {' '.join(str(error).split())}",
+            remedy="expand it where its packages are found and give the URDF.",
+        ) from error
