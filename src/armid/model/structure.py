@@ -1,0 +1,219 @@
+"""Which combinations of inertial parameters the torques of a tree can show, from its geometry alone.
+
+Torque is zero for all motions exactly when the kinetic energy is zero and the potential energy constant for all
+q, q̇. Both are linear in the parameters, and seen from link i they are functionals on R¹⁰ [Wensing2024]: ½ vᵀ I v
+for an attainable velocity v, and g·h for an attainable direction of gravity g. Let W_p be the span of those that
+the parent can attain, V_p the span of its velocities, S the axis of the joint, X(q) and K(q) what the joint does
+to velocities and to parameters (π_parent = K π). With v_i = X v_p + S q̇_i, joint i then sees of its link
+
+    SᵀI S,   SᵀI X(q) v  for v in V_p,   and all of w K(q), w in W_p, that varies with q.
+
+What it does not see cannot be told from a change of the parent link, and is moved there: π_parent += K(0) π. Since
+K and X are polynomials in cos q and sin q (or in q), "for all q" is a statement on finitely many coefficients.
+Attainable velocities are a union of subspaces, not one; spans suffice because every condition is linear in w or v.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.kernel.tree import Tree
+from armid.maths.inertia import pseudo_inertia, spatial_inertia, vector_from_pseudo_inertia
+from armid.maths.spatial import homogeneous, skew
+from armid.values import Array
+
+__all__ = [
+    "COEFFICIENT_FLOOR",
+    "PREFERRED_DISTANCE",
+    "SPAN_TOLERANCE",
+    "clean",
+    "echelon",
+    "parameter_units",
+    "structural_base",
+]
+
+SPAN_TOLERANCE = 1e-9
+"""Directions of a span below this size, in the arm's own unit of length, are rounding. Geometry is exact to 1e-16;
+a direction that enters with size s carries relative rounding 1e-16/s into the next joint, so features of a
+millionth of the arm still leave three orders of margin."""
+
+PREFERRED_DISTANCE = 1e-4
+"""How far a column should stand off the earlier ones to be kept before later ones: small offsets of real arms, a
+hundredth of the unit of length or more, enter squared."""
+
+COEFFICIENT_FLOOR = 1e-12
+"""Coefficients of the regrouping below this, in the arm's own unit of length, are rounding."""
+
+_BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
+_PSEUDO = pseudo_inertia(np.eye(10))
+
+# Fourier coefficients (1, cos, sin, cos 2q, sin 2q) of the products of 1, cos q, sin q in this order of pairs:
+# 1·1, 1·cos, 1·sin, cos·cos, cos·sin, sin·sin. Powers of a prismatic q are independent as they stand.
+_FOURIER = np.array(
+    [
+        [1.0, 0.0, 0.0, 0.5, 0.0, 0.5],
+        [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.5, 0.0, -0.5],
+        [0.0, 0.0, 0.0, 0.0, 0.5, 0.0],
+    ]
+)
+
+
+def structural_base(tree: Tree) -> tuple[NDArray[np.intp], Array]:
+    """Base parameters of the rigid bodies of a tree.
+
+    Returns:
+        Positions of the kept parameters among the 10 n, shape (b,): from base to tip, the earliest that are
+        independent; and the regrouping (b, 10 n) with base = regrouping · standard.
+    """
+    length = _unit_of_length(tree)
+    joints = [_joint(tree, i, length) for i in range(tree.n)]
+    reduced = [echelon(C, SPAN_TOLERANCE) for C in _conditions(tree, joints)]
+    # What each link has to show: its own parameters and what its children could not see of theirs.
+    seen = np.eye(10 * tree.n).reshape(tree.n, 10, 10 * tree.n)
+    for i in range(tree.n - 1, -1, -1):
+        if tree.parent[i] >= 0:
+            kept, E = reduced[i]
+            unseen = seen[i].copy()
+            unseen[kept] -= E @ seen[i]
+            seen[tree.parent[i]] += joints[i].parameters_at_zero @ unseen
+    columns = np.concatenate([10 * i + kept for i, (kept, _) in enumerate(reduced)])
+    regrouping = np.vstack([E @ rows for (_, E), rows in zip(reduced, seen, strict=True)])
+    units = parameter_units(tree)
+    return columns, clean(regrouping) * units[columns, None] / units
+
+
+def parameter_units(tree: Tree) -> Array:
+    """Units 1, l, l² of mass, first moments and inertias (10 n,) that go with the arm's own unit of length l."""
+    length = _unit_of_length(tree)
+    return np.tile(np.repeat([1.0, length, length**2], [1, 3, 6]), tree.n)
+
+
+def echelon(matrix: Array, tolerance: float) -> tuple[NDArray[np.intp], Array]:
+    """Earliest independent columns and all columns in terms of them.
+
+    A column that stands off the earlier ones by less than `PREFERRED_DISTANCE` is passed over as long as later
+    ones complete the span, since it would bring enormous coefficients.
+
+    Args:
+        matrix: Shape (m, c), entries of the order of one.
+        tolerance: A column is dependent when its distance to the span of the kept ones is at most this.
+
+    Returns:
+        Kept columns (r,) and E (r, c) with matrix = matrix[:, kept] · E and E[:, kept] the identity.
+    """
+    rows, count = matrix.shape
+    basis = np.zeros((min(rows, count), rows))
+    kept: list[int] = []
+    for least in (max(tolerance, PREFERRED_DISTANCE), tolerance):
+        for j in range(count):
+            rest = matrix[:, j].copy()
+            for _ in range(2):  # twice is enough for orthogonality to rounding
+                rest -= (basis[: len(kept)] @ rest) @ basis[: len(kept)]
+            distance = float(np.linalg.norm(rest))
+            if distance > least and len(kept) < len(basis):
+                basis[len(kept)] = rest / distance
+                kept.append(j)
+    kept.sort()
+    Q = basis[: len(kept)]
+    E = np.empty((len(kept), count))
+    E[:] = np.linalg.solve(Q @ matrix[:, kept], Q @ matrix)
+    E[:, kept] = np.eye(len(kept))
+    return np.array(kept, dtype=np.intp), clean(E)
+
+
+def clean(matrix: Array, floor: float = COEFFICIENT_FLOOR) -> Array:
+    """The matrix with entries that are only rounding set to zero; rows with entries above 100 carry more of it."""
+    largest = np.abs(matrix).max(axis=1, keepdims=True, initial=100.0)
+    return np.where(np.abs(matrix) < floor * largest / 100.0, 0.0, matrix)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Joint:
+    """A joint as polynomial in cos q and sin q, or in q: one coefficient each, the constant one first."""
+
+    subspace: Array  # (6,)
+    velocities: Array  # X, (h, 6, 6), parent to link
+    parameters: Array  # K, (k, 10, 10), link to parent
+    parameters_at_zero: Array  # (10, 10)
+
+
+def _conditions(tree: Tree, joints: list[_Joint]) -> list[Array]:
+    """For each link the functionals (r_i, 10), orthonormal, of what its joint sees of it and of all it carries."""
+    nothing = np.zeros((0, 6))
+    weight = np.zeros((1, 10))
+    if tree.gravity.any():
+        weight[0, 1:4] = tree.gravity / np.linalg.norm(tree.gravity)
+    velocities: list[Array] = []
+    functionals: list[Array] = []
+    result: list[Array] = []
+    for joint, parent in zip(joints, tree.parent, strict=True):
+        V, W = (velocities[parent], functionals[parent]) if parent >= 0 else (nothing, weight)
+        S = joint.subspace
+        carried = np.concatenate([V @ X.T for X in joint.velocities])
+        own = np.einsum("a,kab,b->k", S, _BODIES, S)
+        crossed = np.einsum("a,kab,vb->vk", S, _BODIES, carried)
+        constant, *varying = (W @ K for K in joint.parameters)
+        seen = _span(np.vstack([own, crossed, *varying]))
+        result.append(seen)
+        velocities.append(_span(np.vstack([carried, S])))
+        functionals.append(_span(np.vstack([constant, seen])))
+    return result
+
+
+def _span(rows: Array) -> Array:
+    """Orthonormal rows with the same span."""
+    _, sizes, directions = np.linalg.svd(rows, full_matrices=False)
+    return directions[sizes > SPAN_TOLERANCE]
+
+
+def _joint(tree: Tree, i: int, length: float) -> _Joint:
+    """Polynomials of joint i in the arm's unit of length."""
+    R, p, a = tree.rotation[i], tree.translation[i] / length, tree.axis[i]
+    placed = homogeneous(R, p)
+    if tree.prismatic[i]:
+        powers = [placed, placed @ _block(np.zeros((3, 3)), a)]
+        velocities = [_velocity_map(R, R.T @ skew(p)), _velocity_map(np.zeros((3, 3)), R.T @ skew(R @ a))]
+        subspace = np.concatenate([np.zeros(3), a])
+        parameters = np.array(_products(powers))
+    else:
+        # Rodrigues: aaᵀ + cos q (1 - aaᵀ) + sin q S(a)
+        turns = [np.outer(a, a), np.eye(3) - np.outer(a, a), skew(a)]
+        powers = [placed @ _block(turn, np.zeros(3)) for turn in turns]
+        powers[0][:3, 3], powers[0][3, 3] = p, 1.0
+        velocities = [_velocity_map(R @ turn, (R @ turn).T @ skew(p)) for turn in turns]
+        subspace = np.concatenate([a, np.zeros(3)])
+        parameters = np.einsum("hk,kab->hab", _FOURIER, _products(powers))
+    return _Joint(subspace, np.array(velocities), parameters, _products([placed])[0])
+
+
+def _products(powers: list[Array]) -> list[Array]:
+    """Maps of parameters (10, 10) that belong to the pairs of coefficients of T in J' = T J Tᵀ."""
+    result: list[Array] = []
+    for T, U in combinations_with_replacement(powers, 2):
+        moved = T @ _PSEUDO @ U.T
+        if T is not U:
+            moved = moved + np.swapaxes(moved, 1, 2)
+        result.append(vector_from_pseudo_inertia(moved).T)
+    return result
+
+
+def _velocity_map(rotation: Array, shifted: Array) -> Array:
+    """[[Rᵀ, 0], [-RᵀS(p), Rᵀ]] from R and RᵀS(p): spatial velocity seen from a frame at R, p."""
+    return np.block([[rotation.T, np.zeros((3, 3))], [-shifted, rotation.T]])
+
+
+def _block(rotation: Array, translation: Array) -> Array:
+    """A 4 x 4 coefficient of a transform: rotation and translation without the one in the corner."""
+    return np.block([[rotation, translation[:, None]], [np.zeros((1, 4))]])
+
+
+def _unit_of_length(tree: Tree) -> float:
+    """The power of two just above the longest offset, so that dividing by it is exact [m]."""
+    longest = float(np.abs(tree.translation).max())
+    return float(2.0 ** np.ceil(np.log2(longest))) if longest > 0.0 else 1.0
