@@ -1,1 +1,55 @@
 """Readers of recordings, one format a file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+from armid.errors import RecordingError
+from armid.measurement.readers import bag, csv, mat, npz, parquet
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.values import sha256_of_file
+
+__all__ = ["READERS", "Reader", "load_recording"]
+
+
+class Reader(Protocol):
+    """What a reader module offers."""
+
+    SUFFIXES: tuple[str, ...]
+    """Endings of the file names it reads, lower case, with the dot."""
+
+    @staticmethod
+    def read(path: Path, reading: Reading) -> Recording:
+        """Read one file; source and sha256 are filled in afterwards."""
+        ...
+
+
+READERS: tuple[Reader, ...] = (csv, parquet, npz, mat, bag)
+"""The catalogue: a new format is a module here and a word in this line."""
+
+
+def load_recording(path: Path | str, reading: Reading | None = None) -> Recording:
+    """Read a recording as the file says it; `interpret` puts it in the robot's terms.
+
+    Args:
+        path: A file in one of the known formats; its suffix says which.
+        reading: How to read it.
+
+    Raises:
+        RecordingError: The file is missing, empty, damaged, of an unknown format, or lacks a column.
+        MissingExtraError: The format needs a package that is not installed.
+    """
+    path = Path(path)
+    known = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}
+    reader = known.get(path.suffix.lower())
+    if reader is None:
+        raise RecordingError(f"{path} is of an unknown format.", possible=", ".join(known))
+    if not path.is_file():
+        raise RecordingError(f"{path} does not exist.", remedy="check the path; a study's paths are relative to it.")
+    if not path.stat().st_size:
+        raise RecordingError(f"{path} is empty.", remedy="record again; nothing was written.")
+    recording = reader.read(path, reading or Reading())
+    return replace(recording, source=str(path), sha256=sha256_of_file(path))

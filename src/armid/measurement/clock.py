@@ -1,0 +1,259 @@
+"""From a recording's clock to contiguous stretches at an even rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding, RecordingError
+from armid.maths.sampling import resample
+from armid.measurement.recording import Recording
+from armid.values import Array
+
+__all__ = ["Stretch", "evened", "gather", "is_even", "jitter", "stretches", "uniform"]
+
+GAP_STEPS = 2.5
+"""A step of so many median steps is a gap: two lost samples in a row, beyond the jitter of a log."""
+
+GAP_PERIODS = 0.1
+"""But a step is no gap while it is shorter than this share of a period of the cut-off: a cubic spline through ten
+points a period errs by 4e-4 of an amplitude at the cut-off, less below."""
+
+JITTER = 0.05
+"""Standard deviation of the clock from an even grid, in steps, from which samples are moved to an even grid. Below
+it moving them changes a position by less than what an arm turns in a twentieth of a step."""
+
+ASTRAY = 0.5
+"""Steps by which any one sample may be off an even grid: a sample lost near an end hardly shows in `JITTER`."""
+
+WHOLE = 0.05
+"""Samples by which all periods together may miss a whole number of samples before they are moved; as `JITTER`."""
+
+DIGITS = 10
+"""Significant digits of a mean rate; more are rounding of the clock, and an hour drifts by less than 1e-6 s."""
+
+CONTINUED = 3
+"""Samples by which a repeating motion is continued before it is moved to an even grid: one to reach, two so that
+the spline has its support on both sides."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Stretch:
+    """Samples that follow each other without a gap.
+
+    Attributes:
+        time: Shape (N,) [s].
+        rate: Samples a second, on average [Hz].
+        q: Positions, shape (N, n).
+        dq: Velocities, where recorded.
+        ddq: Accelerations, where recorded.
+        effort: Torque, shape (N, n).
+        bad: Samples that must not count, shape (N, n).
+    """
+
+    time: Array
+    rate: float
+    q: Array
+    dq: Array | None
+    ddq: Array | None
+    effort: Array
+    bad: NDArray[np.bool_]
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N."""
+        return len(self.time)
+
+    def changed(
+        self,
+        signals: Callable[[Array], Array],
+        time: Array,
+        rate: float,
+        bad: Callable[[NDArray[np.bool_]], NDArray[np.bool_]],
+    ) -> Stretch:
+        """The same change made to every signal."""
+        dq = None if self.dq is None else signals(self.dq)
+        ddq = None if self.ddq is None else signals(self.ddq)
+        return Stretch(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
+
+    def cut(self, first: int, stop: int) -> Stretch:
+        """Samples `first` to `stop` - 1."""
+        rows = slice(first, stop)
+        return self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
+
+
+def jitter(time: Array) -> float:
+    """Standard deviation of a clock from an even grid, in steps."""
+    return float(np.std(_unevenness(time)))
+
+
+def is_even(time: Array) -> bool:
+    """Whether samples may be taken as evenly spaced."""
+    off = _unevenness(time)
+    return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
+
+
+def _unevenness(time: Array) -> Array:
+    """Distance of each sample from the even grid that fits best, in steps, shape (N,)."""
+    if len(time) < 3:
+        return np.zeros(len(time))
+    index = np.arange(len(time)) - (len(time) - 1) / 2
+    centred = time - time.mean()
+    step = float(index @ centred / (index @ index))
+    return (centred - step * index) / step
+
+
+def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch], list[Finding]]:
+    """Cut a recording at the gaps of its clock.
+
+    Samples that are not finite, and a few in succession that count for no joint, are taken as missing: they are no
+    gap while the step across them is short.
+
+    Args:
+        recording: In robot order, SI units, joint side; rows follow each other in time.
+        cutoff: Highest cut-off that will be used [Hz]; `None` if nothing is filtered.
+
+    Raises:
+        RecordingError: No clock and no rate, no effort, a value that counts is not finite, a clock that stands or
+            runs backwards, or fewer than two samples.
+    """
+    whole, median = gather(recording)
+    longest = max(GAP_STEPS * median, GAP_PERIODS / cutoff if cutoff else 0.0)
+    whole = _without_specks(whole, longest)
+    steps = np.diff(whole.time)
+    borders = [0, *(np.flatnonzero(steps > longest) + 1).tolist(), whole.samples]
+    pieces = [whole.cut(first, stop) for first, stop in pairwise(borders)]
+    findings = [
+        Finding(
+            "clock-gap",
+            "warning",
+            recording.source,
+            f"{steps[border - 1]:.3g} s without a sample after t = {whole.time[border - 1]:.6g} s, "
+            f"{steps[border - 1] / median:.1f} median steps.",
+            "The run was split there; nothing is filtered across the gap.",
+        )
+        for border in borders[1:-1]
+    ]
+    return [replace(piece, rate=_mean_rate(piece.time, median)) for piece in pieces], findings
+
+
+def _without_specks(whole: Stretch, longest: float) -> Stretch:
+    """The samples without those that count for no joint, where the step across them stays short."""
+    spoilt = whole.bad.all(axis=1)
+    if not spoilt.any() or spoilt.all():
+        return whole
+    good = np.flatnonzero(~spoilt)
+    after = np.searchsorted(good, np.arange(whole.samples))  # first good sample from each one on
+    inside = spoilt & (after > 0) & (after < len(good))
+    last, following = good[np.maximum(after - 1, 0)], good[np.minimum(after, len(good) - 1)]
+    keep = ~(inside & (whole.time[following] - whole.time[last] <= longest))
+    return whole.changed(lambda x: x[keep], whole.time[keep], whole.rate, lambda bad: bad[keep])
+
+
+def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]:
+    """All samples with finite values as one stretch, and the median step of its clock.
+
+    Args:
+        recording: In robot order, SI units, joint side.
+        clock: Whether there must be one; without it the rows are counted instead.
+    """
+    name = recording.source or "The recording"
+    if recording.effort is None:
+        raise RecordingError(f"{name} holds no effort.", remedy="name its columns under columns.effort.")
+    counted = np.arange(recording.samples) / (recording.rate or 1.0)
+    if not clock:
+        time = np.arange(float(recording.samples))
+    elif recording.time is None and recording.rate is None:
+        raise RecordingError(
+            f"{name} has no clock, and its rate is not given.",
+            possible="a time column, or rate = 100.0 (Hz) with the recording",
+            remedy="give the rate; or consecutive = false if its rows are separate samples.",
+        )
+    else:
+        time = counted if recording.time is None else recording.time
+    signals = [x for x in (recording.q, recording.dq, recording.ddq, recording.effort) if x is not None]
+    present = np.isfinite(time) & np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in signals])
+    lost = ~present & recording.valid.any(axis=1)
+    if lost.any() or present.sum() < 2:
+        raise RecordingError(
+            f"{name}: {int(present.sum())} of {recording.samples} samples are finite; the first that is not and "
+            f"is not excluded is sample {int(np.argmax(lost))}.",
+            possible="at least two samples, all of them finite",
+            remedy="remove these samples, or exclude their interval with the recording.",
+        )
+    stretch = Stretch(time, 1.0, recording.q, recording.dq, recording.ddq, recording.effort, ~recording.valid)
+    if not present.all():
+        stretch = stretch.changed(lambda x: x[present], time[present], 1.0, lambda bad: bad[present])
+    return stretch, _median_step(stretch.time, name)
+
+
+def _median_step(time: Array, name: str) -> float:
+    steps = np.diff(time)
+    if not (steps > 0).all():
+        sample = int(np.argmin(steps > 0))
+        raise RecordingError(
+            f"{name}: time does not increase from t = {time[sample]:.9g} s (sample {sample}) to "
+            f"t = {time[sample + 1]:.9g} s.",
+            remedy="remove the samples out of order; if the clock is too coarse for its rate, leave the time "
+            "column out and give the rate.",
+        )
+    return float(np.median(steps))
+
+
+def _mean_rate(time: Array, step: float) -> float:
+    """Samples a second of a clock [Hz], free of the rounding of its time stamps."""
+    mean = (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else 1.0 / step
+    return float(f"{mean:.{DIGITS}g}")
+
+
+def evened(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> Stretch:
+    """The stretch itself where its clock is even enough, else on an even grid that suits the output rows.
+
+    Args:
+        stretch: With time stamps at any distance.
+        span: Period that must be a whole number of samples [s], if any.
+        rows: Output rows a second [Hz], of which the new rate is a multiple; 0 for none.
+        each: Periods are taken one by one, so that a fraction of a sample may be lost between them.
+    """
+    missed = 0.0
+    if span is not None:
+        samples = span * stretch.rate
+        missed = abs(samples - round(samples)) * (1.0 if each else max(1.0, stretch.samples / samples))
+    if is_even(stretch.time) and missed <= WHOLE:
+        return stretch
+    length = 1.0 if span is None else span
+    unit = 1.0 if span is not None else 0.0  # samples that the new rate must be a multiple of, in each span
+    if rows:
+        unit = rows if span is None else float(max(1, round(span * rows)))
+    wanted = stretch.rate * length
+    wanted = unit * np.ceil(wanted / unit * (1.0 - 1e-9)) if unit else wanted
+    return uniform(stretch, float(wanted) / length, span)
+
+
+def uniform(stretch: Stretch, rate: float, period: float | None = None) -> Stretch:
+    """The stretch on an even grid that begins with its first sample; one beside a bad sample is bad.
+
+    Args:
+        stretch: With time stamps at any distance.
+        rate: Of the even grid [Hz].
+        period: If the motion repeats, the grid goes on for the step that follows the last sample, which is read
+            from the samples one period earlier [s].
+    """
+    time, end = stretch.time, float(stretch.time[-1])
+    order = np.arange(len(time))
+    if period is not None:
+        again = np.searchsorted(time, end - period, side="right") + np.arange(CONTINUED)
+        order = np.append(order, again[again < len(time)])
+        time = np.append(time, stretch.time[order[len(time) :]] + period)
+        end = min(end + (1.0 - 1e-9) / stretch.rate, float(time[-1]))
+    grid = time[0] + np.arange(int((end - time[0]) * rate * (1 + 1e-12)) + 1) / rate
+    before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
+
+    def bad(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return flags[order[before]] | flags[order[before + 1]]
+
+    return stretch.changed(lambda x: resample(time, x[order], grid), grid, rate, bad)

@@ -1,0 +1,255 @@
+"""From what was measured to the robot's terms: its joints, SI units, the joint side, the URDF's signs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding, RecordingError
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.measurement.settle import fault, settle
+from armid.robot.robot import Robot
+from armid.values import Array
+
+__all__ = ["Interpreted", "interpret"]
+
+WRAP_TOLERANCE = 0.5
+"""How far a jump may be from whole turns to count as wrapping [rad]: what a joint turns from sample to sample,
+also over a short gap. Where a channel's typical step is larger than this, jumps tell nothing."""
+
+FAR = 0.5
+"""How far outside its limits a joint must be, relative to their span, to show more than a loose limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interpreted:
+    """A recording in the robot's terms.
+
+    Attributes:
+        recording: Joints in the robot's order, SI units, joint side, signs of the URDF.
+        findings: What was noticed on the way.
+    """
+
+    recording: Recording
+    findings: tuple[Finding, ...] = ()
+
+
+def interpret(recording: Recording, reading: Reading, robot: Robot) -> Interpreted:
+    """Put a recording in the robot's terms, or say why it cannot be.
+
+    Args:
+        recording: As a reader gave it.
+        reading: How to read it.
+        robot: The arm that was recorded.
+
+    Raises:
+        RecordingError: Joints that do not match, NaN, a dead channel, no clock and no rate, a clock that runs
+            backwards, degrees taken for radians, currents without gains, hardly any samples.
+    """
+    _check_lengths(reading, robot)
+    recording = _in_joint_order(recording, reading, robot)
+    recording, findings = settle(recording, reading)
+    standing = _check_channels(recording)
+    _check_gains(recording, reading)
+    recording, wrapped = _on_joint_side(recording, reading, robot)
+    offset = _check_limits(recording, reading, robot)
+    return Interpreted(recording, (*findings, *standing, *wrapped, *offset))
+
+
+def _check_lengths(reading: Reading, robot: Robot) -> None:
+    for name in ("torque_sign", "drive_gain", "drive_gain_deviation", "transmission", "joint_offset"):
+        shape = np.shape(getattr(reading, name))
+        fits = shape in ((), (robot.n,), (robot.n, robot.n))
+        if not fits and not (shape == (1,) and name in ("torque_sign", "drive_gain_deviation")):
+            raise RecordingError(
+                f"{name} has {shape[0]} entries; {robot.name} has {robot.n} joints.",
+                possible=", ".join(robot.joint_names),
+                remedy="give one for each joint, in the robot's order.",
+            )
+
+
+def _in_joint_order(recording: Recording, reading: Reading, robot: Robot) -> Recording:
+    """Channels renamed, unwanted ones left out, the rest in the robot's order."""
+    given = reading.joint_map
+    channels = recording.channels
+    unknown = [name for name in given if name not in channels]
+    if unknown:
+        raise RecordingError(
+            f"{recording.source}: joints names channels that are not there: {', '.join(unknown)}.",
+            possible=", ".join(channels),
+        )
+    if recording.joint_names or given:
+        targets = [given.get(name, name if recording.joint_names else "?") for name in channels]
+    elif recording.n == robot.n:
+        targets = list(robot.joint_names)
+    else:
+        raise RecordingError(
+            f"{recording.source} has {recording.n} channels; {robot.name} has {robot.n} joints: "
+            f"{', '.join(robot.joint_names)}.",
+            remedy='lock the joints that were not recorded, or say whose the channels are: joints = ["…", …], '
+            "with an empty name for a channel to leave out.",
+        )
+    missing = [name for name in robot.joint_names if name not in targets]
+    extra = [channels[i] for i, name in enumerate(targets) if name and name not in robot.joint_names]
+    twice = sorted({name for name in targets if name in robot.joint_names and targets.count(name) > 1})
+    if missing or extra or twice:
+        parts = [
+            f"{what}: {', '.join(x)}" for what, x in (("missing", missing), ("extra", extra), ("twice", twice)) if x
+        ]
+        raise RecordingError(
+            f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).",
+            possible=f"joints {', '.join(robot.joint_names)}; channels {', '.join(channels)}",
+            remedy="rename with joints = { file name = robot joint }, give a channel to leave out the empty name, "
+            "and lock joints that were not recorded.",
+        )
+    order = [targets.index(name) for name in robot.joint_names]
+
+    def ordered(values: Array | None) -> Array | None:
+        return None if values is None else values[:, order]
+
+    return replace(
+        recording,
+        q=recording.q[:, order],
+        dq=ordered(recording.dq),
+        ddq=ordered(recording.ddq),
+        effort=ordered(recording.effort),
+        valid=recording.valid[:, order],
+        joint_names=robot.joint_names,
+    )
+
+
+def _check_channels(recording: Recording) -> tuple[Finding, ...]:
+    """Refuse channels that carry no signal; note joints that stand still."""
+    still = np.ptp(recording.q, axis=0) == 0
+    if still.all():
+        raise fault(
+            "standstill",
+            recording,
+            f"the arm stands still: every position is constant over {recording.samples} rows.",
+            "record while the arm moves, or name the measured positions in columns.",
+        )
+    for name in ("q", "dq", "ddq", "effort"):
+        values = getattr(recording, name)
+        if values is None:
+            continue
+        dead = np.ptp(values, axis=0) == 0
+        # A joint held by its brake has a constant position, velocity and acceleration; nought is a wire cut.
+        dead &= (values[0] == 0) if name == "q" else ~still if name != "effort" else True
+        if dead.any():
+            joint = int(np.argmax(dead))
+            optional = name in ("dq", "ddq")
+            raise fault(
+                "channel-dead",
+                recording,
+                f"{name} of {recording.channels[joint]} is {values[0, joint]:g} in all {recording.samples} rows.",
+                f'leave it out: columns = {{ {name} = "" }}.'
+                if optional
+                else "record it again, or lock that joint and leave its channel out.",
+            )
+    return tuple(
+        Finding(
+            "standstill",
+            "warning",
+            recording.channels[i],
+            f"The joint stays at {recording.q[0, i]:g} throughout; what only its motion shows stays unknown.",
+            "Move the joint, or lock it.",
+        )
+        for i in np.flatnonzero(still)
+    )
+
+
+def _check_gains(recording: Recording, reading: Reading) -> None:
+    if reading.drive_gain is not None and recording.effort is None:
+        raise RecordingError(f"{recording.source}: drive_gain is given, but the recording has no effort.")
+    if recording.effort_is_current and reading.drive_gain is None:
+        raise fault(
+            "current-without-gain",
+            recording,
+            "the effort is a motor current [A], and no drive gain says how much torque an ampere makes.",
+            "give drive_gain = […] in N·m/A at the joint, one for each joint, or name a torque in columns.",
+        )
+
+
+def _on_joint_side(recording: Recording, reading: Reading, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
+    """Angles in radians without wrapping, motor to joint, current to torque, the URDF's sign."""
+    turns = np.array([not joint.is_prismatic for joint in robot.joints])
+    unit = np.where(turns, np.pi / 180, 1.0) if reading.units == "deg" else np.ones(robot.n)
+    q, findings = _unwrapped(
+        recording.q * unit, turns if recording.consecutive else np.zeros(robot.n, dtype=np.bool_), robot
+    )
+    gear = np.eye(robot.n) if reading.transmission is None else np.asarray(reading.transmission)
+    offset = np.zeros(robot.n) if reading.joint_offset is None else np.asarray(reading.joint_offset)
+    gain = np.ones(robot.n) if reading.drive_gain is None else np.asarray(reading.drive_gain)
+    to_joint = np.linalg.inv(gear).T
+    # A joint counts where every motor does that its position or torque is made from.
+    needed = (gear != 0) | (to_joint != 0)
+    valid = ~((~recording.valid).astype(np.int64) @ needed.astype(np.int64)).astype(np.bool_)
+
+    def moved(values: Array | None) -> Array | None:
+        return None if values is None else (values * unit) @ to_joint
+
+    effort = recording.effort
+    return replace(
+        recording,
+        q=q @ to_joint + offset,
+        dq=moved(recording.dq),
+        ddq=moved(recording.ddq),
+        effort=None if effort is None else (effort * gain) @ gear * np.asarray(reading.torque_sign),
+        valid=valid,
+        effort_is_current=False,
+    ), findings
+
+
+def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array, tuple[Finding, ...]]:
+    """Angles made continuous, and which of them were not."""
+    findings: list[Finding] = []
+    q = q.copy()
+    for i in np.flatnonzero(turns):
+        step = np.diff(q[:, i])
+        whole = np.round(step / (2 * np.pi))
+        jump = (whole != 0) & (np.abs(step - 2 * np.pi * whole) < WRAP_TOLERANCE)
+        if not jump.any() or np.median(np.abs(step)) >= WRAP_TOLERANCE:
+            continue
+        q[1:, i] -= 2 * np.pi * np.cumsum(np.where(jump, whole, 0.0))
+        evidence = f"{jump.sum()} jumps by whole turns, first after row {int(np.argmax(jump)) + 1}; unwrapped."
+        findings.append(Finding("position-wrapped", "info", robot.joint_names[i], evidence))
+    return q, tuple(findings)
+
+
+def _check_limits(recording: Recording, reading: Reading, robot: Robot) -> tuple[Finding, ...]:
+    """Refuse degrees taken for radians; note joints far outside their limits."""
+    limits = np.array([joint.position_limits for joint in robot.joints])
+    span = limits[:, 1] - limits[:, 0]
+    known = np.isfinite(span) & (span > 0)
+    turns = np.array([not joint.is_prismatic for joint in robot.joints]) & known
+    low, high = recording.q.min(axis=0), recording.q.max(axis=0)
+    beyond = np.maximum(limits[:, 0] - low, high - limits[:, 1])
+    far = known & (beyond > FAR * np.where(known, span, 1.0))
+    if not far.any():
+        return ()
+    scaled_low, scaled_high = np.radians(low), np.radians(high)
+    fits = ((scaled_low >= limits[:, 0]) & (scaled_high <= limits[:, 1]))[turns].all()
+    worst = int(np.argmax(np.where(far, beyond, -np.inf)))
+    evidence = (
+        f"{robot.joint_names[worst]} goes from {low[worst]:.4g} to {high[worst]:.4g} {robot.joints[worst].unit}, "
+        f"far outside its limits [{limits[worst, 0]:.4g}, {limits[worst, 1]:.4g}]"
+    )
+    if reading.units == "rad" and turns[worst] and fits:
+        raise fault(
+            "degrees",
+            recording,
+            f"{evidence}; taken as degrees, all joints stay inside.",
+            'say units = "deg", or give transmission and joint_offset if the log is motor-side.',
+        )
+    return (
+        Finding(
+            "position-offset",
+            "warning",
+            robot.joint_names[worst],
+            f"{evidence[0].upper()}{evidence[1:]}.",
+            "Check units, joint_offset, transmission, the order of the channels and the limits.",
+        ),
+    )

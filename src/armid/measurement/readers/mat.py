@@ -1,0 +1,140 @@
+"""MATLAB files: version 5 by SciPy, version 7.3 (which is HDF5) by h5py."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import MissingExtraError, RecordingError
+from armid.measurement.columns import Selection, assemble, numeric, select
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.values import Array
+
+__all__ = ["EXTRA", "SUFFIXES", "read"]
+
+SUFFIXES: tuple[str, ...] = (".mat",)
+EXTRA = "io"
+
+NAMES = ("joint_names", "names")
+"""Cell arrays that may hold the names of the channels."""
+
+NUMERIC = frozenset("double single int8 int16 int32 int64 uint8 uint16 uint32 uint64 logical".split())
+"""MATLAB's names for classes of plain numbers."""
+
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+
+def read(path: Path, reading: Reading) -> Recording:
+    """Read matrices from a MATLAB file; a matrix has one row a sample, as MATLAB shows it.
+
+    Raises:
+        RecordingError: No MATLAB file, or a variable is missing, an object, a struct or a cell.
+        MissingExtraError: Version 7.3, and h5py is not installed.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(520)
+    if HDF5_SIGNATURE in (head[:8], head[512:520]):
+        return _read_v73(path, reading)
+    return _read_v5(path, reading)
+
+
+def _read_v5(path: Path, reading: Reading) -> Recording:
+    """Read a file of version 5 or older."""
+    # Imported here: it takes a third of a second, which only MATLAB files should cost.
+    from scipy.io import loadmat, matlab, whosmat
+
+    try:
+        classes = {name: kind for name, _, kind in whosmat(path, appendmat=False)}
+        selection = select(list(classes), reading, path)
+        _refuse_objects({name: classes[name] for name in selection.names}, path)
+        labels = [name for name in NAMES if classes.get(name) in ("cell", "char")][:1]
+        data = loadmat(path, appendmat=False, variable_names=[*selection.names, *labels])
+    except (
+        matlab.MatReadError,
+        OSError,
+        ValueError,
+        TypeError,
+        IndexError,
+        KeyError,
+        zlib.error,
+        struct.error,
+    ) as error:
+        raise _unreadable(path, error) from error
+    names = [str(cell).strip() for cell in _flat(data[labels[0]])] if labels else []
+    return _assembled(selection, data, reading, path, names)
+
+
+def _read_v73(path: Path, reading: Reading) -> Recording:
+    """Read a file of version 7.3, in which HDF5 holds every matrix transposed."""
+    try:
+        import h5py
+    except ImportError as error:
+        raise MissingExtraError("h5py", "Reading MATLAB files of version 7.3", EXTRA) from error
+    try:
+        with h5py.File(path, "r") as file:
+            classes = {name: _class_v73(item) for name, item in file.items() if not name.startswith("#")}
+            selection = select(list(classes), reading, path)
+            _refuse_objects({name: classes[name] for name in selection.names}, path)
+            data = {name: np.atleast_2d(np.asarray(file[name])).T for name in selection.names}
+            label = next((name for name in NAMES if classes.get(name) == "cell"), None)
+            references = np.asarray(file[label]).reshape(-1) if label else []
+            names = ["".join(map(chr, np.asarray(file[r]).reshape(-1))) for r in references]
+    except (OSError, ValueError, TypeError, KeyError, RuntimeError) as error:
+        raise _unreadable(path, error) from error
+    return _assembled(selection, data, reading, path, names)
+
+
+def _assembled(
+    selection: Selection, data: dict[str, NDArray[Any]], reading: Reading, path: Path, names: list[str]
+) -> Recording:
+    """The recording from variables in MATLAB's orientation."""
+    # A vector may lie or stand in MATLAB. It is one channel where each channel has its own or there is one joint;
+    # otherwise it is a matrix of one row.
+    shapes = {data[name].shape for name in selection.names}
+    one_joint = len({max(shape) for shape in shapes}) == 1 and all(min(shape) == 1 for shape in shapes)
+    vectors = one_joint or len(selection.q) > 1
+
+    def column(name: str) -> Array:
+        values = numeric(data[name], name, path)
+        return values.reshape(-1) if (vectors or name in selection.time) and 1 in values.shape else values
+
+    return assemble(selection, column, reading, path, names)
+
+
+def _class_v73(item: Any) -> str:
+    """MATLAB's class of an HDF5 item."""
+    kind = item.attrs.get("MATLAB_class")
+    if kind is not None:
+        return bytes(kind).decode()
+    dtype = getattr(item, "dtype", None)
+    if dtype is None:
+        return "struct"
+    return "double" if dtype.kind in "fiub" else "object"
+
+
+def _refuse_objects(classes: dict[str, str], path: Path) -> None:
+    for name, kind in classes.items():
+        if kind not in NUMERIC:
+            raise RecordingError(
+                f"{path}: {name} is of class {kind!r}, not a matrix of numbers; it is not unpacked.",
+                remedy="save plain matrices: save('run.mat', 't', 'q', 'dq', 'tau').",
+            )
+
+
+def _flat(cells: NDArray[Any]) -> list[Any]:
+    """Strings of a cell or char array."""
+    return [cell.item() if isinstance(cell, np.ndarray) else cell for cell in np.asarray(cells).reshape(-1)]
+
+
+def _unreadable(path: Path, error: Exception) -> RecordingError:
+    return RecordingError(
+        f"{path} cannot be read as a MATLAB file ({error}). Other content, such as a pickle, is never executed.",
+        possible=".mat files of version 5 or 7.3",
+        remedy="save it again from MATLAB or scipy.io.savemat, or copy it again if it was cut off.",
+    )

@@ -1,0 +1,66 @@
+"""NumPy archives: a matrix for each quantity or a vector for each channel; also what `armid.values.save` wrote."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import RecordingError
+from armid.measurement.columns import assemble, numeric, select
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.values import Array, load
+
+__all__ = ["SUFFIXES", "read"]
+
+SUFFIXES: tuple[str, ...] = (".npz",)
+
+NAMES = ("joint_names", "names")
+"""Variables that may hold the names of the channels."""
+
+
+def read(path: Path, reading: Reading) -> Recording:
+    """Read a NumPy archive. Nothing in it is ever unpickled.
+
+    Raises:
+        RecordingError: The file is no archive, needs pickle, or a variable is missing or not numeric.
+    """
+    try:
+        # Opened here, because numpy leaves a damaged file open.
+        with path.open("rb") as stream:
+            archive = np.load(stream, allow_pickle=False)
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise RecordingError(f"{path} is a single array, not an archive of named ones.")
+            with archive:
+                return _recording(archive, reading, path)
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+        if "pickle" in str(error):
+            raise RecordingError(
+                f"{path} is no NumPy archive of plain arrays: it would have to be unpickled, which can run any "
+                "code; refused.",
+                remedy="save arrays of numbers with numpy.savez.",
+            ) from error
+        raise RecordingError(
+            f"{path} cannot be read as a NumPy archive ({error}).", remedy="copy the file again."
+        ) from error
+
+
+def _recording(archive: np.lib.npyio.NpzFile, reading: Reading, path: Path) -> Recording:
+    """The recording in an open archive."""
+    if "value.json" in archive.files:
+        saved = load(Recording, path)
+        consecutive = saved.consecutive if reading.consecutive is None else reading.consecutive
+        return replace(saved, rate=reading.rate or saved.rate, consecutive=consecutive)
+    selection = select(archive.files, reading, path)
+    arrays = {name: archive[name] for name in selection.names}
+
+    def column(name: str) -> Array:
+        return numeric(arrays[name], name, path)
+
+    label = next((name for name in NAMES if name in archive.files), None)
+    names = [] if label is None else [str(name) for name in archive[label].reshape(-1)]
+    return assemble(selection, column, reading, path, names)

@@ -1,0 +1,45 @@
+"""Parquet tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import MissingExtraError, RecordingError
+from armid.measurement.columns import assemble, numeric, select
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.values import Array
+
+__all__ = ["EXTRA", "SUFFIXES", "read"]
+
+SUFFIXES: tuple[str, ...] = (".parquet", ".pq")
+EXTRA = "io"
+
+
+def read(path: Path, reading: Reading) -> Recording:
+    """Read the columns that are needed from a Parquet file.
+
+    Raises:
+        RecordingError: The file is truncated or no Parquet file, or a column is missing or not numeric.
+        MissingExtraError: pyarrow is not installed.
+    """
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise MissingExtraError("pyarrow", "Reading Parquet", EXTRA) from error
+    try:
+        with pq.ParquetFile(path) as file:
+            selection = select(file.schema_arrow.names, reading, path)
+            table = file.read(columns=list(selection.names))
+    except (pa.ArrowException, OSError) as error:
+        raise RecordingError(
+            f"{path} cannot be read as Parquet ({error}).", remedy="copy the file again; its end may be missing."
+        ) from error
+
+    def column(name: str) -> Array:
+        return numeric(np.asarray(table[name].to_numpy()), name, path)
+
+    return assemble(selection, column, reading, path)

@@ -1,0 +1,122 @@
+"""What was measured, as it was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import RecordingError
+from armid.values import Array, array
+
+__all__ = ["Recording", "check_roles"]
+
+
+def _all_valid() -> NDArray[np.bool_]:
+    """A mask that leaves nothing out, for any number of samples and channels."""
+    return np.ones((), dtype=np.bool_)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Recording:
+    """Measured motion and effort, N samples of n channels.
+
+    A reader fills it with what the file says; `interpret` gives the same type back in the robot's joint order,
+    in SI units, on the joint side, with the URDF's signs.
+
+    Attributes:
+        time: Sample times on the recording's own clock, shape (N,) [s]; `None` where there is no clock.
+        q: Positions, shape (N, n) [rad or m].
+        dq: Velocities, shape (N, n) [rad/s or m/s], where they were recorded.
+        ddq: Accelerations, shape (N, n) [rad/s² or m/s²], where they were recorded.
+        effort: Efforts, shape (N, n) [N·m or N; A where `effort_is_current`], where they were recorded.
+        joint_names: Names of the channels, n of them; empty if the file only numbers its channels.
+        rate: Samples a second [Hz], said by the reading where there is no clock.
+        consecutive: Whether the rows follow each other in time; `None` is not known.
+        valid: Which samples count, shape (N, n); shape (N,) is taken for all channels. All, if not given.
+        effort_is_current: Whether the effort is a motor current that still needs a drive gain.
+        source: Path of the file.
+        sha256: Digest of the file's bytes; empty where there was no file.
+    """
+
+    time: Array | None
+    q: Array
+    dq: Array | None = None
+    ddq: Array | None = None
+    effort: Array | None = None
+    joint_names: tuple[str, ...] = ()
+    rate: float | None = None
+    consecutive: bool | None = None
+    valid: NDArray[np.bool_] = field(default_factory=_all_valid)
+    effort_is_current: bool = False
+    source: str = ""
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        q = array(self.q, (None, None), "q", finite=False)
+        samples, n = q.shape
+        object.__setattr__(self, "q", q)
+        for name in ("dq", "ddq", "effort"):
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, self._fitting(values, q.shape, name))
+        if self.time is not None:
+            object.__setattr__(self, "time", self._fitting(self.time, (samples,), "time"))
+        object.__setattr__(self, "joint_names", tuple(str(name) for name in self.joint_names))
+        if self.joint_names and len(self.joint_names) != n:
+            raise RecordingError(f"{self.source or 'The recording'} names {len(self.joint_names)} of {n} channels.")
+        valid = np.array(self.valid, dtype=np.bool_)
+        if valid.shape not in ((), (samples,), (samples, n)):
+            raise RecordingError(f"valid must have shape {(samples, n)} or {(samples,)}; found {valid.shape}.")
+        valid = np.broadcast_to(valid[:, None] if valid.ndim == 1 else valid, (samples, n)).copy()
+        valid.setflags(write=False)
+        object.__setattr__(self, "valid", valid)
+
+    def _fitting(self, values: Array, shape: tuple[int, ...], name: str) -> Array:
+        """`values` checked to have the shape that q asks for."""
+        found = np.shape(values)
+        if found != shape:
+            raise RecordingError(
+                f"{self.source or 'The recording'}: {name} has shape {found} where q with shape {self.q.shape} "
+                f"asks for {shape}.",
+                remedy="give every quantity one row a sample and one column a joint.",
+            )
+        return array(values, shape, name, finite=False)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N."""
+        return self.q.shape[0]
+
+    @property
+    def n(self) -> int:
+        """Number of channels."""
+        return self.q.shape[1]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels; their numbers, counted from 1, where the file has no names."""
+        return self.joint_names or tuple(str(i + 1) for i in range(self.n))
+
+
+def check_roles(train: Sequence[Recording], validate: Sequence[Recording]) -> None:
+    """Refuse a validation file that is also a training file, by content.
+
+    Args:
+        train: Recordings to identify from.
+        validate: Recordings to judge by.
+
+    Raises:
+        RecordingError: Some file stands on both sides, under whatever name.
+    """
+    seen = {recording.sha256: recording.source for recording in train if recording.sha256}
+    for recording in validate:
+        if recording.sha256 in seen:
+            raise RecordingError(
+                f"{recording.source} is to validate, but its content is that of the training file "
+                f"{seen[recording.sha256]} (sha256 {recording.sha256[:12]}…).",
+                possible="a recording of another motion, or another part of the run saved as its own file",
+                remedy="validate on motion that the model has not seen.",
+            )

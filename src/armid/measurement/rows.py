@@ -1,0 +1,137 @@
+"""The output grid of a run: which of its rows count, and the block each belongs to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.information.observations import ObservedRun
+from armid.maths.signals import edge_samples, low_pass
+from armid.measurement.clock import Stretch
+from armid.measurement.movement import motion_filter
+from armid.measurement.processing import Processing
+from armid.model.motion import Motion
+
+__all__ = ["edge_margin", "run_of", "separate_rows"]
+
+TRIM = 0.5
+"""Seconds left out at each end of a run whose ends are dropped, unless told otherwise."""
+
+LOBE = 0.5
+"""Half-width of a low-pass kernel's main lobe, in periods of its cut-off: a bad sample spoils rows this near."""
+
+BLOCK_SECONDS = 1.0
+"""Length of a block where no motion repeats [s]: longer than residuals of a few hertz remember."""
+
+BLOCK_ROWS = 25
+"""Rows of a block where rows do not follow each other in time: as many as a second has at the usual rate."""
+
+Rows = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+def run_of(
+    stretch: Stretch,
+    motion: Motion,
+    processing: Processing,
+    repeats: tuple[float, float] | None = None,
+    recording: int = 0,
+) -> ObservedRun | None:
+    """A stretch and its motion with rows, mask and blocks; `None` if no row is left.
+
+    Args:
+        stretch: The samples.
+        motion: Their motion, as long.
+        processing: Resolved.
+        repeats: Period and start of the first repetition [s], where the motion repeats.
+        recording: Index of the recording.
+    """
+    samples, rate = stretch.samples, stretch.rate
+    periodic = processing.edges == "periodic"
+    circle = samples if repeats is None else min(round(repeats[0] * rate), samples)
+    step = _step(processing, rate, circle if periodic else None)
+    rows = np.arange(0, samples, step)
+    mask = ~_any_within(stretch.bad, rows, _reach(processing, rate, step), periodic=periodic)
+    margin = edge_margin(processing, rate)
+    mask &= ((rows >= margin) & (rows < samples - margin))[:, None]
+    mask &= np.abs(motion.dq[rows]) >= processing.slow
+    if repeats is None:
+        block = _blocks(rows, rate, samples)
+    else:
+        repetition, inside = _repetitions(stretch, rows, repeats)
+        mask &= inside[:, None]
+        block = _gapless(repetition)
+    if not mask.any():
+        return None
+    return ObservedRun(motion, stretch.effort, rate, step, 0, mask, block, recording=recording)
+
+
+def separate_rows(stretch: Stretch, motion: Motion, processing: Processing, recording: int = 0) -> ObservedRun:
+    """Rows that do not follow each other: every one, unfiltered; only bad and slow ones are masked."""
+    mask = ~stretch.bad & (np.abs(motion.dq) >= processing.slow)
+    block = np.arange(stretch.samples) // BLOCK_ROWS
+    return ObservedRun(motion, stretch.effort, stretch.rate, 1, 0, mask, block, False, recording)
+
+
+def edge_margin(processing: Processing, rate: float) -> int:
+    """Samples left out at each end of a run: what is asked, and where ends are dropped what the filters reach."""
+    drop = processing.edges == "drop"
+    seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
+    margin = round(seconds * rate)
+    if drop and processing.family != "none":
+        torque = low_pass(processing.family, processing.order, float(processing.cutoff), rate)
+        for low in (torque, motion_filter(processing, rate)):
+            margin = margin if low is None else max(margin, edge_samples(low))
+    return margin
+
+
+def _step(processing: Processing, rate: float, circle: int | None) -> int:
+    """Samples a row; a divisor of the period where the rows must go round."""
+    if processing.family == "none" or processing.decimate == 0:
+        return 1
+    step = max(1, round(rate / processing.decimate))
+    if circle is None:
+        return step
+    return max(d for d in range(1, min(step, circle) + 1) if circle % d == 0)
+
+
+def _reach(processing: Processing, rate: float, step: int) -> int:
+    """Samples to either side of a row that must be good: half a row, and the main lobe of the filters."""
+    half = -(-step // 2)
+    if processing.family == "none":
+        return half
+    lowest = min(float(processing.cutoff), processing.motion_cutoff or np.inf)
+    return max(half, int(np.ceil(LOBE * rate / lowest)))
+
+
+def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flags:
+    """Whether a sample within `reach` of each row is flagged, shape (M, n); periodic runs go round."""
+    if not flags.any():
+        return np.zeros((len(rows), flags.shape[1]), dtype=np.bool_)
+    if periodic:
+        reach = min(reach, len(flags))
+        flags = np.concatenate([flags[len(flags) - reach :], flags, flags[:reach]])
+        rows = rows + reach
+    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
+    low, high = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, len(flags))
+    return counts[high] > counts[low]
+
+
+def _repetitions(stretch: Stretch, rows: Rows, repeats: tuple[float, float]) -> tuple[Rows, Flags]:
+    """Repetition of each row, and whether it lies in a whole one that the stretch holds from its start on."""
+    period, start = repeats
+    tick = 0.5 / stretch.rate  # half a sample: rows on the border belong to what follows
+    which = np.floor((stretch.time[rows] - start + tick) / period).astype(np.int64)
+    whole = np.floor((float(stretch.time[-1]) - start + 3 * tick) / period)
+    return which, (which >= 0) & (which < whole)
+
+
+def _blocks(rows: Rows, rate: float, samples: int) -> Rows:
+    """Blocks of about a second, all of one length."""
+    count = max(1, round(samples / (rate * BLOCK_SECONDS)))
+    return _gapless(rows * count // samples)
+
+
+def _gapless(labels: Rows) -> Rows:
+    """Labels counted from 0 without gaps, in the same order."""
+    return np.unique(labels, return_inverse=True)[1].astype(np.int64)

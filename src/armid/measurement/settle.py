@@ -1,0 +1,321 @@
+"""Settle which rows of a recording are measurements, and when they were taken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding, RecordingError
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.values import Array
+
+__all__ = ["fault", "settle"]
+
+MIN_SAMPLES = 10
+"""Fewer samples than this give neither a derivative at both ends nor a residual to judge by."""
+
+LONGEST_STEP = 0.5
+"""Median time step [s] from which on a clock surely does not count seconds: nobody records a motion at 2 Hz."""
+
+RATE_TOLERANCE = 0.1
+"""Relative difference of two rates that is not worth a word; a wrong rate is wrong by a factor."""
+
+CLOCK_TIES = 0.01
+"""Share of rows with the time stamp of the row before that a coarse clock may have; more is another fault."""
+
+REPEATED_RUN = 5
+"""Rows in succession that repeat the row before and count as a stutter of the recorder, which is dropped; longer
+runs are a pause, which stays on the grid and is masked."""
+
+SAME_STEP = 0.25
+"""Relative difference of a row's step in q from velocity times step: processed velocities lag, encoders round."""
+
+COHERENT = 0.8
+"""Share of moving rows whose step must agree with the velocity for rows to count as consecutive; a jittered log
+reaches 0.9, separate samples hardly 0.1."""
+
+MOVING = 0.05
+"""Speed relative to the fastest row above which a row says something about the rate."""
+
+SMOOTH = 0.5
+"""Step from row to row over spread of the positions: separate samples have about √2, a motion far below 0.1."""
+
+
+def settle(recording: Recording, reading: Reading) -> tuple[Recording, tuple[Finding, ...]]:
+    """Check the clock, drop or mask rows that are no measurement, find out whether rows are consecutive.
+
+    Args:
+        recording: As measured.
+        reading: How to read it.
+
+    Returns:
+        The recording with `time` or else `rate`, with `consecutive` known and `valid` filled in; and what was
+        noticed.
+
+    Raises:
+        RecordingError: NaN, no clock and no rate, a clock that runs backwards or not in seconds, hardly any
+            samples.
+    """
+    rate = recording.rate if reading.rate is None else reading.rate
+    given = recording.consecutive if reading.consecutive is None else reading.consecutive
+    recording = replace(recording, rate=rate, consecutive=given)
+    recording = _without_excluded_nan(recording, reading)
+    _refuse_nan(recording)
+    _refuse_few(recording)
+    _check_clock(recording)
+    recording, findings = _without_repeats(recording)
+    recording, ties = _without_ties(recording)
+    _refuse_few(recording)
+    recording, found = _with_consecutive(recording, 360.0 if reading.units == "deg" else 2 * np.pi)
+    return _masked(recording, reading), (*findings, *ties, *found)
+
+
+def fault(code: str, recording: Recording, evidence: str, remedy: str) -> RecordingError:
+    """An error about a recording; `code` is the finding's name in the doctor's list."""
+    return RecordingError(f"{recording.source or 'The recording'}: {evidence} [{code}]", remedy=remedy)
+
+
+def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
+    """The recording with some of its rows."""
+    if keep.all():
+        return recording
+    quantities = {
+        name: values[keep]
+        for name in ("time", "q", "dq", "ddq", "effort", "valid")
+        if (values := getattr(recording, name)) is not None
+    }
+    return replace(recording, **quantities)
+
+
+def _excluded(recording: Recording, reading: Reading) -> NDArray[np.bool_]:
+    """Rows inside the excluded intervals, shape (N,)."""
+    inside = np.zeros(recording.samples, dtype=np.bool_)
+    if not reading.exclude:
+        return inside
+    if recording.time is None and recording.rate is None:
+        raise RecordingError("exclude needs a clock or a rate to tell which rows it means.")
+    time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
+    for t0, t1 in reading.exclude:
+        inside |= (time >= t0) & (time <= t1)
+    return inside
+
+
+def _check_exclude(recording: Recording, reading: Reading) -> None:
+    """Refuse intervals that miss the recording: most likely they are on another clock."""
+    if recording.time is None:
+        return
+    for t0, t1 in reading.exclude:
+        if t1 < recording.time[0] or t0 > recording.time[-1]:
+            raise RecordingError(
+                f"{recording.source or 'The recording'}: exclude [{t0:g}, {t1:g}] s lies outside it.",
+                possible=f"its clock runs from {recording.time[0]:g} to {recording.time[-1]:g} s",
+            )
+
+
+def _without_excluded_nan(recording: Recording, reading: Reading) -> Recording:
+    """Drop rows that are excluded and hold NaN; only a clock can tell that there is a gap then."""
+    _check_exclude(recording, reading)
+    broken = ~np.isfinite(_everything(recording)).all(axis=1)
+    if recording.time is None or not reading.exclude or not broken.any():
+        return recording
+    return _kept(recording, ~(broken & _excluded(recording, reading)))
+
+
+def _masked(recording: Recording, reading: Reading) -> Recording:
+    """The recording with excluded rows masked."""
+    if not reading.exclude:
+        return recording
+    inside = _excluded(recording, reading)
+    if inside.all():
+        raise RecordingError(f"{recording.source or 'The recording'}: exclude leaves no row.")
+    return replace(recording, valid=recording.valid & ~inside[:, None])
+
+
+def _everything(recording: Recording) -> Array:
+    """All measured channels side by side, shape (N, any)."""
+    measured = (recording.q, recording.dq, recording.ddq, recording.effort)
+    return np.hstack([values for values in measured if values is not None])
+
+
+def _refuse_nan(recording: Recording) -> None:
+    for name in ("time", "q", "dq", "ddq", "effort"):
+        values = getattr(recording, name)
+        if values is None or np.isfinite(values).all():
+            continue
+        bad = np.argwhere(~np.isfinite(values))
+        row = int(bad[0, 0])
+        channel = "time" if values.ndim == 1 else f"{name} of {recording.channels[int(bad[0, 1])]}"
+        remedy = "cut those rows out of the file"
+        if recording.time is not None and name != "time":
+            remedy += f", or name their time in exclude (row {row + 1} is at {recording.time[row]:g} s)"
+        if name in ("dq", "ddq"):
+            remedy += f', or leave {name} out with columns = {{ {name} = "" }}'
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: {channel} is {values[tuple(bad[0])]} in row {row + 1} "
+            f"(and in {len(np.unique(bad[:, 0])) - 1} more).",
+            remedy=f"{remedy}.",
+        )
+
+
+def _refuse_few(recording: Recording) -> None:
+    if recording.samples < MIN_SAMPLES:
+        raise RecordingError(
+            f"{recording.source or 'The recording'} has {recording.samples} usable sample"
+            f"{'s' if recording.samples != 1 else ''}.",
+            possible=f"at least {MIN_SAMPLES}; an identification wants some thousands",
+            remedy="record a longer motion.",
+        )
+
+
+def _check_clock(recording: Recording) -> None:
+    """Refuse a clock that runs backwards, does not count seconds, or contradicts the rate."""
+    if recording.time is None:
+        return
+    source = recording.source or "The recording"
+    step = np.diff(recording.time)
+    if (step < 0).any():
+        row = int(np.argmax(step < 0))
+        raise RecordingError(
+            f"{source}: time runs backwards from row {row + 1} to {row + 2} "
+            f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
+            remedy="sort or split the file there; two recordings in one file must become two files.",
+        )
+    typical = float(np.median(step))
+    if typical >= LONGEST_STEP and recording.consecutive is not False:
+        raise RecordingError(
+            f"{source}: the clock steps by {typical:g} from row to row; it seems not to count seconds.",
+            possible="time in seconds; consecutive = false for separate measurements",
+            remedy='convert the time column, or leave it out: columns = { time = "" } and rate = ….',
+        )
+    if recording.rate is not None and typical > 0 and abs(recording.rate * typical - 1) > RATE_TOLERANCE:
+        raise RecordingError(
+            f"{source}: the clock says {1 / typical:.4g} Hz, rate says {recording.rate:g} Hz.",
+            remedy='drop rate, or leave the clock out: columns = { time = "" }.',
+        )
+
+
+def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
+    """Take rows that repeat the row before out of the count: the recorder was faster than the robot's bus."""
+    if recording.effort is None:
+        return recording, ()
+    values = _everything(recording)
+    repeated = np.concatenate([[False], (values[1:] == values[:-1]).all(axis=1)])
+    if not repeated.any():
+        return recording, ()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], repeated, [False]])))
+    drop = np.zeros(recording.samples, dtype=np.bool_)
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        short = recording.time is not None and end - start <= REPEATED_RUN
+        drop[start:end] = short or recording.consecutive is False
+    finding = Finding(
+        "rows-repeated",
+        "warning",
+        "",
+        f"{repeated.sum()} of {recording.samples} rows repeat the row before; {drop.sum()} dropped, "
+        f"{(repeated & ~drop).sum()} masked.",
+        "Record at the rate at which the robot gives new samples.",
+    )
+    recording = replace(recording, valid=recording.valid & ~repeated[:, None])
+    return _kept(recording, ~drop), (finding,)
+
+
+def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
+    """Drop rows with the time stamp of the row before: a clock coarser than the rate."""
+    if recording.time is None:
+        return recording, ()
+    tied = np.concatenate([[False], np.diff(recording.time) == 0])
+    if not tied.any():
+        return recording, ()
+    row = int(np.argmax(tied))
+    evidence = f"{tied.sum()} of {tied.size} rows have the time stamp of the row before, first row {row + 1}"
+    if tied.mean() > CLOCK_TIES:
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: {evidence}, but other values.",
+            remedy="check what is logged as time; if rows are equally spaced, leave it out "
+            '(columns = { time = "" }) and give rate.',
+        )
+    return _kept(recording, ~tied), (Finding("clock-jitter", "warning", "time", f"{evidence}; dropped."),)
+
+
+def _with_consecutive(recording: Recording, turn: float) -> tuple[Recording, tuple[Finding, ...]]:
+    """Settle whether rows follow each other in time, by the clock or else by what q and dq say.
+
+    Args:
+        recording: Checked rows.
+        turn: A full turn in the recording's unit of angle; a wrapped angle jumps by it.
+    """
+    if recording.time is not None:
+        clocked = replace(recording, rate=None, consecutive=recording.consecutive is not False)
+        return _needing_derivatives(clocked), ()
+    if recording.consecutive is False:
+        return _needing_derivatives(recording), ()
+    coherent, implied = _coherence(recording, turn)
+    if recording.rate is None:
+        hint = f" (q and dq imply {implied:.3g} Hz)" if coherent >= COHERENT and np.isfinite(implied) else ""
+        raise fault(
+            "clock-missing",
+            recording,
+            "there is no clock and no rate.",
+            f"give rate = … in Hz{hint}, name a time column, or say consecutive = false if rows are separate "
+            "samples.",
+        )
+    if coherent >= COHERENT:
+        if np.isfinite(implied) and abs(implied / recording.rate - 1) > RATE_TOLERANCE:
+            raise RecordingError(
+                f"{recording.source or 'The recording'}: q and dq imply {implied:.3g} Hz, rate says "
+                f"{recording.rate:g} Hz.",
+                remedy="give the rate at which rows follow each other.",
+            )
+        return replace(recording, consecutive=True), ()
+    evidence = f"Steps from row to row agree with the velocity in {100 * coherent:.0f} % of the rows"
+    if recording.dq is None:
+        evidence = "Steps from row to row are about as large as the whole spread of the positions"
+    if recording.consecutive:
+        finding = Finding("rows-not-consecutive", "warning", "", f"{evidence}; consecutive = true was given.")
+        return recording, (finding,)
+    finding = Finding(
+        "rows-not-consecutive",
+        "warning",
+        "",
+        f"{evidence}; taken as separate samples: no filter, no memory terms.",
+    )
+    return _needing_derivatives(replace(recording, consecutive=False)), (finding,)
+
+
+def _coherence(recording: Recording, turn: float) -> tuple[float, float]:
+    """Share of moving rows whose step in q is what the velocity asks for, and the rate [Hz] that this implies.
+
+    Without velocities the share is 1 where steps are small against the spread of the positions, else 0, and the
+    rate is NaN.
+    """
+    step = np.diff(recording.q, axis=0)
+    step -= turn * np.round(step / turn)
+    if recording.dq is None:
+        spread = np.linalg.norm(np.std(recording.q, axis=0))
+        rough = float(np.sqrt(np.mean(step**2, axis=0).sum()) / spread) if spread > 0 else 0.0
+        return float(rough < SMOOTH), float("nan")
+    mean = (recording.dq[1:] + recording.dq[:-1]) / 2
+    speed = np.linalg.norm(mean, axis=1)
+    along = (step * mean).sum(axis=1)
+    telling = speed > MOVING * speed.max(initial=0.0)
+    forward = telling & (along > 0)
+    if not forward.any():
+        return 0.0, float("nan")
+    rate = float(np.median(speed[forward] ** 2 / along[forward]))
+    off = np.linalg.norm(step - mean / rate, axis=1)
+    return float(np.mean(off[telling] <= SAME_STEP * speed[telling] / rate)), rate
+
+
+def _needing_derivatives(recording: Recording) -> Recording:
+    """The recording, unless its rows are separate samples that lack velocity or acceleration."""
+    lacking = [name for name in ("dq", "ddq") if getattr(recording, name) is None]
+    if not recording.consecutive and lacking:
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: rows are not consecutive, and {' and '.join(lacking)} "
+            f"{'is' if len(lacking) == 1 else 'are'} not recorded; separate samples cannot be differentiated.",
+            remedy="record velocity and acceleration too, or say consecutive = true if rows do follow each other.",
+        )
+    return recording

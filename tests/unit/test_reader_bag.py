@@ -1,0 +1,120 @@
+"""ROS bags, written by rosbags and read by name and header time."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.measurement.readers import load_recording
+from armid.measurement.reading import Reading
+from recordings import DQ, TAU, N, Q, assert_same, refused
+
+NAMES = ("a1", "a2", "a3")
+STAMPS = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(N)
+SECONDS = (STAMPS - STAMPS[0]) * 1e-9
+
+
+def message(i, names=NAMES, order=(0, 1, 2), velocity=True, effort=True):
+    return {
+        "stamp": int(STAMPS[i]),
+        "name": [names[k] for k in order],
+        "position": Q[i, list(order)],
+        "velocity": DQ[i, list(order)] if velocity else np.zeros(0),
+        "effort": TAU[i, list(order)] if effort else np.zeros(0),
+    }
+
+
+def write_bag(folder, suffix, topics):
+    """A bag whose topics hold the given messages; what is received long after the stamp must not matter."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    old = suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_JAZZY)
+    kinds = store.types
+    plugin = StoragePlugin.MCAP if suffix == ".mcap" else StoragePlugin.SQLITE3
+    path = folder / "run.bag" if old else folder / f"bag{suffix[1:]}"
+    serialize = store.serialize_ros1 if old else store.serialize_cdr
+    with Writer1(path) if old else Writer2(path, version=9, storage_plugin=plugin) as writer:
+        for topic, messages in topics.items():
+            kind = "sensor_msgs/msg/JointState" if messages else "std_msgs/msg/Header"
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for i, m in enumerate(messages):
+                stamp = kinds["builtin_interfaces/msg/Time"](sec=m["stamp"] // 10**9, nanosec=m["stamp"] % 10**9)
+                extra = {"seq": i} if old else {}
+                header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="", **extra)
+                fields = {name: m[name] for name in ("name", "position", "velocity", "effort")}
+                joint_state = kinds["sensor_msgs/msg/JointState"](header=header, **fields)
+                received = int(STAMPS[0] + 10**9 + 7_000_000 * i)
+                writer.write(connection, received, bytes(serialize(joint_state, joint_state.__msgtype__)))
+    return path if old else next(Path(path).glob(f"*{suffix}"))
+
+
+BAGS = pytest.mark.parametrize("suffix", [".bag", ".db3", ".mcap"])
+
+
+@BAGS
+def test_joint_states_by_name_at_header_time(tmp_path, suffix):
+    orders = [(0, 1, 2), (2, 0, 1)]
+    path = write_bag(tmp_path, suffix, {"/joint_states": [message(i, order=orders[i % 2]) for i in range(N)]})
+    recording = load_recording(path)
+    assert recording.joint_names == NAMES
+    assert_same(recording, t=SECONDS)
+
+
+@BAGS
+def test_a_bag_without_velocity_or_effort(tmp_path, suffix):
+    messages = [message(i, velocity=False, effort=False) for i in range(N)]
+    assert_same(
+        load_recording(write_bag(tmp_path, suffix, {"/js": messages})),
+        t=SECONDS,
+        dq=None,
+        tau=None,
+    )
+
+
+def test_a_field_that_comes_and_goes_is_refused(tmp_path):
+    messages = [message(i, velocity=i > 3) for i in range(N)]
+    refused("message 0 has 0 values of velocity for 3 joints", write_bag(tmp_path, ".mcap", {"/js": messages}))
+
+
+@BAGS
+def test_one_topic_of_joint_states_is_found_and_several_must_be_chosen_from(tmp_path, suffix):
+    messages = [message(i) for i in range(N)]
+    other = [message(i, order=(1, 0, 2)) for i in range(N)]
+    path = write_bag(tmp_path, suffix, {"/left": messages, "/right": other, "/clock": []})
+    assert "/left, /right" in refused("2 topics with joint states", path).possible
+    assert load_recording(path, Reading(topic="/right")).joint_names == ("a2", "a1", "a3")
+    refused("topic /arm is not in the bag", path, topic="/arm")
+    refused("holds std_msgs/msg/Header", path, topic="/clock")
+
+
+def test_a_bag_without_joint_states_lists_its_topics(tmp_path):
+    error = refused("has no topic of sensor_msgs/msg/JointState", write_bag(tmp_path, ".mcap", {"/clock": []}))
+    assert "/clock (std_msgs/msg/Header)" in error.possible
+
+
+def test_publishers_that_share_a_topic_are_told_apart(tmp_path):
+    arm = [message(i) for i in range(N)]
+    hand = [message(i, names=("f1", "f2", "f3")) for i in range(N)]
+    mixed = [m for pair in zip(arm, hand, strict=True) for m in pair]
+    path = write_bag(tmp_path, ".mcap", {"/joint_states": mixed})
+    refused("2 publishers share /joint_states.*a1, a2, a3.*f1, f2, f3", path)
+    chosen = load_recording(path, Reading(joints={name: name for name in NAMES}))
+    assert_same(chosen, t=SECONDS)
+    refused("2 publishers share", path, joints={"a1": "x", "f1": "y"})
+
+
+def test_empty_headers_are_no_clock(tmp_path):
+    messages = [message(i) | {"stamp": 0} for i in range(N)]
+    assert load_recording(write_bag(tmp_path, ".db3", {"/js": messages})).time is None
+
+
+@BAGS
+def test_a_truncated_bag_is_refused(tmp_path, suffix):
+    path = write_bag(tmp_path, suffix, {"/js": [message(i) for i in range(N)]})
+    cut = tmp_path / f"cut{suffix}"
+    cut.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    refused("cannot be read as a bag", cut)
