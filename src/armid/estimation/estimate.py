@@ -1,0 +1,112 @@
+"""The estimate as it is kept: values, intervals and status with what they were made from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding
+from armid.estimation.fit import Fit
+from armid.estimation.uncertainty import intervals
+from armid.model.base import BaseParameters
+from armid.values import Array
+
+__all__ = ["Estimate", "Status", "TermUse", "standard_parameters", "torque_parameters"]
+
+Status = Literal["identified", "prior-dominated", "not identifiable"]
+
+
+@dataclass(frozen=True, slots=True)
+class TermUse:
+    """A torque term as it was used.
+
+    Attributes:
+        name: Name of the term.
+        joints: Joints that it acts on.
+        shapes: Its shapes, by name.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    shapes: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Estimate:
+    """Base parameters of an arm with intervals.
+
+    Attributes:
+        robot: Name of the arm.
+        method: Name of the estimator.
+        terms: Torque terms with their shapes.
+        base: The base parameters and their regrouping.
+        fit: Values, deviations, covariance and residuals.
+        findings: What was noticed on the way.
+        made_from: Digests of the inputs: robot description, recordings and options.
+        made_by: Kernel and method that made the information.
+        seconds: Time from recordings to result [s].
+    """
+
+    robot: str
+    method: str
+    terms: tuple[TermUse, ...]
+    base: BaseParameters
+    fit: Fit
+    findings: tuple[Finding, ...] = ()
+    made_from: tuple[str, ...] = ()
+    made_by: str = ""
+    seconds: float = 0.0
+
+    @property
+    def intervals(self) -> Array:
+        """95 % intervals of the parameters, shape (b, 2)."""
+        return intervals(self.fit.values, self.fit.covariance, self.fit.freedom)
+
+
+def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
+    """Standard parameters (p,) that give the estimate's torque: base values on kept columns, zero elsewhere.
+
+    They are no body's parameters, but Y θ = Y_base π holds. Where friction was estimated once for each recording,
+    its mean is taken.
+    """
+    theta = np.zeros(len(base.standard_names))
+    theta[base.kept] = collapse(base.names, fit)
+    return theta
+
+
+def collapse(names: Sequence[str], fit: Fit) -> Array:
+    """Values (b,) of base parameters by name; the mean where there is one for each recording, `FV_1[2]`."""
+    groups: dict[str, list[float]] = {}
+    for name, value in zip(fit.names, fit.values, strict=True):
+        groups.setdefault(name.split("[", 1)[0], []).append(float(value))
+    return np.array([float(np.mean(groups[name])) for name in names], dtype=np.float64)
+
+
+def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
+    """Each standard parameter with its value where the data determine it by itself.
+
+    A parameter stands alone where it is kept and no other joins it; one that is grouped has no value of its own.
+    """
+    base, ends = estimate.base, estimate.intervals
+    alone = np.count_nonzero(base.regrouping, axis=1) == 1
+    position: dict[str, int] = {name: k for k, name in enumerate(estimate.fit.names)}
+    result: list[dict[str, Any]] = []
+    own: NDArray[np.bool_] = np.zeros(len(base.standard_names), dtype=bool)
+    own[base.kept[alone]] = True
+    for k, (name, unit) in enumerate(zip(base.standard_names, base.standard_units, strict=True)):
+        row = position.get(name) if own[k] else None
+        status: Status = "not identifiable" if row is None else "identified"
+        result.append(
+            {
+                "name": name,
+                "value": None if row is None else float(estimate.fit.values[row]),
+                "unit": unit,
+                "interval95": None if row is None else ends[row].tolist(),
+                "status": status,
+            }
+        )
+    return result

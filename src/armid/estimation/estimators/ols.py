@@ -1,0 +1,36 @@
+"""Ordinary least squares, (3.50) and (3.51): every joint's rows count alike.
+
+σ² = |ρ - W π|² / (m - b),    cov = σ² (WᵀW)⁻¹        (2.44) to (2.46), with the square that (2.44) lacks
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from armid.estimation.fit import Fit
+from armid.estimation.least_squares import fit_of, solve
+from armid.information.information import Information
+
+__all__ = ["OrdinaryLeastSquares"]
+
+
+@dataclass(frozen=True, slots=True)
+class OrdinaryLeastSquares:
+    """The estimate that minimises the sum of all squared residuals."""
+
+    name: ClassVar[str] = "ols"
+
+    def estimate(self, information: Information) -> Fit:
+        """Estimate the base parameters.
+
+        Raises:
+            EstimationError: The data do not determine them.
+        """
+        weights = np.ones(information.n)
+        solution = solve(information, weights)
+        freedom = max(float(information.rows.sum()) - information.count, 1.0)
+        variance = solution.squares.sum() / freedom
+        return fit_of(information, solution, weights, variance * solution.inverse)

@@ -1,0 +1,62 @@
+"""Weighted least squares with one weight a joint, found by iteration.
+
+Each joint's rows are divided by the standard deviation of its own residual, which the next solution sharpens, until
+the deviations stand still [Gautier1997]. It is the maximum-likelihood estimate where joints differ in noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from armid.errors import EstimationError
+from armid.estimation.fit import Fit
+from armid.estimation.least_squares import fit_of, residual_deviation, solve
+from armid.information.information import Information, total
+
+__all__ = ["WeightedLeastSquares"]
+
+STANDSTILL = 1e-9
+"""Largest relative change of a deviation that ends the iteration: far below any effect on the estimate."""
+
+RESOLUTION = 1e-13
+"""Smallest residual over torque that arithmetic resolves; without it noise-free data would get infinite weights."""
+
+
+@dataclass(frozen=True, slots=True)
+class WeightedLeastSquares:
+    """The estimate that minimises each joint's squared residual over its own variance.
+
+    Attributes:
+        iterations: Most solutions before giving up.
+    """
+
+    iterations: int = 100
+    name: ClassVar[str] = "wls"
+
+    def estimate(self, information: Information) -> Fit:
+        """Estimate the base parameters.
+
+        Raises:
+            EstimationError: The data do not determine them, or the weights do not settle.
+        """
+        whole = total(information)
+        torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
+        rows = np.maximum(whole.rows[0], 1)
+        floor = np.maximum(RESOLUTION * torque / np.sqrt(rows), np.finfo(float).tiny)
+        deviation = np.ones(information.n)
+        for _ in range(self.iterations):
+            weights = 1.0 / deviation
+            solution = solve(whole, weights)
+            updated = np.maximum(residual_deviation(solution, whole), floor)
+            settled = bool((np.abs(updated - deviation) <= STANDSTILL * deviation).all())
+            deviation = updated
+            if settled:
+                return fit_of(information, solution, weights, solution.inverse)
+        raise EstimationError(
+            f"The weights of the joints did not settle in {self.iterations} iterations.",
+            possible="ols, or more iterations",
+            remedy='use method = "ols" and look at the residual of each joint.',
+        )

@@ -1,0 +1,65 @@
+"""What an estimator returns: values of the base parameters and how well the data determine them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.values import Array, array
+
+__all__ = ["POORLY_IDENTIFIED", "Fit"]
+
+POORLY_IDENTIFIED = 10.0
+"""A relative deviation above so many times the smallest marks a parameter as poorly identified [Khalil2004]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Fit:
+    """An estimate of b parameters from the rows of n joints.
+
+    Attributes:
+        names: Names of the parameters.
+        values: Shape (b,).
+        deviation: Standard deviations under white residuals, (2.44) to (2.46), shape (b,).
+        covariance: What intervals are made of, shape (b, b).
+        covariance_kind: `block`: from the scatter between blocks of rows, which holds for residuals that are
+            correlated within a block; `white` where there are too few blocks for that.
+        freedom: Degrees of freedom of the intervals.
+        residual_rms: Root mean square of each joint's residual in the band, shape (n,) [N·m or N].
+        rows: Rows that counted, shape (n,).
+        condition: Condition number of the stacked regressor as it is, (2.51).
+        scaled_condition: The same with columns of unit length, which does not depend on units.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    deviation: Array
+    covariance: Array
+    covariance_kind: str
+    freedom: float
+    residual_rms: Array
+    rows: NDArray[np.int64]
+    condition: float
+    scaled_condition: float
+
+    def __post_init__(self) -> None:
+        b = len(self.names)
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "values", array(self.values, (b,), "values"))
+        object.__setattr__(self, "deviation", array(self.deviation, (b,), "deviation"))
+        object.__setattr__(self, "covariance", array(self.covariance, (b, b), "covariance"))
+        object.__setattr__(self, "residual_rms", array(self.residual_rms, (len(self.rows),), "residual_rms"))
+
+    @property
+    def relative_deviation(self) -> Array:
+        """Standard deviation over the value's size in percent, (2.47), shape (b,)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return 100.0 * self.deviation / np.abs(self.values)
+
+    @property
+    def poorly_identified(self) -> NDArray[np.bool_]:
+        """Parameters whose relative deviation is more than ten times the smallest, shape (b,)."""
+        relative = self.relative_deviation
+        return relative > POORLY_IDENTIFIED * np.nanmin(relative)

@@ -1,0 +1,196 @@
+"""The main job: from a study to an identified and validated model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armid.errors import Finding, StudyError
+from armid.estimation.estimate import Estimate, TermUse
+from armid.estimation.estimators import ESTIMATORS
+from armid.estimation.per_recording import separate_by_recording
+from armid.information.information import Information
+from armid.information.observations import Observations
+from armid.information.stream import inform
+from armid.measurement.interpret import interpret
+from armid.measurement.process import observe, resolve
+from armid.measurement.processing import Processing
+from armid.measurement.readers import load_recording
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.model.base import BaseParameters, find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import RigidBody
+from armid.robot import Robot, builtin_arms, load_robot
+from armid.study.cut import cut, refuse_shared
+from armid.study.study import RecordingChoice, Study, build_model
+from armid.validation.predict import Score, Validation, score, validate
+
+__all__ = ["Progress", "Result", "identify", "read_recording", "score_recordings"]
+
+Progress = Callable[[str, float], None]
+"""Told the name of the stage and the share of it that is done."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Result:
+    """What an identification gives.
+
+    Attributes:
+        study: The study, its automatic choices made.
+        robot: The arm.
+        model: Arm and torque terms.
+        information: What the training recordings say.
+        estimate: The parameters.
+        validation: Torque error on unseen motion.
+        training: Torque error on the training recordings.
+    """
+
+    study: Study
+    robot: Robot
+    model: DynamicsModel
+    information: Information
+    estimate: Estimate
+    validation: Validation
+    training: tuple[Score, ...]
+
+
+def read_recording(choice: RecordingChoice, study: Study, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
+    """One recording of a study in the robot's joints, SI units, on the joint side.
+
+    Raises:
+        RecordingError: It cannot be read or does not fit the robot.
+    """
+    read = interpret(load_recording(study.path(choice.path), choice.reading), choice.reading, robot)
+    return cut(read.recording, choice.part), read.findings
+
+
+def identify(study: Study, *, threads: int = 1, progress: Progress | None = None) -> Result:
+    """Identify the model of a study and check it on the recordings that it keeps for validation.
+
+    Args:
+        study: The study.
+        threads: Threads of the kernel.
+        progress: Told of stages.
+
+    Raises:
+        ArmidError: Bad input; the message says what and where.
+    """
+    began = time.perf_counter()
+    tell = progress or _silent
+    tell("robot", 0.0)
+    robot = _robot(study)
+    model = build_model(robot, study.model, motor_side=_is_motor_side(study))
+    base = find_base_parameters(model)
+    findings = list(robot.findings)
+    recordings: list[tuple[RecordingChoice, Recording]] = []
+    for k, choice in enumerate(study.recordings):
+        tell("recordings", k / len(study.recordings))
+        recording, found = read_recording(choice, study, robot)
+        findings += found
+        recordings.append((choice, recording))
+    refuse_shared(recordings)
+    train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
+    tell("processing", 0.0)
+    processing = resolve(study.processing, [recording for _, recording in train])
+    study = replace(study, processing=processing)
+    observations, found = _observe(train, processing, robot)
+    findings += found
+    information = inform(
+        model, base, observations, threads=threads, progress=lambda done, all: tell("information", done / all)
+    )
+    tell("estimation", 0.0)
+    estimate = _estimate(study, model, base, information, tuple(findings), [r for _, r in recordings])
+    tell("validation", 0.0)
+    training = score_recordings(model, estimate, train, processing)
+    held_out = [(choice, recording) for choice, recording in recordings if choice.role == "validate"]
+    scores = score_recordings(model, estimate, held_out, processing)
+    validation = validate(robot.joint_names, scores, estimate)
+    tell("validation", 1.0)
+    estimate = replace(estimate, seconds=time.perf_counter() - began)
+    return Result(study, robot, model, information, estimate, validation, training)
+
+
+def _silent(stage: str, share: float) -> None:
+    """Progress nobody asked for."""
+    del stage, share
+
+
+def score_recordings(
+    model: DynamicsModel,
+    estimate: Estimate,
+    recordings: Sequence[tuple[RecordingChoice, Recording]],
+    processing: Processing,
+) -> tuple[Score, ...]:
+    """Torque error on recordings, each processed by itself."""
+    scores: list[Score] = []
+    for choice, recording in recordings:
+        observations, _ = _observe([(choice, recording)], processing, model.robot)
+        scores.append(score(model, estimate, observations, path=choice.path, sha256=recording.sha256))
+    return tuple(scores)
+
+
+def _robot(study: Study) -> Robot:
+    """The study's arm; a description that is a file is looked for beside the study."""
+    choice = study.robot
+    name = choice.description if choice.description in builtin_arms() else study.path(choice.description)
+    return load_robot(name, gravity=choice.gravity, locked=choice.locked, tip=choice.tip)
+
+
+def _observe(
+    recordings: Sequence[tuple[RecordingChoice, Recording]], processing: Processing, robot: Robot
+) -> tuple[Observations, tuple[Finding, ...]]:
+    """Observations of several recordings."""
+    readings: list[Reading] = [choice.reading for choice, _ in recordings]
+    limits = np.array([joint.effort_limit for joint in robot.joints])
+    return observe(
+        [recording for _, recording in recordings],
+        processing,
+        periods=[reading.period for reading in readings],
+        starts=[reading.start for reading in readings],
+        effort_limits=limits,
+    )
+
+
+def _is_motor_side(study: Study) -> bool:
+    """Whether every recording's effort is that of the motors."""
+    return all(
+        choice.reading.transmission is not None or choice.reading.drive_gain is not None
+        for choice in study.recordings
+    )
+
+
+def _estimate(
+    study: Study,
+    model: DynamicsModel,
+    base: BaseParameters,
+    information: Information,
+    findings: tuple[Finding, ...],
+    recordings: Sequence[Recording],
+) -> Estimate:
+    """Estimate with what it was made from."""
+    if study.estimation.friction_per_recording:
+        if len(np.unique(information.recording)) < 2:
+            raise StudyError("friction_per_recording needs at least two training recordings.")
+        kinds = np.array([model.parameters[k].kind != RigidBody.name for k in base.kept])
+        information = separate_by_recording(information, kinds)
+    fit = ESTIMATORS[study.estimation.method]().estimate(information)
+    made_from = (f"robot {model.robot.sha256}", *(f"recording {recording.sha256}" for recording in recordings))
+    return Estimate(
+        model.robot.name, study.estimation.method, _uses(model), base, fit, findings, made_from, information.made_by
+    )
+
+
+def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:
+    """Which terms were used, on which joints, with which shapes."""
+    names = model.robot.joint_names
+    uses: list[TermUse] = []
+    for term in model.terms:
+        laws = [law for _, law in [(term.name, law) for law in term.laws(model.robot)]]
+        touched = sorted({j for law in laws for j, _ in law.coordinate}) or range(model.n)
+        width = getattr(term, "width", None)
+        uses.append(TermUse(term.name, tuple(names[j] for j in touched), {} if width is None else {"width": width}))
+    return tuple(uses)

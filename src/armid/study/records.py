@@ -1,0 +1,112 @@
+"""Estimates and validations as JSON objects whose keys others rely on; NaN and infinity become null."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.estimation.estimate import Estimate, standard_parameters
+from armid.model.formulas import base_formulas
+from armid.validation.predict import Validation
+
+__all__ = ["estimate_record", "finding_record", "to_json", "validation_record"]
+
+
+def estimate_record(estimate: Estimate) -> dict[str, Any]:
+    """The contents of `estimate.json`."""
+    fit, ends = estimate.fit, estimate.intervals
+    units = dict(zip(estimate.base.names, estimate.base.units, strict=True))
+    formulas = dict(zip(estimate.base.names, base_formulas(estimate.base, "text"), strict=True))
+    poor = fit.poorly_identified
+    base: list[dict[str, Any]] = []
+    for k, name in enumerate(fit.names):
+        plain = name.split("[", 1)[0]
+        base.append(
+            {
+                "name": name,
+                "value": fit.values[k],
+                "unit": units[plain],
+                "deviation": fit.deviation[k],
+                "relative_deviation_percent": fit.relative_deviation[k],
+                "poorly_identified": bool(poor[k]),
+                "interval95": ends[k],
+                "formula": formulas[plain],
+            }
+        )
+    return {
+        "robot": estimate.robot,
+        "method": estimate.method,
+        "terms": [{"name": t.name, "joints": t.joints, "shapes": t.shapes} for t in estimate.terms],
+        "base_parameters": base,
+        "parameters": standard_parameters(estimate),
+        "residual": {"rms": fit.residual_rms},
+        "condition": fit.condition,
+        "scaled_condition": fit.scaled_condition,
+        "samples": int(fit.rows.max()),
+        "rows": fit.rows,
+        "covariance": {"kind": fit.covariance_kind, "degrees_of_freedom": fit.freedom, "matrix": fit.covariance},
+        "certificate": None,
+        "seconds": estimate.seconds,
+        "warnings": [finding_record(finding) for finding in estimate.findings],
+        "made_from": estimate.made_from,
+        "made_by": estimate.made_by,
+    }
+
+
+def finding_record(finding: Finding) -> dict[str, Any]:
+    """A finding with its evidence and remedy as one message."""
+    where = f"{finding.channel}: " if finding.channel else ""
+    message = f"{where}{finding.evidence}" + (f" {finding.remedy}" if finding.remedy else "")
+    return {
+        "code": finding.code,
+        "severity": finding.severity,
+        "channel": finding.channel,
+        "evidence": finding.evidence,
+        "remedy": finding.remedy,
+        "message": message,
+    }
+
+
+def validation_record(validation: Validation) -> dict[str, Any]:
+    """The contents of `validation.json`."""
+    return {
+        "joints": validation.joints,
+        "recordings": [
+            {
+                "path": each.path,
+                "sha256": each.sha256,
+                "rms": each.rms,
+                "rms_raw": each.rms_raw,
+                "relative": each.relative,
+                "peak": each.peak,
+                "coverage95": each.coverage95,
+                "prior_rms": each.prior_rms,
+            }
+            for each in validation.recordings
+        ],
+        "verdict": validation.verdict,
+        "checks": [{"name": c.name, "value": c.value, "bound": c.bound, "ok": c.ok} for c in validation.checks],
+    }
+
+
+def to_json(record: Any) -> str:
+    """JSON text with full precision; NaN and infinity as null."""
+    return json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value

@@ -1,0 +1,269 @@
+"""What a study says: robot, model, recordings, processing and estimation, each named once.
+
+A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]` and `[estimation]`. Its keys are
+the fields of the dataclasses here, of `Reading` and of `Processing`; an unknown key is an error that lists the known
+ones. Paths are relative to the study.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from armid.errors import ArmidError, StudyError
+from armid.estimation.estimators import ESTIMATORS
+from armid.measurement.processing import Processing
+from armid.measurement.reading import Reading
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import TERMS, Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
+from armid.robot.robot import Robot
+
+__all__ = [
+    "EstimationChoice",
+    "ModelChoice",
+    "RecordingChoice",
+    "RobotChoice",
+    "Study",
+    "build_model",
+    "load_study",
+    "parse_study",
+]
+
+T = TypeVar("T")
+
+IDENTIFY_TERMS = (RigidBody.name, Viscous.name, Coulomb.name, Offset.name)
+"""Terms where a study names none; rotor inertia joins them where the effort is that of the motors."""
+
+IDENTIFY_WIDTH = 0.02
+"""Width of Coulomb friction where a study gives none [rad/s]: a sign flips with the encoder's noise at rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotChoice:
+    """The arm of a study.
+
+    Attributes:
+        description: Name of a built-in arm or path to a URDF, xacro, MJCF or DH table.
+        gravity: Acceleration of gravity in the base frame [m/s²]; the description's where not given.
+        locked: Joints held still, at 0 where only names are given.
+        tip: Frame that stands for the tool flange.
+    """
+
+    description: str
+    gravity: tuple[float, float, float] | None = None
+    locked: Mapping[str, float] | Sequence[str] = ()
+    tip: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ModelChoice:
+    """The torque terms of a study.
+
+    Attributes:
+        terms: Their names; chosen by the kind of effort where none are given.
+        shapes: Options of terms, by the term's name.
+    """
+
+    terms: tuple[str, ...] = ()
+    shapes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, "Mapping[str, Any]"])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RecordingChoice:
+    """One recording of a study.
+
+    Attributes:
+        path: The file.
+        role: `train` or `validate`.
+        reading: How to read it.
+        part: Which share of it, from and to, 0 to 1. One file may train with one part and validate with another.
+    """
+
+    path: str
+    role: Literal["train", "validate"] = "train"
+    reading: Reading = field(default_factory=Reading)
+    part: tuple[float, float] = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if self.role not in ("train", "validate"):
+            raise StudyError(f"{self.path}: unknown role {self.role!r}.", possible="train, validate")
+        low, high = self.part
+        if not 0.0 <= low < high <= 1.0:
+            raise StudyError(f"{self.path}: part goes from a smaller to a larger share of 0 to 1; found {self.part}.")
+
+
+@dataclass(frozen=True, slots=True)
+class EstimationChoice:
+    """How a study estimates.
+
+    Attributes:
+        method: Name of the estimator.
+        friction_per_recording: Every recording has its own friction and offsets; the links are shared.
+    """
+
+    method: str = "wls"
+    friction_per_recording: bool = False
+
+    def __post_init__(self) -> None:
+        if self.method not in ESTIMATORS:
+            raise StudyError(f"Unknown estimation method {self.method!r}.", possible=", ".join(ESTIMATORS))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Study:
+    """Everything that an identification is made from.
+
+    Attributes:
+        robot: The arm.
+        model: Its torque terms.
+        recordings: Recordings, at least one of which trains.
+        processing: What is done to them.
+        estimation: How the parameters are estimated.
+        folder: What paths are relative to.
+    """
+
+    robot: RobotChoice
+    model: ModelChoice
+    recordings: tuple[RecordingChoice, ...]
+    processing: Processing = field(default_factory=Processing)
+    estimation: EstimationChoice = field(default_factory=EstimationChoice)
+    folder: str = "."
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "recordings", tuple(self.recordings))
+        if not any(recording.role == "train" for recording in self.recordings):
+            raise StudyError("The study has no recording to train on.", remedy='give one role = "train".')
+
+    def path(self, name: str) -> Path:
+        """A path of the study, seen from here."""
+        return Path(self.folder) / name
+
+
+def load_study(path: Path | str) -> Study:
+    """Read a `study.toml`.
+
+    Raises:
+        StudyError: It is missing, no TOML, has an unknown key or contradicts itself.
+    """
+    path = Path(path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(
+            f"The study {path} cannot be read: {error}.", remedy="give the path of a study.toml."
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise StudyError(f"{path} is no valid TOML: {error}.") from error
+    return parse_study(table, str(path.parent))
+
+
+def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
+    """A study from the tables of a `study.toml`.
+
+    Raises:
+        StudyError: An unknown key, a missing one, or a contradiction.
+    """
+    _known(table, ("robot", "model", "recording", "processing", "estimation"), "a study")
+    if "robot" not in table:
+        raise StudyError("The study has no table [robot].", remedy='write [robot] with description = "…".')
+    recordings = table.get("recording", ())
+    if not isinstance(recordings, list):
+        raise StudyError("Recordings stand in [[recording]] tables, one each.")
+    return Study(
+        _make(RobotChoice, table["robot"], "robot"),
+        _model_choice(table.get("model", {})),
+        tuple(_recording_choice(each) for each in recordings),
+        _make(Processing, table.get("processing", {}), "processing"),
+        _make(EstimationChoice, table.get("estimation", {}), "estimation"),
+        folder,
+    )
+
+
+def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
+    """The model that a study chooses.
+
+    Args:
+        robot: The arm.
+        choice: Terms and shapes.
+        motor_side: Whether the recorded effort is that of the motors, which adds rotor inertia by default.
+    """
+    names = choice.terms or (*IDENTIFY_TERMS, *((RotorInertia.name,) if motor_side else ()))
+    for name in choice.shapes:
+        if name not in names:
+            raise StudyError(
+                f"[model] gives options of {name!r}, which is not among its terms.", possible=", ".join(names)
+            )
+    terms: list[Term] = []
+    for name in names:
+        if name not in TERMS:
+            raise StudyError(f"Unknown torque term {name!r}.", possible=", ".join(TERMS), remedy=_hint(name, TERMS))
+        options = dict(choice.shapes.get(name, {}))
+        if name == Coulomb.name and not choice.terms:
+            options.setdefault("width", IDENTIFY_WIDTH)
+        terms.append(_make(TERMS[name], options, f"model.{name}"))
+    return DynamicsModel(robot, tuple(terms))
+
+
+def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
+    """Terms and their options; each term's options stand under its name."""
+    _known(table, ("terms", *TERMS), "model")
+    terms = table.get("terms", ())
+    if terms == "auto":
+        raise StudyError('terms = "auto" is not known yet.', possible=", ".join(TERMS), remedy="name the terms.")
+    shapes = {name: value for name, value in table.items() if name != "terms"}
+    for name, value in shapes.items():
+        if not isinstance(value, dict):
+            raise StudyError(f"model.{name} must be a table of options; found {value!r}.")
+    return ModelChoice(tuple(terms), shapes)
+
+
+def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
+    """A recording with its reading; their keys stand together in one table."""
+    own = [f.name for f in dataclasses.fields(RecordingChoice) if f.name != "reading"]
+    _known(table, (*own, *(f.name for f in dataclasses.fields(Reading))), "recording")
+    if "path" not in table:
+        raise StudyError("A recording has no path.", remedy='give path = "…" in every [[recording]].')
+    reading = {key: value for key, value in table.items() if key not in own}
+    choice = {key: value for key, value in table.items() if key in own}
+    if "part" in choice:
+        choice["part"] = tuple(choice["part"])
+    return RecordingChoice(**choice, reading=_make(Reading, reading, f"recording {table['path']}"))
+
+
+def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
+    """A dataclass from a table with its fields as keys; lists become tuples."""
+    fields = [f for f in dataclasses.fields(kind) if f.init]  # pyright: ignore[reportArgumentType]
+    _known(table, [f.name for f in fields], where)
+    missing = [
+        f.name
+        for f in fields
+        if f.name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+    ]
+    if missing:
+        raise StudyError(f"[{where}] lacks {', '.join(missing)}.")
+    values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    try:
+        return kind(**values)
+    except ArmidError as error:
+        raise StudyError(f"[{where}] {error.problem}", possible=error.possible, remedy=error.remedy) from error
+    except TypeError as error:
+        raise StudyError(f"[{where}] has a value of the wrong type: {error}.") from error
+
+
+def _known(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    """Refuse unknown keys."""
+    known = list(known)
+    for key in table:
+        if key not in known:
+            raise StudyError(f"{where} has no key {key!r}.", possible=", ".join(known), remedy=_hint(key, known))
+
+
+def _hint(name: str, known: Iterable[str]) -> str:
+    """A guess at what was meant."""
+    close = get_close_matches(name, list(known), 1)
+    return f"did you mean {close[0]!r}?" if close else ""

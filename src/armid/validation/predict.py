@@ -1,0 +1,183 @@
+"""Prediction on unseen motion: a model's torque error joint by joint, and what the description alone would do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.estimation.estimate import Estimate, torque_parameters
+from armid.information.observations import Observations
+from armid.information.residuals import Comparison, columns_on_grid, compare
+from armid.information.setup import column_source
+from armid.model.dynamics import DynamicsModel
+from armid.values import Array, array
+
+__all__ = ["Check", "Score", "Validation", "score", "validate"]
+
+CLOSE_TO_TRAINING = 3.0
+"""Largest total error on unseen motion, over that on training motion, that still counts as the same model."""
+
+COVERAGE_STUDENT = 1.96
+"""Half width of a 95 % band in standard deviations."""
+
+COVERED_ROWS = 20_000
+"""Rows over which bands are evaluated; of more, every k-th."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One named condition of the verdict.
+
+    Attributes:
+        name: What is checked.
+        value: What was found.
+        bound: What it must not exceed.
+        ok: Whether it holds.
+    """
+
+    name: str
+    value: float
+    bound: float
+    ok: bool
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Score:
+    """Torque error on one recording, each per joint (n,).
+
+    Attributes:
+        path: The recording.
+        sha256: Its digest.
+        rms: In the study's band [N·m or N].
+        rms_raw: Against the torque as recorded [N·m or N].
+        relative: `rms` over the standard deviation of the torque.
+        peak: Largest error in the band [N·m or N].
+        coverage95: Share of rows inside the 95 % band.
+        prior_rms: `rms` of the description's inertial parameters without friction; `None` where it has none.
+    """
+
+    path: str
+    sha256: str
+    rms: Array
+    rms_raw: Array
+    relative: Array
+    peak: Array
+    coverage95: Array
+    prior_rms: Array | None
+
+    def __post_init__(self) -> None:
+        for name in ("rms", "rms_raw", "relative", "peak", "coverage95", "prior_rms"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, array(value, (None,), name, finite=False))
+
+
+@dataclass(frozen=True, slots=True)
+class Validation:
+    """Scores on recordings that no parameter has seen, and the verdict.
+
+    Attributes:
+        joints: Names of the joints.
+        recordings: A score for each recording.
+        verdict: `pass` where every check holds, `fail` where one does not, `not judged` without unseen motion.
+        checks: The named conditions.
+    """
+
+    joints: tuple[str, ...]
+    recordings: tuple[Score, ...]
+    verdict: str
+    checks: tuple[Check, ...]
+
+
+def score(
+    model: DynamicsModel,
+    estimate: Estimate,
+    observations: Observations,
+    *,
+    path: str = "",
+    sha256: str = "",
+) -> Score:
+    """Compare the estimate's torque with that of one recording."""
+    theta = torque_parameters(estimate.base, estimate.fit)
+    found = _together([compare(model, theta, run, observations.band) for run in observations.runs])
+    residual = np.where(found.mask, found.residual, np.nan)
+    prior = model.nominal_parameters()
+    prior_rms = None
+    if prior is not None:
+        nominal = _together([compare(model, prior, run, observations.band) for run in observations.runs])
+        prior_rms = _rms(np.where(nominal.mask, nominal.residual, np.nan))
+    rms = _rms(residual)
+    spread = np.nanstd(np.where(found.mask, found.measured, np.nan), axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = rms / spread
+    return Score(
+        path,
+        sha256,
+        rms,
+        _rms(np.where(found.mask, found.residual_raw, np.nan)),
+        relative,
+        np.nanmax(np.abs(residual), axis=0),
+        _coverage(model, estimate, observations, residual),
+        prior_rms,
+    )
+
+
+def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate) -> Validation:
+    """Put scores on unseen motion together and judge them."""
+    checks: list[Check] = []
+    training = float(np.linalg.norm(estimate.fit.residual_rms))
+    for each in scores:
+        total = float(np.linalg.norm(each.rms))
+        where = f" on {each.path}" if len(scores) > 1 else ""
+        if each.prior_rms is not None:
+            bound = float(np.linalg.norm(each.prior_rms))
+            checks.append(Check(f"total error below the description's{where}", total, bound, total < bound))
+        bound = CLOSE_TO_TRAINING * training
+        checks.append(
+            Check(f"total error within {CLOSE_TO_TRAINING:g} x training{where}", total, bound, total <= bound)
+        )
+        worst = float(np.nanmax(each.relative))
+        checks.append(Check(f"every joint better than its mean torque{where}", worst, 1.0, worst < 1.0))
+    verdict = "not judged" if not scores else "pass" if all(check.ok for check in checks) else "fail"
+    return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
+
+
+def _together(parts: Sequence[Comparison]) -> Comparison:
+    """Rows of several runs one after another."""
+    return Comparison(
+        np.concatenate([part.measured for part in parts]),
+        np.concatenate([part.predicted for part in parts]),
+        np.concatenate([part.measured_raw for part in parts]),
+        np.concatenate([part.predicted_raw for part in parts]),
+        np.concatenate([part.mask for part in parts]),
+    )
+
+
+def _rms(residual: Array) -> Array:
+    """Root mean square of each column, NaN left out."""
+    return np.sqrt(np.nanmean(residual**2, axis=0))
+
+
+def _coverage(model: DynamicsModel, estimate: Estimate, observations: Observations, residual: Array) -> Array:
+    """Share of rows (n,) whose error lies inside the band of parameter and residual variance."""
+    base, fit = estimate.base, estimate.fit
+    index = [fit.names.index(name) for name in base.names if name in fit.names]
+    noise = fit.residual_rms**2
+    if len(index) < base.count:  # friction of its own for each recording: the parameters' share is left out
+        return np.nanmean(np.where(np.isnan(residual), np.nan, residual**2 <= COVERAGE_STUDENT**2 * noise), axis=0)
+    covariance = fit.covariance[np.ix_(index, index)]
+    source = column_source(model, base)
+    x = np.concatenate([columns_on_grid(source, run, observations.band) for run in observations.runs], axis=1)
+    every = max(1, len(residual) // COVERED_ROWS)
+    x, residual = x[:, ::every], residual[::every]
+    share = np.empty(model.n)
+    for j, parameters in enumerate(source.layout.parameters):
+        y = x[source.layout.offset[j] : source.layout.offset[j + 1] - 1]
+        variance = noise[j] + np.einsum(
+            "km,kl,lm->m", y, covariance[np.ix_(parameters, parameters)], y, optimize=True
+        )
+        known = ~np.isnan(residual[:, j])
+        share[j] = np.mean(residual[known, j] ** 2 <= COVERAGE_STUDENT**2 * variance[known])
+    return share
