@@ -1,56 +1,10 @@
 """ROS bags, written by rosbags and read by name and header time."""
 
-from pathlib import Path
-
-import numpy as np
 import pytest
 
 from armid.measurement.readers import load_recording
 from armid.measurement.reading import Reading
-from recordings import DQ, TAU, N, Q, assert_same, refused
-
-NAMES = ("a1", "a2", "a3")
-STAMPS = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(N)
-SECONDS = (STAMPS - STAMPS[0]) * 1e-9
-
-
-def message(i, names=NAMES, order=(0, 1, 2), velocity=True, effort=True):
-    return {
-        "stamp": int(STAMPS[i]),
-        "name": [names[k] for k in order],
-        "position": Q[i, list(order)],
-        "velocity": DQ[i, list(order)] if velocity else np.zeros(0),
-        "effort": TAU[i, list(order)] if effort else np.zeros(0),
-    }
-
-
-def write_bag(folder, suffix, topics):
-    """A bag whose topics hold the given messages; what is received long after the stamp must not matter."""
-    from rosbags.rosbag1 import Writer as Writer1
-    from rosbags.rosbag2 import StoragePlugin
-    from rosbags.rosbag2 import Writer as Writer2
-    from rosbags.typesys import Stores, get_typestore
-
-    old = suffix == ".bag"
-    store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_JAZZY)
-    kinds = store.types
-    plugin = StoragePlugin.MCAP if suffix == ".mcap" else StoragePlugin.SQLITE3
-    path = folder / "run.bag" if old else folder / f"bag{suffix[1:]}"
-    serialize = store.serialize_ros1 if old else store.serialize_cdr
-    with Writer1(path) if old else Writer2(path, version=9, storage_plugin=plugin) as writer:
-        for topic, messages in topics.items():
-            kind = "sensor_msgs/msg/JointState" if messages else "std_msgs/msg/Header"
-            connection = writer.add_connection(topic, kind, typestore=store)
-            for i, m in enumerate(messages):
-                stamp = kinds["builtin_interfaces/msg/Time"](sec=m["stamp"] // 10**9, nanosec=m["stamp"] % 10**9)
-                extra = {"seq": i} if old else {}
-                header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="", **extra)
-                fields = {name: m[name] for name in ("name", "position", "velocity", "effort")}
-                joint_state = kinds["sensor_msgs/msg/JointState"](header=header, **fields)
-                received = int(STAMPS[0] + 10**9 + 7_000_000 * i)
-                writer.write(connection, received, bytes(serialize(joint_state, joint_state.__msgtype__)))
-    return path if old else next(Path(path).glob(f"*{suffix}"))
-
+from recordings import NAMES, SECONDS, N, assert_same, message, refused, write_bag
 
 BAGS = pytest.mark.parametrize("suffix", [".bag", ".db3", ".mcap"])
 

@@ -9,11 +9,15 @@ import numpy as np
 from armid.errors import Finding, RecordingError
 from armid.maths.sampling import periodic_delay, periodic_shift
 from armid.measurement.clock import Stretch
+from armid.values import Array
 
 __all__ = ["average", "check_closed", "whole_periods", "windows"]
 
 SHORT = 1.0
 """Samples that a last repetition may lack: a log of K periods of m samples often ends with sample K m - 1."""
+
+PASSES = 4
+"""A window that is far off holds some of its neighbour, which shifts the estimate; each pass removes most of that."""
 
 NEGLIGIBLE = 0.1
 """Displacement, in units of the noise, below which a fraction of a sample is not worth two transforms."""
@@ -68,17 +72,15 @@ def average(found: Sequence[tuple[Stretch, int]], period: float, source: str) ->
     bad = np.array(reference.bad)
     delays = [0.0]
     for stretch, begin in found[1:]:
-        delay = periodic_delay(reference.q, stretch.q[begin : begin + samples])
-        first = min(max(begin + round(delay), 0), stretch.samples - samples)
+        first, rest = _aligned(reference.q, stretch, begin)
         piece = stretch.cut(first, first + samples)
-        rest = delay - (first - begin)
         noise = np.sqrt(np.mean((piece.q - reference.q) ** 2, axis=0) / 2)
         moves = abs(rest) * np.sqrt(np.mean(np.diff(piece.q, axis=0) ** 2, axis=0))
         shift = bool((moves > NEGLIGIBLE * noise).any())
         for total, x in zip(sums, _signals(piece), strict=True):
             total += periodic_shift(x, -rest) if shift else x
         bad |= piece.bad
-        delays.append(delay)
+        delays.append(first - begin + rest)
     q, *others = (total / len(found) for total in sums)
     dq = others.pop(0) if reference.dq is not None else None
     ddq = others.pop(0) if reference.ddq is not None else None
@@ -86,11 +88,24 @@ def average(found: Sequence[tuple[Stretch, int]], period: float, source: str) ->
     return mean, _delay_findings(np.array(delays), samples, reference.rate, source)
 
 
-def _signals(stretch: Stretch) -> list[np.ndarray]:
+def _aligned(reference: Array, stretch: Stretch, begin: int) -> tuple[int, float]:
+    """First sample of the window that lies like the reference, and the rest of its delay in samples."""
+    room = stretch.samples - len(reference)
+    first, rest = begin, 0.0
+    for _ in range(PASSES):
+        rest = periodic_delay(reference, stretch.q[first : first + len(reference)])
+        moved = min(max(first + round(rest), 0), room)
+        if moved == first:
+            break
+        first, rest = moved, rest - (moved - first)
+    return first, rest
+
+
+def _signals(stretch: Stretch) -> list[Array]:
     return [x for x in (stretch.q, stretch.dq, stretch.ddq, stretch.effort) if x is not None]
 
 
-def _delay_findings(delays: np.ndarray, samples: int, rate: float, source: str) -> list[Finding]:
+def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> list[Finding]:
     """What the delays of the repetitions, in samples, say about the period."""
     worst = int(np.argmax(np.abs(delays)))
     late = float(delays[worst])
