@@ -99,6 +99,8 @@ def merge(parts: Sequence[Information]) -> Information:
     if not parts:
         raise ArmidError("There is no information to merge.")
     first = parts[0]
+    if len(parts) == 1:
+        return first
     for part in parts[1:]:
         alike = part.names == first.names and all(
             np.array_equal(a.parameters, b.parameters) for a, b in zip(part.joints, first.joints, strict=True)

@@ -123,37 +123,39 @@ def _inform(
             if raw
             else _filtered_blocks(source, run, observations.band)
         )
-        factors: list[Array] = []
-        blocks: list[NDArray[np.int64]] = []
+        names = np.unique(run.block)
+        factors = [np.zeros((len(names), width, width)) for width in source.layout.widths]
+        filled = np.zeros(len(names), dtype=np.bool_)
         for R, block, samples_done in pieces:
-            factors.append(R)
-            blocks.append(block)
+            _collect(kernel.unpack_factors(source.layout, R), np.searchsorted(names, block), factors, filled)
             if progress is not None:
                 progress(done + samples_done, samples)
         done += run.motion.samples
         method = "products" if raw and by_gram else "qr"
-        parts.append(_of_run(source, run, index, np.concatenate(factors), np.concatenate(blocks), method))
+        parts.append(_of_run(source, run, index, factors, method))
     return merge(parts)
 
 
-def _of_run(
-    source: ColumnSource, run: ObservedRun, index: int, R: Array, block: NDArray[np.int64], method: str
-) -> Information:
-    """Information of one run from factors of pieces, several of which may belong to one block."""
-    names, first = np.unique(block, return_index=True)
-    joints: list[JointFactors] = []
-    for parameters, pieces in zip(source.layout.parameters, kernel.unpack_factors(source.layout, R), strict=True):
-        joined = pieces[first]
-        for k, name in enumerate(names):
-            mine = pieces[block == name]
-            if len(mine) > 1:
-                joined[k] = kernel.factor_columns(mine.reshape(-1, mine.shape[2]).T)[0]
-        joints.append(JointFactors(parameters, joined))
-    rows = np.stack([np.bincount(run.block, run.mask[:, j], names[-1] + 1)[names] for j in range(source.tree.n)], 1)
+def _collect(
+    pieces: tuple[Array, ...], blocks: NDArray[np.intp], factors: list[Array], filled: NDArray[np.bool_]
+) -> None:
+    """Put each joint's factors of pieces where their blocks stand; a further piece joins what stands there."""
+    for piece, k in enumerate(blocks):
+        for joint, R in enumerate(pieces):
+            whole = factors[joint]
+            whole[k] = kernel.factor_columns(np.vstack([whole[k], R[piece]]).T)[0] if filled[k] else R[piece]
+        filled[k] = True
+
+
+def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
+    """Information of one run from the factors of its joints, which are taken out of the list one by one."""
+    names = np.unique(run.block)
+    joints = tuple(JointFactors(parameters, factors.pop(0)) for parameters in source.layout.parameters)
+    counts = [np.bincount(run.block, run.mask[:, j], names[-1] + 1)[names] for j in range(source.tree.n)]
     return Information(
         source.names,
-        tuple(joints),
-        rows,
+        joints,
+        np.stack(counts, axis=1),
         np.full(len(names), index),
         np.full(len(names), run.recording),
         f"{kernel.in_use()} {method}",

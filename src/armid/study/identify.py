@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -26,10 +27,10 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import Robot, builtin_arms, load_robot
 from armid.study.cut import cut, refuse_shared
-from armid.study.study import RecordingChoice, Study, build_model
+from armid.study.study import RecordingChoice, RobotChoice, Study, build_model
 from armid.validation.predict import Score, Validation, score, validate
 
-__all__ = ["Progress", "Result", "identify", "read_recording", "score_recordings"]
+__all__ = ["Progress", "Result", "identify", "load_choice", "read_recording", "score_recordings"]
 
 Progress = Callable[[str, float], None]
 """Told the name of the stage and the share of it that is done."""
@@ -58,21 +59,48 @@ class Result:
     training: tuple[Score, ...]
 
 
-def read_recording(choice: RecordingChoice, study: Study, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
+def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
+    """The arm that a study or a command line names; a description that is a file is looked for in `folder`."""
+    name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
+    return load_robot(name, gravity=choice.gravity, locked=choice.locked, tip=choice.tip)
+
+
+def read_recording(
+    choice: RecordingChoice,
+    folder: Path | str,
+    robot: Robot,
+    given: Mapping[str, Recording] | None = None,
+) -> tuple[Recording, tuple[Finding, ...]]:
     """One recording of a study in the robot's joints, SI units, on the joint side.
+
+    Args:
+        choice: File, reading and part.
+        folder: What its path is relative to.
+        robot: The arm.
+        given: Recordings at hand, by path.
 
     Raises:
         RecordingError: It cannot be read or does not fit the robot.
     """
-    read = interpret(load_recording(study.path(choice.path), choice.reading), choice.reading, robot)
+    raw = (given or {}).get(choice.path)
+    if raw is None:
+        raw = load_recording(Path(folder) / choice.path, choice.reading)
+    read = interpret(raw, choice.reading, robot)
     return cut(read.recording, choice.part), read.findings
 
 
-def identify(study: Study, *, threads: int = 1, progress: Progress | None = None) -> Result:
+def identify(
+    study: Study,
+    *,
+    given: Mapping[str, Recording] | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Result:
     """Identify the model of a study and check it on the recordings that it keeps for validation.
 
     Args:
         study: The study.
+        given: Recordings that are at hand and need not be read, by their path in the study.
         threads: Threads of the kernel.
         progress: Told of stages.
 
@@ -82,14 +110,14 @@ def identify(study: Study, *, threads: int = 1, progress: Progress | None = None
     began = time.perf_counter()
     tell = progress or _silent
     tell("robot", 0.0)
-    robot = _robot(study)
+    robot = load_choice(study.robot, study.folder)
     model = build_model(robot, study.model, motor_side=_is_motor_side(study))
     base = find_base_parameters(model)
     findings = list(robot.findings)
     recordings: list[tuple[RecordingChoice, Recording]] = []
     for k, choice in enumerate(study.recordings):
         tell("recordings", k / len(study.recordings))
-        recording, found = read_recording(choice, study, robot)
+        recording, found = read_recording(choice, study.folder, robot, given)
         findings += found
         recordings.append((choice, recording))
     refuse_shared(recordings)
@@ -131,13 +159,6 @@ def score_recordings(
         observations, _ = _observe([(choice, recording)], processing, model.robot)
         scores.append(score(model, estimate, observations, path=choice.path, sha256=recording.sha256))
     return tuple(scores)
-
-
-def _robot(study: Study) -> Robot:
-    """The study's arm; a description that is a file is looked for beside the study."""
-    choice = study.robot
-    name = choice.description if choice.description in builtin_arms() else study.path(choice.description)
-    return load_robot(name, gravity=choice.gravity, locked=choice.locked, tip=choice.tip)
 
 
 def _observe(

@@ -18,6 +18,7 @@ from typing import Any
 from armid.errors import ArmidError, OutputError
 from armid.estimation.estimate import Estimate
 from armid.measurement.processing import Processing
+from armid.measurement.reading import Reading
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.study.identify import Result
@@ -40,6 +41,7 @@ class Run:
         model: Arm and torque terms.
         estimate: The parameters.
         processing: How recordings were processed.
+        reading: How the first training recording was read.
         trained_on: Digests of the training recordings (sha256).
     """
 
@@ -48,6 +50,7 @@ class Run:
     model: DynamicsModel
     estimate: Estimate
     processing: Processing
+    reading: Reading
     trained_on: tuple[str, ...]
 
 
@@ -103,6 +106,7 @@ def load_run(folder: Path | str) -> Run:
         build_model(robot, choice),
         load(Estimate, folder / "estimate.npz"),
         Processing(**kept["processing"]),
+        Reading(**kept["reading"]),
         tuple(kept["trained_on"]),
     )
 
@@ -119,6 +123,7 @@ def _write(result: Result, draft: Path) -> None:
         "terms": names,
         "shapes": shapes,
         "processing": dataclasses.asdict(study.processing),
+        "reading": _given(next(r.reading for r in study.recordings if r.role == "train")),
         "trained_on": [each.sha256 for each in result.training if each.sha256 not in validating],
     }
     replace_file(draft / "study.json", to_json(_study_record(study)) + "\n")
@@ -133,6 +138,11 @@ def _write(result: Result, draft: Path) -> None:
 def _study_record(study: Study) -> dict[str, Any]:
     """The study as it was resolved, without what stands at its default in a recording."""
     record = dataclasses.asdict(study)
-    for recording in record["recordings"]:
-        recording["reading"] = {key: value for key, value in recording["reading"].items() if value is not None}
+    for recording, choice in zip(record["recordings"], study.recordings, strict=True):
+        recording["reading"] = _given(choice.reading)
     return record
+
+
+def _given(reading: Reading) -> dict[str, Any]:
+    """What a reading says beyond its defaults."""
+    return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}

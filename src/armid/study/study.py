@@ -139,10 +139,6 @@ class Study:
         if not any(recording.role == "train" for recording in self.recordings):
             raise StudyError("The study has no recording to train on.", remedy='give one role = "train".')
 
-    def path(self, name: str) -> Path:
-        """A path of the study, seen from here."""
-        return Path(self.folder) / name
-
 
 def load_study(path: Path | str) -> Study:
     """Read a `study.toml`.

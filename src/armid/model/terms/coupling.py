@@ -1,7 +1,7 @@
 """A drive that moves several joints: its inertia and friction act on a combination of joint coordinates.
 
 With the motor coordinate c = Σ w_j q_j, the drive's torque IAM · c̈ + FVM · ċ + FSM · sgn(ċ) acts on joint j with
-its weight w_j. Example: the wrist of the Stäubli TX40, where motor 6 turns with q̇_5 + q̇_6 [Gautier2013].
+its weight w_j. Example: the wrist of the Stäubli TX40, where motor 6 turns with q̇_5 + q̇_6 [Janot2014].
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ The conventions, with q added to the angle of a turning joint and to the length 
 
 =========  ==========================================  =================================
 standard   T = Rz(theta) Tz(d) Tx(a) Rx(alpha)         row i ends in frame i
-modified   T = Rx(alpha) Tx(a) Rz(theta) Tz(d)         alpha and a are those of row i - 1 [Craig]
+modified   T = Rx(alpha) Tx(a) Rz(theta) Tz(d)         alpha and a are those of row i - 1 [Craig2005]
 thesis     T = Ty(d_y) Tz(d_z) Rz(phi) Rx(theta) Rz(psi)   a sliding joint moves along the new z
 =========  ==========================================  =================================
 

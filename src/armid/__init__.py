@@ -1,0 +1,93 @@
+"""armid finds the dynamic model of a robot arm from its description and a recording.
+
+The names here are the stages of the work and the values between them; everything is loaded when first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armid.errors import ArmidError
+    from armid.estimation.estimate import Estimate
+    from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
+    from armid.excitation.fourier import Excitation, load_plan
+    from armid.information.information import Information
+    from armid.information.stream import inform
+    from armid.measurement.process import observe
+    from armid.measurement.processing import Processing
+    from armid.measurement.reading import Reading
+    from armid.measurement.recording import Recording
+    from armid.model.base import BaseParameters, find_base_parameters
+    from armid.model.dynamics import DynamicsModel
+    from armid.model.motion import Motion
+    from armid.robot import Robot, load_robot
+    from armid.study.identify import identify
+    from armid.study.run import Run, load_run, save_run
+    from armid.study.study import Study, load_study
+
+_HOMES = {
+    "ArmidError": "errors",
+    "BaseParameters": "model.base",
+    "DynamicsModel": "model.dynamics",
+    "Estimate": "estimation.estimate",
+    "Excitation": "excitation.fourier",
+    "Information": "information.information",
+    "Motion": "model.motion",
+    "OrdinaryLeastSquares": "estimation.estimators",
+    "Processing": "measurement.processing",
+    "Reading": "measurement.reading",
+    "Recording": "measurement.recording",
+    "Robot": "robot",
+    "Run": "study.run",
+    "Study": "study.study",
+    "WeightedLeastSquares": "estimation.estimators",
+    "find_base_parameters": "model.base",
+    "identify": "study.identify",
+    "inform": "information.stream",
+    "load_plan": "excitation.fourier",
+    "load_robot": "robot",
+    "load_run": "study.run",
+    "load_study": "study.study",
+    "observe": "measurement.process",
+    "save_run": "study.run",
+}
+
+__all__ = [
+    "ArmidError",
+    "BaseParameters",
+    "DynamicsModel",
+    "Estimate",
+    "Excitation",
+    "Information",
+    "Motion",
+    "OrdinaryLeastSquares",
+    "Processing",
+    "Reading",
+    "Recording",
+    "Robot",
+    "Run",
+    "Study",
+    "WeightedLeastSquares",
+    "find_base_parameters",
+    "identify",
+    "inform",
+    "load_plan",
+    "load_robot",
+    "load_run",
+    "load_study",
+    "observe",
+    "save_run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from the module that it lives in."""
+    if name in _HOMES:
+        return getattr(import_module(f"armid.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'armid' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,66 @@
+"""`armid base`: which parameters the torques of an arm can show."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, Terms, model_choice, robot_choice
+
+__all__ = ["base"]
+
+
+class Style(StrEnum):
+    """How formulas are written."""
+
+    text = "text"
+    latex = "latex"
+
+
+def base(
+    robot: Annotated[str, typer.Argument(help="Built-in name or path to a URDF, xacro, MJCF or DH table.")],
+    gravity: Gravity = None,
+    lock: Lock = None,
+    terms: Terms = None,
+    style: Annotated[Style, typer.Option(help="How formulas are written.")] = Style.text,
+    columns: Annotated[
+        bool, typer.Option("--columns", help="Also how each removed column depends on kept ones.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Count and name the base parameters of an arm, with their groupings as formulas.
+
+    Examples:
+        armid base iiwa14-r820 --gravity 0 0 9.81
+
+        armid base panda.urdf --lock panda_finger_joint1 --lock panda_finger_joint2 --style latex
+    """
+    from armid.cli.console import output_console, print_findings
+    from armid.model.base import find_base_parameters
+    from armid.model.formulas import base_formulas, base_record, column_formulas
+    from armid.study.identify import load_choice
+    from armid.study.records import to_json
+    from armid.study.study import build_model
+
+    arm = load_choice(robot_choice(robot, gravity, lock))
+    found = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))
+    if json:
+        sys.stdout.write(to_json(base_record(found)) + "\n")
+        return
+    print_findings(arm.findings)
+    lines = base_formulas(found, style.value)
+    if columns:
+        lines = (*lines, "", *column_formulas(found, style.value))
+    if style is Style.latex:
+        sys.stdout.write("\n".join(lines) + "\n")
+        return
+    console = output_console()
+    zero = [found.standard_names[k] for k in found.zero_columns]
+    console.print(
+        f"[bold]{arm.name}[/]: {found.count} base parameters of {len(found.standard_names)}; "
+        f"{len(zero)} without effect" + (f" ({', '.join(zero)})" if zero else "")
+    )
+    sys.stdout.write("\n".join(lines) + "\n")

@@ -1,0 +1,169 @@
+"""`armid identify`: the main job."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, Out, Terms, Threads, model_choice, robot_choice
+
+if TYPE_CHECKING:
+    from armid.study.study import Study
+
+__all__ = ["identify", "report_result"]
+
+
+class Preset(StrEnum):
+    """Ways of processing and estimating under one name."""
+
+    thesis = "thesis"
+
+
+def identify(
+    inputs: Annotated[
+        list[str], typer.Argument(metavar="STUDY | ROBOT RECORDING…", help="A study.toml, or an arm and recordings.")
+    ],
+    validate: Annotated[
+        list[str] | None, typer.Option("--validate", metavar="RECORDING…", help="Recordings to check the model on.")
+    ] = None,
+    preset: Annotated[
+        Preset | None, typer.Option(help="`thesis`: its processing, terms and ordinary least squares.")
+    ] = None,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    terms: Terms = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], where there is no clock.")] = None,
+    torque_sign: Annotated[int, typer.Option(help="-1 where the torque is measured against the URDF's sense.")] = 1,
+    units: Annotated[str, typer.Option(help="Unit of recorded angles, rad or deg.")] = "rad",
+    period: Annotated[float | None, typer.Option(help="The motion repeats with this period [s].")] = None,
+    cutoff: Annotated[str | None, typer.Option(help="Cut-off of the filter [Hz], or auto.")] = None,
+    edges: Annotated[str | None, typer.Option(help="Ends of a recording: drop, pad or periodic.")] = None,
+    method: Annotated[str | None, typer.Option(help="Estimator: wls or ols.")] = None,
+    threads: Threads = 1,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Identify base parameters and friction from recordings, and check them on unseen motion.
+
+    Everything that a recording needs to be understood fits in a study.toml; the options here cover the plain cases.
+
+    Examples:
+        armid identify study.toml --out runs/today
+
+        armid identify ur10e.urdf run1.csv run2.csv --validate run3.csv --rate 125
+    """
+    from armid.cli.console import print_findings, progress
+    from armid.study import identify as stage
+    from armid.study.records import estimate_record, to_json, validation_record
+    from armid.study.run import save_run
+
+    given = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
+    study = _study(inputs, validate or [], given, gravity, lock, terms)
+    study = _overridden(study, preset, cutoff, edges, method)
+    with progress(quiet=json) as tell:
+        result = stage.identify(study, threads=threads, progress=tell)
+    folder = save_run(result, out or Path("runs") / result.estimate.robot)
+    if json:
+        record = estimate_record(result.estimate)
+        record["run"] = str(folder)
+        record["validation"] = validation_record(result.validation)
+        sys.stdout.write(to_json(record) + "\n")
+    else:
+        print_findings(result.estimate.findings)
+        report_result(result)
+        sys.stdout.write(f"\nrun written to {folder}\n")
+    if result.validation.verdict == "fail":
+        raise typer.Exit(1)
+
+
+def report_result(result: Any) -> None:
+    """Tables of an identification on standard output."""
+    from armid.cli.console import estimate_table, output_console, print_verdict, validation_table
+
+    console = output_console()
+    fit = result.estimate.fit
+    console.print(estimate_table(result.estimate))
+    units = [joint.effort_unit for joint in result.robot.joints]
+    console.print(validation_table(result.validation, result.training, units))
+    console.print(
+        f"condition number {fit.condition:.2f}, with columns of unit length {fit.scaled_condition:.2f}; "
+        f"{int(fit.rows.max())} rows; intervals from {_kind(fit.covariance_kind)}; {result.estimate.seconds:.2f} s"
+    )
+    print_verdict(console, result.validation)
+
+
+def _kind(kind: str) -> str:
+    return "the scatter between blocks" if kind == "block" else "residuals taken as white: too few blocks"
+
+
+def _study(
+    inputs: list[str],
+    validate: list[str],
+    reading: dict[str, Any],
+    gravity: tuple[float, float, float] | None,
+    lock: list[str] | None,
+    terms: str | None,
+) -> Study:
+    """The study that the arguments name or describe."""
+    from armid.errors import StudyError
+    from armid.measurement.reading import Reading
+    from armid.study.study import RecordingChoice, Study, load_study
+
+    if len(inputs) == 1:
+        if not inputs[0].endswith(".toml"):
+            raise StudyError(
+                f"{inputs[0]} alone is no study, and an arm needs recordings.",
+                remedy="give a study.toml, or an arm followed by its recordings.",
+            )
+        study = load_study(inputs[0])
+        if gravity is not None or lock:
+            choice = robot_choice(study.robot.description, gravity, lock)
+            study = replace(
+                study,
+                robot=replace(
+                    study.robot,
+                    gravity=choice.gravity or study.robot.gravity,
+                    locked=choice.locked or study.robot.locked,
+                ),
+            )
+        if terms is not None:
+            study = replace(study, model=model_choice(terms))
+        extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate") for path in validate)
+        return replace(study, recordings=(*study.recordings, *extra))
+    how = Reading(**{key: value for key, value in reading.items() if value is not None})
+    recordings = tuple(RecordingChoice(path, reading=how) for path in inputs[1:])
+    recordings += tuple(RecordingChoice(path, "validate", how) for path in validate)
+    return Study(robot_choice(inputs[0], gravity, lock), model_choice(terms), recordings)
+
+
+def _overridden(
+    study: Study, preset: Preset | None, cutoff: str | None, edges: str | None, method: str | None
+) -> Study:
+    """The study with what the command line says of processing and estimation."""
+    from armid.errors import StudyError
+    from armid.measurement.processing import THESIS
+    from armid.study.study import EstimationChoice
+
+    processing, estimation, model = study.processing, study.estimation, study.model
+    if preset is Preset.thesis:
+        processing = THESIS
+        estimation = EstimationChoice("ols")
+        model = model if model.terms else model_choice(None, default=BASE_TERMS)
+    changes: dict[str, Any] = {}
+    if cutoff is not None:
+        try:
+            changes["cutoff"] = cutoff if cutoff == "auto" else float(cutoff)
+        except ValueError:
+            raise StudyError(f"--cutoff {cutoff} is no frequency.", possible="a number [Hz], auto") from None
+    if edges is not None:
+        changes["edges"] = edges
+        changes["average"] = processing.average and edges == "periodic"
+    processing = replace(processing, **changes)
+    if method is not None:
+        estimation = replace(estimation, method=method)
+    return replace(study, processing=processing, estimation=estimation, model=model)

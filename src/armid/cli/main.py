@@ -1,0 +1,66 @@
+"""The command line: `armid COMMAND`.
+
+Exit codes: 0 done, 1 a verdict failed, 2 bad input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from armid.cli.base import base
+from armid.cli.bench import bench
+from armid.cli.demo import demo
+from armid.cli.identify import identify
+from armid.cli.predict import predict
+from armid.cli.validate import validate
+from armid.errors import ArmidError
+
+__all__ = ["app", "main"]
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="armid",
+    help="Find the dynamic model of a robot arm: base parameters, friction and intervals from recordings.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (base, identify, validate, predict, demo, bench):
+    app.command()(command)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; errors of armid become one message and exit code 2."""
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        app(_repeated("--validate", given), standalone_mode=True)
+    except ArmidError as error:
+        from armid.cli.console import print_error
+
+        print_error(error)
+        sys.exit(BAD_INPUT)
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted; nothing was written\n")
+        sys.exit(INTERRUPTED)
+
+
+def _repeated(option: str, arguments: list[str]) -> list[str]:
+    """`--validate a b` as `--validate a --validate b`, which the parser understands."""
+    result: list[str] = []
+    inside = False
+    for argument in arguments:
+        if argument.startswith("-"):
+            inside = argument == option
+            if not inside:
+                result.append(argument)
+        elif inside:
+            result += [option, argument]
+        else:
+            result.append(argument)
+    if inside and (not result or option not in result):
+        result.append(option)
+    return result

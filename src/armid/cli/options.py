@@ -1,0 +1,69 @@
+"""Options that commands share, and the robots and models they choose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armid.errors import ArmidError, StudyError
+from armid.study.study import IDENTIFY_WIDTH, ModelChoice, RobotChoice
+
+__all__ = ["Gravity", "Json", "Lock", "Out", "Terms", "Threads", "model_choice", "robot_choice"]
+
+Gravity = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option("--gravity", metavar="X Y Z", help="Gravity [m/s²] in the base frame; a hanging arm is 0 0 9.81."),
+]
+Lock = Annotated[
+    list[str] | None,
+    typer.Option("--lock", metavar="JOINT[=VALUE]", help="Hold a joint still, at 0 or a value; repeatable."),
+]
+Terms = Annotated[
+    str | None,
+    typer.Option("--terms", metavar="A,B,…", help="Torque terms, for instance rigid-body,viscous,coulomb."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write.")]
+Threads = Annotated[int, typer.Option("--threads", min=1, help="Threads of the kernel.")]
+
+COULOMB = "coulomb"
+
+
+def robot_choice(description: str, gravity: tuple[float, float, float] | None, lock: list[str] | None) -> RobotChoice:
+    """The robot that the command line names."""
+    locked: dict[str, float] = {}
+    for each in lock or ():
+        name, equals, value = each.partition("=")
+        try:
+            locked[name] = float(value) if equals else 0.0
+        except ValueError:
+            raise ArmidError(
+                f"--lock {each}: {value!r} is no number.", remedy="write --lock JOINT or --lock JOINT=VALUE."
+            ) from None
+    return RobotChoice(description, gravity, locked)
+
+
+def model_choice(terms: str | None, *, default: tuple[str, ...] = (), width: float | None = None) -> ModelChoice:
+    """The terms that the command line names, Coulomb friction with a width where one is given.
+
+    Raises:
+        StudyError: An empty list.
+    """
+    if terms is None:
+        names = default
+    else:
+        names = tuple(name.strip() for name in terms.split(",") if name.strip())
+        if not names:
+            raise StudyError(
+                "--terms names no term.", remedy="write for instance --terms rigid-body,viscous,coulomb."
+            )
+    shapes = {COULOMB: {"width": width}} if width is not None and COULOMB in names else {}
+    return ModelChoice(names, shapes)
+
+
+BASE_TERMS = ("rigid-body", "viscous", "coulomb")
+"""Terms of every command but `identify`, Coulomb friction with a width of zero."""
+
+IDENTIFY_COULOMB_WIDTH = IDENTIFY_WIDTH

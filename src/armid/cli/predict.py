@@ -1,0 +1,47 @@
+"""`armid predict`: the torque that a run's model says for a motion."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armid.cli.options import Json
+from armid.cli.validate import changed_reading
+
+__all__ = ["predict"]
+
+
+def predict(
+    run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
+    motion: Annotated[str, typer.Argument(metavar="RECORDING | PLAN", help="A recording, a plan.json or thesis-a1.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to write, .csv or .npz.")] = Path(
+        "torque.csv"
+    ),
+    plan_rate: Annotated[float, typer.Option(help="Samples a second of a plan [Hz].")] = 100.0,
+    rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock [Hz].")] = None,
+    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    json: Json = False,
+) -> None:
+    """Predict joint torques along a recording's motion or a plan and write them to a file.
+
+    Example:
+        armid predict runs/today plan.json --out torque.csv
+    """
+    import numpy as np
+
+    from armid.study import apply
+    from armid.study.records import to_json
+    from armid.study.run import load_run
+
+    loaded = load_run(run)
+    along = apply.motion_of(loaded, motion, rate=plan_rate, reading=changed_reading(rate, torque_sign))
+    torque = apply.predict(loaded, along)
+    path = apply.write_torque(out, along, torque, loaded.robot.joint_names)
+    if json:
+        record = {"path": str(path), "samples": along.samples, "rms": np.sqrt(np.mean(torque**2, axis=0))}
+        sys.stdout.write(to_json(record) + "\n")
+    else:
+        sys.stdout.write(f"{along.samples} samples of {loaded.robot.n} joints written to {path}\n")

@@ -1,0 +1,29 @@
+"""Plans that armid brings along: the two trajectories of the thesis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from armid.errors import ArmidError
+from armid.excitation.fourier import Excitation, load_plan
+
+__all__ = ["PLANS", "builtin_plan"]
+
+TABLES = Path(__file__).parent / "tables"
+
+PLANS = {
+    "thesis-a1": "Table A.1: ten harmonics, made for the smallest condition number",
+    "thesis-a2": "Table A.2: five harmonics, made for a test of feasibility",
+}
+"""Built-in plans and what they are."""
+
+
+def builtin_plan(name: str) -> Excitation:
+    """A built-in plan by name, as published: 20 s.
+
+    Raises:
+        ArmidError: No such plan.
+    """
+    if name not in PLANS:
+        raise ArmidError(f"There is no built-in plan {name!r}.", possible=", ".join(PLANS))
+    return load_plan(TABLES / f"{name}.json")

@@ -1,0 +1,95 @@
+"""Recordings of an arm that is not there, by inverse dynamics along a plan, with noise.
+
+The motion is exact and the torque is the model's own, so whatever an identification misses of the truth is its own
+doing. There is no controller and no elasticity here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.excitation.fourier import Excitation
+from armid.measurement.recording import Recording
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.values import Array, digest
+
+__all__ = ["THESIS_FRICTION", "Sensors", "record", "thesis_truth"]
+
+THESIS_FRICTION = {
+    "FV": (28.404, 29.136, 11.133, 17.658, 5.953, 2.750, 2.814),
+    "FS": (10.506, 13.207, 6.656, 7.437, 6.951, 3.111, 3.030),
+}
+"""Viscous [N·m·s/rad] and Coulomb [N·m] friction of the seven joints, Table 4.1 of the thesis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What the sensors add.
+
+    Attributes:
+        position: Standard deviation of the encoders' noise [rad].
+        torque: Standard deviation of the torque sensors' noise [N·m].
+        rate: Samples a second [Hz].
+    """
+
+    position: float = 1e-5
+    torque: float = 0.3
+    rate: float = 8000.0
+
+
+def thesis_truth(model: DynamicsModel) -> Array:
+    """Standard parameters (p,) of the virtual iiwa: the description's inertials, friction of Table 4.1."""
+    nominal = model.nominal_parameters()
+    theta = np.zeros(len(model.parameters)) if nominal is None else nominal
+    for k, parameter in enumerate(model.parameters):
+        if parameter.symbol in THESIS_FRICTION:
+            theta[k] = THESIS_FRICTION[parameter.symbol][parameter.number - 1]
+    return theta
+
+
+def record(
+    model: DynamicsModel,
+    parameters: Array,
+    excitation: Excitation,
+    sensors: Sensors,
+    rng: np.random.Generator,
+    *,
+    repetitions: int = 1,
+) -> tuple[Recording, Motion, Array]:
+    """Record an arm that repeats a plan.
+
+    Args:
+        model: Arm and torque terms.
+        parameters: Its true standard parameters, shape (p,).
+        excitation: The motion.
+        sensors: Noise and rate; the period must be a whole number of samples.
+        rng: Source of the noise.
+        repetitions: How often the motion is run through, without a pause.
+
+    Returns:
+        The recording, the true motion of one period and its true torque (N, n).
+    """
+    motion = excitation.sample(sensors.rate)
+    torque = model.torque(motion, parameters)
+    shape = (repetitions, *torque.shape)
+
+    def noisy(x: Array, deviation: float) -> Array:
+        noise = rng.standard_normal(shape)
+        noise *= deviation
+        noise += x
+        return noise.reshape(-1, model.n)
+
+    q, effort = noisy(motion.q, sensors.position), noisy(torque, sensors.torque)
+    recording = Recording(
+        time=np.arange(len(q)) / sensors.rate,
+        q=q,
+        effort=effort,
+        joint_names=model.robot.joint_names,
+        consecutive=True,
+        source=f"virtual {model.robot.name}",
+        sha256=digest(q, effort),
+    )
+    return recording, motion, torque

@@ -1,0 +1,104 @@
+"""A finished run applied to more data: validation on unseen recordings, prediction of torque."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError, StudyError
+from armid.estimation.estimate import torque_parameters
+from armid.excitation.fourier import load_plan
+from armid.excitation.plans import PLANS, builtin_plan
+from armid.measurement.process import observe
+from armid.model.motion import Motion
+from armid.study.identify import read_recording, score_recordings
+from armid.study.run import Run
+from armid.study.study import RecordingChoice
+from armid.validation.predict import Validation, validate
+from armid.values import Array, replace_file
+
+__all__ = ["motion_of", "predict", "validate_run", "write_torque"]
+
+
+def validate_run(run: Run, paths: Sequence[str], reading: Mapping[str, Any]) -> Validation:
+    """Torque error of a run on recordings that did not train it.
+
+    Args:
+        run: The run.
+        paths: Recordings.
+        reading: Fields of a reading that differ from how the run's first recording was read.
+
+    Raises:
+        StudyError: A recording has trained the run.
+        RecordingError: A recording cannot be read or does not fit.
+    """
+    recordings: list[Any] = []
+    for path in paths:
+        choice = RecordingChoice(path, "validate", replace(run.reading, **reading))
+        recording, _ = read_recording(choice, ".", run.robot)
+        if recording.sha256 in run.trained_on:
+            raise StudyError(
+                f"{path} is to validate, but the same data trained {run.folder} (sha256 {recording.sha256[:12]}…).",
+                remedy="give a recording that the run has not seen.",
+            )
+        recordings.append((choice, recording))
+    scores = score_recordings(run.model, run.estimate, recordings, run.processing)
+    return validate(run.robot.joint_names, scores, run.estimate)
+
+
+def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:
+    """The motion of a plan (a `plan.json` or a built-in one), or of a recording as the run processes it.
+
+    Args:
+        run: The run.
+        path: Plan or recording.
+        rate: Samples a second of a plan [Hz].
+        reading: Fields of a reading that differ from the run's.
+
+    Raises:
+        ArmidError: It cannot be read, or has other joints than the run's arm.
+    """
+    if path in PLANS or path.endswith(".json"):
+        plan = builtin_plan(path) if path in PLANS else load_plan(path)
+        if plan.n != run.robot.n:
+            raise ArmidError(f"{path} moves {plan.n} joints; {run.robot.name} has {run.robot.n}.")
+        return plan.sample(rate)
+    choice = RecordingChoice(path, "validate", replace(run.reading, **reading))
+    recording, _ = read_recording(choice, ".", run.robot)
+    if recording.effort is None:
+        recording = replace(recording, effort=np.zeros_like(recording.q))
+    observations, _ = observe(
+        [recording], run.processing, periods=[choice.reading.period], starts=[choice.reading.start]
+    )
+    motions = [observed.motion for observed in observations.runs]
+    joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in ("time", "q", "dq", "ddq")]
+    return Motion(*joined)
+
+
+def predict(run: Run, motion: Motion) -> Array:
+    """Joint torque (N, n) [N·m or N] that the run's model says for a motion."""
+    return run.model.torque(motion, torque_parameters(run.estimate.base, run.estimate.fit))
+
+
+def write_torque(path: Path | str, motion: Motion, torque: Array, joints: Sequence[str]) -> Path:
+    """Write time and torque as CSV or, by the suffix, as NPZ.
+
+    Raises:
+        ArmidError: Another suffix.
+    """
+    path = Path(path)
+    if path.suffix == ".npz":
+        buffer = io.BytesIO()
+        np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints))
+        return replace_file(path, buffer.getvalue())
+    if path.suffix != ".csv":
+        raise ArmidError(f"{path}: torque is written as .csv or .npz.", remedy="choose one of these suffixes.")
+    text = io.StringIO()
+    header = ",".join(["t", *(f"tau{j + 1}" for j in range(len(joints)))])
+    np.savetxt(text, np.column_stack([motion.time, torque]), delimiter=",", header=header, comments="", fmt="%.17g")
+    return replace_file(path, text.getvalue())

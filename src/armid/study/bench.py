@@ -1,0 +1,172 @@
+"""Ratios of CPU time on one thread, beside what one would use instead: Pinocchio in a loop and NumPy's lstsq.
+
+Run as a program in a process of its own, where the BLAS is held to one thread, and print one JSON object.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from armid import kernel
+from armid.errors import ArmidError
+from armid.estimation.estimators import OrdinaryLeastSquares
+from armid.excitation.plans import builtin_plan
+from armid.information.band import Band
+from armid.information.observations import Observations, ObservedRun
+from armid.information.setup import column_source
+from armid.information.stream import inform
+from armid.lab.virtual import thesis_truth
+from armid.model.base import BaseParameters, find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.robot import load_robot
+from armid.study.identify import Progress
+from armid.values import Array
+
+__all__ = ["run_benchmarks"]
+
+SECONDS = 27.0
+TILE = 256
+TORQUE_NOISE = 0.3
+ROUNDS = 5
+ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")}
+
+
+def run_benchmarks(samples: int, *, progress: Progress | None = None) -> dict[str, Any]:
+    """Measure in a process of its own, and return what it printed.
+
+    Raises:
+        ArmidError: The process failed.
+    """
+    if progress is not None:
+        progress("measuring", 0.0)
+    command = [sys.executable, "-m", "armid.study.bench", str(samples)]
+    done = subprocess.run(command, env={**os.environ, **ONE_THREAD}, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ArmidError(f"The benchmark failed: {done.stderr.strip().splitlines()[-1:]}")
+    return json.loads(done.stdout)
+
+
+def measure(samples: int) -> dict[str, Any]:
+    """Every benchmark, in this process."""
+    robot = load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))
+    model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
+    base = find_base_parameters(model)
+    motion = builtin_plan("thesis-a1").stretched(SECONDS).sample(samples / SECONDS)
+    torque = model.torque(motion, thesis_truth(model))
+    torque = torque + np.random.default_rng(1).normal(0.0, TORQUE_NOISE, torque.shape)
+    results = [_regressor(model, base, motion), *_least_squares(model, base, motion, torque)]
+    return {"isa": kernel.in_use(), "threads": 1, "samples": motion.samples, "results": results}
+
+
+def _result(
+    name: str, peer: str, armid: Callable[[], object], other: Callable[[], object], rounds: int
+) -> dict[str, Any]:
+    """Medians of both in turn, so that whatever else the machine does meets both alike."""
+    mine: list[float] = []
+    theirs: list[float] = []
+    armid()
+    for _ in range(rounds):
+        for run, times in ((armid, mine), (other, theirs)):
+            began = time.process_time()
+            run()
+            times.append(time.process_time() - began)
+    a, b = statistics.median(mine), statistics.median(theirs)
+    return {"name": name, "peer": peer, "armid_seconds": a, "peer_seconds": b, "ratio": b / a}
+
+
+def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
+    """The same arm for Pinocchio."""
+    import pinocchio as pin
+
+    arm: Any = pin.Model()
+    for i, joint in enumerate(model.robot.joints):
+        placement = pin.SE3(joint.placement[:3, :3].copy(), joint.placement[:3, 3].copy())
+        arm.addJoint(i, pin.JointModelRZ(), placement, joint.name)
+    arm.gravity.linear = model.robot.gravity
+    return arm, arm.createData()
+
+
+def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> dict[str, Any]:
+    """The base regressor a tile at a time in cache, against Pinocchio's call in a loop."""
+    import pinocchio as pin
+
+    source = column_source(model, base)
+    part = motion[slice(0, TILE)]
+    torque, terms = np.zeros((TILE, model.n)), source.term_rows(part)
+    out = np.empty((source.layout.columns, TILE))
+    repeats = 100
+    arm, data = _pinocchio(model)
+
+    def armid() -> None:
+        for _ in range(repeats):
+            kernel.columns(source.tree, source.layout, part.q, part.dq, part.ddq, torque, terms, out=out)
+
+    def loop() -> None:
+        for _ in range(repeats):
+            for k in range(TILE):
+                pin.computeJointTorqueRegressor(arm, data, part.q[k], part.dq[k], part.ddq[k])
+
+    return _result("regressor", "pinocchio, Python loop", armid, loop, ROUNDS)
+
+
+def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, torque: Array) -> list[dict[str, Any]]:
+    """Least squares with standard deviations, unfiltered against the peer, filtered against unfiltered."""
+    import pinocchio as pin
+
+    arm, data = _pinocchio(model)
+    rate = (motion.samples - 1) / float(motion.time[-1] - motion.time[0])
+
+    def observations(step: int, band: Band) -> Observations:
+        rows = np.arange(0, motion.samples, step)
+        block = (motion.time[rows] - motion.time[0]).astype(np.int64)
+        mask = np.ones((len(rows), model.n), dtype=bool)
+        return Observations((ObservedRun(motion, torque, rate, step, 0, mask, block),), band)
+
+    raw = observations(1, Band())
+    step = max(1, round(rate / 25.0))
+    smooth = observations(step, Band("butterworth", 5.0, 4, "periodic"))
+
+    def armid() -> Array:
+        return OrdinaryLeastSquares().estimate(inform(model, base, raw)).deviation
+
+    def filtered() -> Array:
+        return OrdinaryLeastSquares().estimate(inform(model, base, smooth)).deviation
+
+    inertial = np.isin(base.kept, model.inertial_columns)
+    standard = np.searchsorted(model.inertial_columns, base.kept[inertial])
+
+    def peer() -> Array:
+        W = np.zeros((motion.samples, model.n, base.count))
+        for k in range(motion.samples):
+            Y = pin.computeJointTorqueRegressor(arm, data, motion.q[k], motion.dq[k], motion.ddq[k])
+            W[k][:, inertial] = Y[:, standard]
+        friction = np.flatnonzero(~inertial)
+        for j in range(model.n):
+            W[:, j, friction[2 * j]] = motion.dq[:, j]
+            W[:, j, friction[2 * j + 1]] = np.sign(motion.dq[:, j])
+        W = W.reshape(-1, base.count)
+        y = torque.reshape(-1)
+        values, squares, _, _ = np.linalg.lstsq(W, y, rcond=None)
+        variance = squares[0] / (len(y) - base.count)
+        return np.sqrt(variance * np.diag(np.linalg.inv(W.T @ W)))
+
+    agreement = float(np.abs(armid() / peer() - 1.0).max())
+    rows = [_result("least-squares", "pinocchio loop + numpy lstsq", armid, peer, 1)]
+    rows[0]["agreement"] = agreement
+    rows.append(_result("filtered-least-squares", "armid without filter", filtered, armid, ROUNDS))
+    return rows
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(measure(int(sys.argv[1]))) + "\n")
