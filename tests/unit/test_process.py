@@ -24,7 +24,7 @@ from motions import PERIOD, clock, codes, motion, one, recording
         ({"order": 4.0}, "order must be a whole number"),
         ({"family": "bessel"}, "butterworth, fir, none"),
         ({"edges": "reflect"}, "drop, periodic, pad"),
-        ({"derivatives": "spline"}, "given, central, periodic, filter"),
+        ({"derivatives": "spline"}, "given, velocity, central, periodic, filter"),
         ({"columns": 1}, "columns = 1"),
         ({"decimate": -5.0}, "decimate"),
         ({"decimate": float("nan")}, "decimate"),
@@ -95,14 +95,20 @@ def test_recorded_derivatives_are_used_as_they_stand_only_if_both_are_there():
     run, _ = one(recording(t, dq=wrong, ddq=2 * wrong), Processing())
     assert np.array_equal(run.motion.dq, wrong) and np.array_equal(run.motion.ddq, 2 * wrong)
     assert np.array_equal(run.motion.q, q)
-    run, _ = one(recording(t, dq=wrong), Processing())
+    run, _ = one(recording(t, dq=wrong), Processing())  # velocities alone: filtered, differentiated once
+    assert np.allclose(run.motion.dq, 7.0, atol=1e-9) and np.allclose(run.motion.ddq, 0.0, atol=1e-6)
+    run, _ = one(recording(t, dq=wrong), Processing(derivatives="central"))
     assert np.abs(run.motion.dq - dq)[100:-100].max() < 1e-2
+    run, _ = one(recording(t, dq=dq), Processing(derivatives="velocity"))
+    assert np.abs(run.motion.ddq - ddq)[100:-100].max() < 1e-2
     run, _ = one(recording(t, dq=wrong, ddq=wrong), Processing(derivatives="central"))
     assert np.abs(run.motion.ddq - ddq)[100:-100].max() < 1e-2
     with pytest.raises(RecordingError, match="holds no accelerations"):
         process(recording(t, dq=wrong), Processing(derivatives="given"))
     with pytest.raises(RecordingError, match="holds no velocities"):
         process(recording(t), Processing(derivatives="given"))
+    with pytest.raises(RecordingError, match="holds no velocities"):
+        process(recording(t), Processing(derivatives="velocity"))
 
 
 def test_positions_have_their_own_cutoff():

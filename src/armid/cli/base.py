@@ -41,9 +41,8 @@ def base(
     from armid.cli.console import output_console, print_findings
     from armid.model.base import find_base_parameters
     from armid.model.formulas import base_formulas, base_record, column_formulas
-    from armid.study.identify import load_choice
     from armid.study.records import to_json
-    from armid.study.study import build_model
+    from armid.study.study import build_model, load_choice
 
     arm = load_choice(robot_choice(robot, gravity, lock))
     found = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))

@@ -21,9 +21,8 @@ def bench(
     Example:
         armid bench --samples 50000
     """
-    from armid.study.bench import run_benchmarks
-
     from armid.cli.console import output_console, progress
+    from armid.study.bench import run_benchmarks
     from armid.study.records import to_json
 
     with progress(quiet=json) as tell:

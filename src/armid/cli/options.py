@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armid.errors import ArmidError, StudyError
-from armid.study.study import IDENTIFY_WIDTH, ModelChoice, RobotChoice
+
+if TYPE_CHECKING:
+    from armid.study.study import ModelChoice, RobotChoice
 
 __all__ = ["Gravity", "Json", "Lock", "Out", "Terms", "Threads", "model_choice", "robot_choice"]
 
@@ -28,11 +30,11 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write.")]
 Threads = Annotated[int, typer.Option("--threads", min=1, help="Threads of the kernel.")]
 
-COULOMB = "coulomb"
-
 
 def robot_choice(description: str, gravity: tuple[float, float, float] | None, lock: list[str] | None) -> RobotChoice:
     """The robot that the command line names."""
+    from armid.study.study import RobotChoice
+
     locked: dict[str, float] = {}
     for each in lock or ():
         name, equals, value = each.partition("=")
@@ -45,12 +47,14 @@ def robot_choice(description: str, gravity: tuple[float, float, float] | None, l
     return RobotChoice(description, gravity, locked)
 
 
-def model_choice(terms: str | None, *, default: tuple[str, ...] = (), width: float | None = None) -> ModelChoice:
-    """The terms that the command line names, Coulomb friction with a width where one is given.
+def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelChoice:
+    """The terms that the command line names, with their default shapes.
 
     Raises:
         StudyError: An empty list.
     """
+    from armid.study.study import ModelChoice
+
     if terms is None:
         names = default
     else:
@@ -59,11 +63,8 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = (), width: flo
             raise StudyError(
                 "--terms names no term.", remedy="write for instance --terms rigid-body,viscous,coulomb."
             )
-    shapes = {COULOMB: {"width": width}} if width is not None and COULOMB in names else {}
-    return ModelChoice(names, shapes)
+    return ModelChoice(names)
 
 
 BASE_TERMS = ("rigid-body", "viscous", "coulomb")
 """Terms of every command but `identify`, Coulomb friction with a width of zero."""
-
-IDENTIFY_COULOMB_WIDTH = IDENTIFY_WIDTH

@@ -77,11 +77,12 @@ def inform(
         if run.motion.n != model.n:
             raise ArmidError(f"A run has {run.motion.n} joints; {model.robot.name} has {model.n}.")
     source = column_source(model, base)
-    long = sum(len(run.rows) for run in observations.runs if _is_raw(run, observations.band)) > GRAM_ROWS
+    long = sum(len(run.block) for run in observations.runs if _is_raw(run, observations.band)) > GRAM_ROWS
     if long:
         information = _inform(source, observations, threads, progress, by_gram=True)
         if _is_exact(information):
             return information
+        del information
     return _inform(source, observations, threads, progress, by_gram=False)
 
 
@@ -123,7 +124,7 @@ def _inform(
             if raw
             else _filtered_blocks(source, run, observations.band)
         )
-        names = np.unique(run.block)
+        names = np.unique(run.block[_borders(run)[:-1]])
         factors = [np.zeros((len(names), width, width)) for width in source.layout.widths]
         filled = np.zeros(len(names), dtype=np.bool_)
         for R, block, samples_done in pieces:
@@ -149,17 +150,25 @@ def _collect(
 
 def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
     """Information of one run from the factors of its joints, which are taken out of the list one by one."""
-    names = np.unique(run.block)
-    joints = tuple(JointFactors(parameters, factors.pop(0)) for parameters in source.layout.parameters)
-    counts = [np.bincount(run.block, run.mask[:, j], names[-1] + 1)[names] for j in range(source.tree.n)]
+    borders = _borders(run)
+    names, stretches = np.unique(run.block[borders[:-1]], return_inverse=True)
+    rows = np.zeros((len(names), source.tree.n), dtype=np.int64)
+    for k, (begin, end) in zip(stretches, pairwise(borders), strict=True):
+        rows[k] += run.mask[begin:end].sum(axis=0)
     return Information(
         source.names,
-        joints,
-        np.stack(counts, axis=1),
+        tuple(JointFactors(parameters, factors.pop(0)) for parameters in source.layout.parameters),
+        rows,
         np.full(len(names), index),
         np.full(len(names), run.recording),
         f"{kernel.in_use()} {method}",
     )
+
+
+def _borders(run: ObservedRun) -> NDArray[np.intp]:
+    """Rows at which a stretch of one block begins, and the end of the last, shape (stretches + 1,)."""
+    changes = np.flatnonzero(run.block[1:] != run.block[:-1]) + 1
+    return np.concatenate([[0], changes, [len(run.block)]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,11 +182,9 @@ class _Piece:
 
 def _pieces(run: ObservedRun) -> list[_Piece]:
     """The output grid cut at the borders of blocks, and within long blocks every CHUNK rows."""
-    borders = np.flatnonzero(np.diff(run.block)) + 1
-    cuts = [0, *borders.tolist(), len(run.block)]
     return [
         _Piece(a, min(a + CHUNK, end), int(run.block[begin]))
-        for begin, end in pairwise(cuts)
+        for begin, end in pairwise(_borders(run).tolist())
         for a in range(begin, end, CHUNK)
     ]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
 
 from armid.values import Array
@@ -15,12 +14,16 @@ __all__ = ["fast_length", "frequencies", "inverse", "spectrum"]
 
 def spectrum(x: Array) -> NDArray[np.complex128]:
     """Real FFT of signals (N, ...), shape (N // 2 + 1, ...)."""
-    return np.asarray(scipy.fft.rfft(x, axis=0), dtype=np.complex128)
+    from scipy import fft  # a third of a second to import
+
+    return np.asarray(fft.rfft(x, axis=0), dtype=np.complex128)
 
 
 def inverse(spectrum: NDArray[np.complex128], samples: int) -> Array:
     """Signals (samples, ...) of a real FFT."""
-    return np.asarray(scipy.fft.irfft(spectrum, samples, axis=0), dtype=np.float64)
+    from scipy import fft
+
+    return np.asarray(fft.irfft(spectrum, samples, axis=0), dtype=np.float64)
 
 
 def frequencies(samples: int) -> Array:
@@ -30,5 +33,7 @@ def frequencies(samples: int) -> Array:
 
 def fast_length(samples: int) -> int:
     """The smallest length from `samples` on whose transform is fast."""
-    length: Any = scipy.fft.next_fast_len(samples, real=True)
+    from scipy import fft
+
+    length: Any = fft.next_fast_len(samples, real=True)
     return int(length)

@@ -42,7 +42,13 @@ def movement(stretch: Stretch, processing: Processing, *, given: bool) -> Motion
     q = stretch.q
     if low is not None:
         q = periodic_filter(low, q) if periodic else zero_phase(low, q)
-    if processing.derivatives == "periodic":
+    recorded = stretch.dq if processing.derivatives in (None, "velocity") else None
+    if recorded is not None:
+        dq = recorded
+        if low is not None:
+            dq = periodic_filter(low, dq) if periodic else zero_phase(low, dq)
+        ddq = central_difference(dq, stretch.rate, periodic=periodic)
+    elif processing.derivatives == "periodic":
         dq, ddq = (periodic_derivative(q, stretch.rate, order) for order in (1, 2))
     else:
         dq, ddq = (central_difference(q, stretch.rate, order, periodic=periodic) for order in (1, 2))

@@ -158,9 +158,10 @@ def resolve(processing: Processing, recordings: Sequence[Recording]) -> Processi
 def _uses_given(recording: Recording, processing: Processing) -> bool:
     """Whether recorded velocities and accelerations are used as they stand."""
     both = recording.dq is not None and recording.ddq is not None
-    if processing.derivatives == "given" and not both:
+    lacking = {"given": not both, "velocity": recording.dq is None}
+    if lacking.get(str(processing.derivatives), False):
         raise RecordingError(
-            f'{recording.source or "The recording"}: derivatives = "given", but it holds no '
+            f'{recording.source or "The recording"}: derivatives = "{processing.derivatives}", but it holds no '
             f"{'velocities' if recording.dq is None else 'accelerations'}.",
             remedy='use derivatives = "central", which needs positions only.',
         )

@@ -10,7 +10,7 @@ from armid.information.band import Band, Edges, Family
 
 __all__ = ["THESIS", "Derivatives", "Processing"]
 
-Derivatives = Literal["given", "central", "periodic", "filter"]
+Derivatives = Literal["given", "velocity", "central", "periodic", "filter"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +26,10 @@ class Processing:
             to reproduce published results.
         decimate: Rows a second after the filter [Hz]; 0 keeps every sample, as does the family `none`.
         derivatives: `given` uses recorded velocities and accelerations as they stand, with positions unfiltered;
-            the others filter the positions and differentiate them: `central` by three-point differences,
-            `periodic` in the frequency domain where the edges are periodic, `filter` by the filter itself (its
-            frequency response times jω). Not said: `given` where both are recorded, else `central`; recorded
-            velocities without accelerations are not used.
+            `velocity` filters recorded positions and velocities and differentiates the latter once; the others
+            filter the positions and differentiate them twice: `central` by three-point differences, `periodic`
+            in the frequency domain where the edges are periodic, `filter` by the filter itself (its frequency
+            response times jω). Not said: what is recorded is used, so `given`, `velocity` or `central`.
         edges: `drop` leaves out the rows at each end that lean on what lies beyond; `pad` keeps them; `periodic`
             is exact where the motion is a whole number of periods.
         trim: Seconds left out at each end at least; not said: 0.5, and 0 where edges are padded or periodic.
@@ -55,7 +55,7 @@ class Processing:
     def __post_init__(self) -> None:
         _choice("family", self.family, ("butterworth", "fir", "none"))
         _choice("edges", self.edges, ("drop", "periodic", "pad"))
-        _choice("derivatives", self.derivatives, ("given", "central", "periodic", "filter", None))
+        _choice("derivatives", self.derivatives, ("given", "velocity", "central", "periodic", "filter", None))
         for name in ("columns", "average"):
             _choice(name, getattr(self, name), (True, False))
         if isinstance(self.order, bool) or not isinstance(self.order, int) or self.order < 1:  # pyright: ignore[reportUnnecessaryIsInstance]

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ def _result(
 
 def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
     """The same arm for Pinocchio."""
-    import pinocchio as pin
+    pin: Any = import_module("pinocchio")
 
     arm: Any = pin.Model()
     for i, joint in enumerate(model.robot.joints):
@@ -99,7 +100,7 @@ def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
 
 def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> dict[str, Any]:
     """The base regressor a tile at a time in cache, against Pinocchio's call in a loop."""
-    import pinocchio as pin
+    pin: Any = import_module("pinocchio")
 
     source = column_source(model, base)
     part = motion[slice(0, TILE)]
@@ -122,7 +123,7 @@ def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> di
 
 def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, torque: Array) -> list[dict[str, Any]]:
     """Least squares with standard deviations, unfiltered against the peer, filtered against unfiltered."""
-    import pinocchio as pin
+    pin: Any = import_module("pinocchio")
 
     arm, data = _pinocchio(model)
     rate = (motion.samples - 1) / float(motion.time[-1] - motion.time[0])
@@ -147,19 +148,19 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
     standard = np.searchsorted(model.inertial_columns, base.kept[inertial])
 
     def peer() -> Array:
-        W = np.zeros((motion.samples, model.n, base.count))
+        rows = np.zeros((motion.samples, model.n, base.count))
         for k in range(motion.samples):
-            Y = pin.computeJointTorqueRegressor(arm, data, motion.q[k], motion.dq[k], motion.ddq[k])
-            W[k][:, inertial] = Y[:, standard]
+            regressor = pin.computeJointTorqueRegressor(arm, data, motion.q[k], motion.dq[k], motion.ddq[k])
+            rows[k][:, inertial] = regressor[:, standard]
         friction = np.flatnonzero(~inertial)
         for j in range(model.n):
-            W[:, j, friction[2 * j]] = motion.dq[:, j]
-            W[:, j, friction[2 * j + 1]] = np.sign(motion.dq[:, j])
-        W = W.reshape(-1, base.count)
+            rows[:, j, friction[2 * j]] = motion.dq[:, j]
+            rows[:, j, friction[2 * j + 1]] = np.sign(motion.dq[:, j])
+        stacked = rows.reshape(-1, base.count)
         y = torque.reshape(-1)
-        values, squares, _, _ = np.linalg.lstsq(W, y, rcond=None)
+        squares = np.linalg.lstsq(stacked, y, rcond=None)[1]
         variance = squares[0] / (len(y) - base.count)
-        return np.sqrt(variance * np.diag(np.linalg.inv(W.T @ W)))
+        return np.sqrt(variance * np.diag(np.linalg.inv(stacked.T @ stacked)))
 
     agreement = float(np.abs(armid() / peer() - 1.0).max())
     rows = [_result("least-squares", "pinocchio loop + numpy lstsq", armid, peer, 1)]

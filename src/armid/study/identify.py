@@ -25,12 +25,12 @@ from armid.measurement.recording import Recording
 from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
-from armid.robot import Robot, builtin_arms, load_robot
+from armid.robot import Robot
 from armid.study.cut import cut, refuse_shared
-from armid.study.study import RecordingChoice, RobotChoice, Study, build_model
+from armid.study.study import RecordingChoice, Study, build_model, load_choice
 from armid.validation.predict import Score, Validation, score, validate
 
-__all__ = ["Progress", "Result", "identify", "load_choice", "read_recording", "score_recordings"]
+__all__ = ["Progress", "Result", "identify", "read_recording", "score_recordings"]
 
 Progress = Callable[[str, float], None]
 """Told the name of the stage and the share of it that is done."""
@@ -57,12 +57,6 @@ class Result:
     estimate: Estimate
     validation: Validation
     training: tuple[Score, ...]
-
-
-def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
-    """The arm that a study or a command line names; a description that is a file is looked for in `folder`."""
-    name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
-    return load_robot(name, gravity=choice.gravity, locked=choice.locked, tip=choice.tip)
 
 
 def read_recording(

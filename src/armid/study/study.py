@@ -21,7 +21,7 @@ from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import TERMS, Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
-from armid.robot.robot import Robot
+from armid.robot import Robot, builtin_arms, load_robot
 
 __all__ = [
     "EstimationChoice",
@@ -30,6 +30,7 @@ __all__ = [
     "RobotChoice",
     "Study",
     "build_model",
+    "load_choice",
     "load_study",
     "parse_study",
 ]
@@ -178,6 +179,12 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
         _make(EstimationChoice, table.get("estimation", {}), "estimation"),
         folder,
     )
+
+
+def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
+    """The arm that a study or a command line names; a description that is a file is looked for in `folder`."""
+    name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
+    return load_robot(name, gravity=choice.gravity, locked=choice.locked, tip=choice.tip)
 
 
 def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:

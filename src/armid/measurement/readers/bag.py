@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,7 +47,7 @@ def read(path: Path, reading: Reading) -> Recording:
         MissingExtraError: rosbags is not installed.
     """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise MissingExtraError("rosbags", "Reading ROS bags", EXTRA) from error
@@ -58,12 +60,34 @@ def read(path: Path, reading: Reading) -> Recording:
             wanted = [c for c in bag.connections if c.topic == topic]
             for connection, _, data in bag.messages(connections=wanted):
                 _collect(publishers, bag.deserialize(data, connection.msgtype))
-    except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
+    except _faults() as error:
         raise RecordingError(
             f"{path} cannot be read as a bag ({error}).",
             remedy="copy the file again, or repair it (rosbag reindex, ros2 bag reindex).",
         ) from error
     return _recording(_chosen(publishers, reading, path, topic), reading, path)
+
+
+def _faults() -> tuple[type[Exception], ...]:
+    """What rosbags lets through from a damaged bag: its own errors, those of SQLite, and those of plain Python."""
+    from rosbags import highlevel, rosbag1, rosbag2, serde, typesys
+
+    own = (highlevel.AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, serde.SerdeError, typesys.TypesysError)
+    plain = (
+        OSError,
+        ValueError,
+        LookupError,
+        ArithmeticError,
+        TypeError,
+        AttributeError,
+        AssertionError,
+        MemoryError,
+    )
+    try:
+        import apsw
+    except ImportError:  # older versions of rosbags read `.db3` with sqlite3
+        return (*own, *plain, struct.error, sqlite3.Error)
+    return (*own, *plain, struct.error, apsw.Error)
 
 
 def _topic(connections: Iterable[tuple[str, str]], reading: Reading, path: Path) -> str:
@@ -115,7 +139,9 @@ def _chosen(publishers: dict[frozenset[str], _Publisher], reading: Reading, path
     if len(filled) == 1:
         return next(iter(filled.values()))
     if not filled:
-        raise RecordingError(f"{path}: no message on {topic} names a joint.")
+        raise RecordingError(
+            f"{path}: no message on {topic} names a joint.", remedy="record a topic whose publisher fills in `name`."
+        )
     listed = "; ".join(f"{', '.join(p.names)} ({len(p.stamps)} messages)" for p in filled.values())
     raise RecordingError(
         f"{path}: {len(filled)} publishers share {topic}, each with other joints: {listed}.",
@@ -131,7 +157,10 @@ def _recording(publisher: _Publisher, reading: Reading, path: Path) -> Recording
     time = (stamps - stamps[0]) * 1e-9 if stamps.any() else None
     q = _stack(publisher.position, publisher, "position", path)
     if q is None:
-        raise RecordingError(f"{path}: the joint states carry no positions.")
+        raise RecordingError(
+            f"{path}: the joint states carry no positions.",
+            remedy="record a topic whose publisher fills in `position`.",
+        )
     return Recording(
         time=time,
         q=q,

@@ -35,7 +35,10 @@ def read(path: Path, reading: Reading) -> Recording:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise RecordingError(f"{path} is not a text file ({error.reason} at byte {error.start}).") from error
+        raise RecordingError(
+            f"{path} is not a text file ({error.reason} at byte {error.start}).",
+            remedy="export the table as UTF-8 text, or give the file the ending of its format.",
+        ) from error
     lines = text.splitlines()
     head = _header_index(lines, path)
     header = lines[head].lstrip("#").strip()

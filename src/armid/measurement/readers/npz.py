@@ -37,7 +37,7 @@ def read(path: Path, reading: Reading) -> Recording:
                 raise RecordingError(f"{path} is a single array, not an archive of named ones.")
             with archive:
                 return _recording(archive, reading, path)
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         if "pickle" in str(error):
             raise RecordingError(
                 f"{path} is no NumPy archive of plain arrays: it would have to be unpickled, which can run any "

@@ -44,7 +44,10 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     """
     root = parse_xml(text, source)
     if root.tag != "mujoco":
-        raise RobotError(f"{source} is not an MJCF: its root is <{root.tag}>, not <mujoco>.")
+        raise RobotError(
+            f"{source} is not an MJCF: its root is <{root.tag}>, not <mujoco>.",
+            remedy="give a robot description, or the file the ending of its format.",
+        )
     included = root.find(".//include") is not None
     root = flatten(root, source)
     check_locked(locked, joint_names(root), source)

@@ -42,7 +42,10 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     """
     root = parse_xml(text, source)
     if root.tag != "robot":
-        raise RobotError(f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.")
+        raise RobotError(
+            f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.",
+            remedy="give a robot description, or the file the ending of its format.",
+        )
     if any("ros.org/wiki/xacro" in element.tag for element in root.iter()):
         raise RobotError(
             f"{source} holds unexpanded xacro.", remedy="give the file the ending .xacro, or expand it with xacro."
