@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armid.errors import ArmidError
     from armid.estimation.estimate import Estimate
-    from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
-    from armid.excitation.fourier import Excitation, load_plan
+    from armid.estimation.estimators import WeightedLeastSquares
+    from armid.excitation.fourier import Excitation
     from armid.information.information import Information
     from armid.information.stream import inform
+    from armid.measurement.interpret import interpret
     from armid.measurement.process import observe
     from armid.measurement.processing import Processing
+    from armid.measurement.readers import load_recording
     from armid.measurement.reading import Reading
     from armid.measurement.recording import Recording
     from armid.model.base import BaseParameters, find_base_parameters
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from armid.study.identify import identify
     from armid.study.run import Run, load_run, save_run
     from armid.study.study import Study, load_study
+    from armid.validation.predict import Validation
 
 _HOMES = {
     "ArmidError": "errors",
@@ -35,18 +38,19 @@ _HOMES = {
     "Excitation": "excitation.fourier",
     "Information": "information.information",
     "Motion": "model.motion",
-    "OrdinaryLeastSquares": "estimation.estimators",
     "Processing": "measurement.processing",
     "Reading": "measurement.reading",
     "Recording": "measurement.recording",
     "Robot": "robot",
     "Run": "study.run",
     "Study": "study.study",
+    "Validation": "validation.predict",
     "WeightedLeastSquares": "estimation.estimators",
     "find_base_parameters": "model.base",
     "identify": "study.identify",
     "inform": "information.stream",
-    "load_plan": "excitation.fourier",
+    "interpret": "measurement.interpret",
+    "load_recording": "measurement.readers",
     "load_robot": "robot",
     "load_run": "study.run",
     "load_study": "study.study",
@@ -62,18 +66,19 @@ __all__ = [
     "Excitation",
     "Information",
     "Motion",
-    "OrdinaryLeastSquares",
     "Processing",
     "Reading",
     "Recording",
     "Robot",
     "Run",
     "Study",
+    "Validation",
     "WeightedLeastSquares",
     "find_base_parameters",
     "identify",
     "inform",
-    "load_plan",
+    "interpret",
+    "load_recording",
     "load_robot",
     "load_run",
     "load_study",

@@ -102,6 +102,10 @@ def _is(x: Expression, value: float) -> bool:
     return not x.arguments and x.head == value
 
 
+def _constant(x: Expression) -> float | None:
+    return None if isinstance(x.head, str) else x.head
+
+
 def _sum(a: Expression, b: Expression) -> Expression:
     if _is(a, 0.0):
         return b
@@ -111,12 +115,19 @@ def _sum(a: Expression, b: Expression) -> Expression:
 
 
 def _product(a: Expression, b: Expression) -> Expression:
-    if _is(a, 0.0) or _is(b, 0.0):
-        return number(0.0)
-    if _is(a, 1.0):
+    """Product with its number, if any, in front."""
+    x, y = _constant(a), _constant(b)
+    if x is None and y is not None:
+        return _product(b, a)
+    if x == 0.0 or y == 0.0:
+        return _ZERO
+    if x == 1.0:
         return b
-    if _is(b, 1.0):
-        return a
+    if x is not None and y is not None:
+        return number(x * y)
+    inner = _constant(b.arguments[0]) if b.head == "mul" else None
+    if x is not None and inner is not None:
+        return _product(number(x * inner), b.arguments[1])
     return Expression("mul", (a, b))
 
 
@@ -125,6 +136,9 @@ def _power(a: Expression, b: Expression) -> Expression:
         return a
     if _is(b, 0.0):
         return number(1.0)
+    x, y = _constant(a), _constant(b)
+    if x is not None and y is not None and x > 0.0:
+        return number(x**y)
     return Expression("pow", (a, b))
 
 
@@ -208,7 +222,7 @@ def text(expression: Expression) -> str:
     head, arguments = expression.head, expression.arguments
     if not isinstance(head, str):
         return f"{head:g}"
-    return FUNCTIONS[head].text.format(*map(text, arguments)) if arguments else head
+    return FUNCTIONS[head].text.format(*_operands(expression, text, "({})")) if arguments else head
 
 
 def latex(expression: Expression) -> str:
@@ -218,4 +232,13 @@ def latex(expression: Expression) -> str:
         return f"{head:g}"
     if not arguments:
         return LATEX_SYMBOLS.get(head, rf"\mathrm{{{head}}}")
-    return FUNCTIONS[head].latex.format(*map(latex, arguments))
+    return FUNCTIONS[head].latex.format(*_operands(expression, latex, r"\left({}\right)"))
+
+
+def _operands(expression: Expression, write: Callable[[Expression], str], brackets: str) -> list[str]:
+    """Written arguments; the base of a power in brackets where the exponent would seem to belong to a part of it."""
+    written = [write(argument) for argument in expression.arguments]
+    base = expression.arguments[0]
+    if expression.head == "pow" and (base.head in ("mul", "pow") or (_constant(base) or 0.0) < 0.0):
+        written[0] = brackets.format(written[0])
+    return written
