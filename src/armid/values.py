@@ -127,10 +127,10 @@ def load(kind: type[T], path: Path | str) -> T:
         ArmidError: The file is not one of armid's, or holds another type.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
             header = json.loads(bytes(archive["value.json"]))
             arrays = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise ArmidError(f"{path} is not a value saved by armid ({error}).") from error
     if header["type"] != kind.__name__:
         raise ArmidError(f"{path} holds a {header['type']}; a {kind.__name__} was asked for.")

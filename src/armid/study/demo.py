@@ -82,7 +82,9 @@ def run_demo(
     train, _, _ = record(
         model, truth, builtin_plan("thesis-a1").stretched(SECONDS), Sensors(), rng, repetitions=REPETITIONS
     )
-    unseen, motion, torque = record(model, truth, builtin_plan("thesis-a2").stretched(SECONDS), Sensors(), rng)
+    unseen, motion, torque = record(
+        model, truth, builtin_plan("thesis-a2").stretched(SECONDS), Sensors(), rng, repetitions=REPETITIONS
+    )
     result = identify(study, given={TRAIN: train, UNSEEN: unseen}, threads=threads, progress=progress)
     base = find_base_parameters(model)
     values, true_values = result.estimate.fit.values, base.values_of(truth)
