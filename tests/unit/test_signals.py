@@ -17,6 +17,7 @@ from armid.maths.signals import (
     filtered_derivatives,
     fir,
     gain,
+    interpolate,
     low_pass,
     periodic_derivative,
     periodic_filter,
@@ -257,3 +258,21 @@ def test_a_kernel_longer_than_the_period_wraps_around():
     taps = fir(4, 5.0, 100.0)  # 81 taps over 30 samples
     long = periodic_filter(taps, np.tile(x, (5, 1)))
     assert np.abs(long[:30] - periodic_filter(taps, x)).max() < ROUNDING * 10
+
+
+@pytest.mark.parametrize("factor", [1, 2, 7, 40])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_interpolation_fills_in_what_decimation_left_out(factor: int, periodic: bool):
+    samples = 200
+    fine = np.arange(samples * factor) / factor
+    phases = np.array([0.0, 1.0])[:, None]
+    frequency = 20 / samples  # whole periods, at a fifth of the Nyquist frequency: inside the flat pass band
+    x = np.cos(2 * np.pi * frequency * fine + phases)
+    made = interpolate(x[:, ::factor], factor, periodic=periodic)
+    kept = slice(None) if periodic else slice(10 * factor, -10 * factor)  # reflected ends are a guess
+    assert made.shape == x.shape
+    assert np.abs(made - x)[:, kept].max() < INTERPOLATION_RIPPLE
+
+
+INTERPOLATION_RIPPLE = 1e-4
+"""A hundred decibels are 1e-5 for each of the images that fold into the gaps, and there are a few of them."""

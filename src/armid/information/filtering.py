@@ -7,6 +7,7 @@ the band, then filtered sharply. Both steps act alike on torque and columns, so 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from armid.information.band import Band
 from armid.information.observations import ObservedRun
 from armid.information.setup import ColumnSource
 from armid.maths.signals import (
+    coarsest_step,
     decimate,
     decimation_filter,
     decimation_step,
+    interpolate,
     low_pass,
     periodic_filter,
     settling_samples,
@@ -32,6 +35,9 @@ SEGMENT = 8192
 
 CHUNK = 16384
 """Samples whose term columns are held at a time."""
+
+OVERLAP = 16
+"""Early rows beside those wanted that interpolation looks at: its filter spans seven to each side."""
 
 
 def in_band(x: Array, rate: float, band: Band) -> Array:
@@ -50,80 +56,122 @@ def filtered_torque(run: ObservedRun, band: Band) -> Array:
 def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
     """Columns and torque on the output grid, filtered, a segment at a time.
 
+    The sharp filter works at an early rate: that of a divisor of the output grid's step, or, where the grid is
+    denser than the band needs, at a coarser step between which the filtered columns are interpolated.
+
     Yields:
         First row of the segment, and its columns (columns, rows).
     """
     early = decimation_step(run.rate, band.cutoff, run.step)
-    late = run.step // early
+    factor = _rows_between(run, band) if early == run.step else 1
+    early *= factor
+    late = max(1, run.step // early)
+    first = run.offset if factor > 1 else run.offset % early
+    lead = (run.offset - first) // early  # early rows before the first row of the output grid
     filter = low_pass(band.family, band.order, band.cutoff, run.rate / early)
     assert filter is not None  # an open band is not filtered
-    taps = decimation_filter(early)
-    first = run.offset % early
-    available = len(range(first, run.motion.samples, early))
-    lead = (run.offset - first) // early  # early rows before the first row of the output grid
+    columns = _EarlyColumns(source, run, decimation_filter(early), early, first)
     rows = len(run.rows)
     if band.edges == "periodic":
-        x = _early_columns(source, run, taps, early, first, 0, available, periodic=True)
+        x = columns.periodic()
         whole = run.motion.samples % early == 0
         x = (periodic_filter if whole else zero_phase)(filter, x, axis=1)
-        yield 0, np.ascontiguousarray(x[:, lead::late][:, :rows])
+        for begin in range(0, rows, SEGMENT):
+            yield begin, _rows(x, lead, late, factor, begin, min(begin + SEGMENT, rows), periodic=True)
         return
-    overlap = settling_samples(filter)
-    segment = max(1, SEGMENT // late)
-    for begin in range(0, rows, segment):
-        end = min(begin + segment, rows)
-        a = max(0, lead + begin * late - overlap)
-        b = min(available, lead + (end - 1) * late + 1 + overlap)
-        x = zero_phase(filter, _early_columns(source, run, taps, early, first, a, b, periodic=False), axis=1)
-        start = lead + begin * late - a
-        yield begin, np.ascontiguousarray(x[:, start : start + (end - begin - 1) * late + 1 : late])
+    overlap = settling_samples(filter) + OVERLAP
+    segment = max(1, SEGMENT // late) * factor
+    for start in range(0, rows, segment):
+        stop = min(start + segment, rows)
+        a = max(0, lead + start * late // factor - overlap)
+        b = min(columns.available, lead + (stop - 1) * late // factor + 1 + overlap)
+        x = zero_phase(filter, columns.between(a, b), axis=1)
+        for begin in range(start, stop, SEGMENT):
+            yield begin, _rows(x, lead - a, late, factor, begin, min(begin + SEGMENT, stop), periodic=False)
 
 
-def _early_columns(
-    source: ColumnSource,
-    run: ObservedRun,
-    taps: Array,
-    step: int,
-    first: int,
-    a: int,
-    b: int,
-    *,
-    periodic: bool,
-) -> Array:
-    """Columns after the first decimation: rows a to b - 1, row r centred on sample first + r step."""
-    half = len(taps) // 2
-    N = run.motion.samples
-    out = np.zeros((source.layout.columns, b - a))
-    centre = first + a * step  # sample under the centre of row a
-    lowest, highest = centre - half, first + (b - 1) * step + half
-    for begin in range(max(lowest, 0), min(highest + 1, N), CHUNK):
-        _accumulate(source, run, begin, min(begin + CHUNK, highest + 1, N), taps, step, lowest, out)
-    if periodic:
+def _rows_between(run: ObservedRun, band: Band) -> int:
+    """Rows of the output grid for each row that the band needs; a divisor of the period where that matters."""
+    factor = max(1, coarsest_step(run.rate, band.cutoff) // run.step)
+    if band.edges == "periodic":
+        while run.motion.samples % (factor * run.step):
+            factor -= 1
+            if factor <= 1:
+                return 1
+    return factor
+
+
+def _rows(x: Array, lead: int, late: int, factor: int, begin: int, end: int, *, periodic: bool) -> Array:
+    """Rows begin to end - 1 of the output grid from filtered early columns, whose column `lead` is row 0."""
+    if factor == 1:
+        start = lead + begin * late
+        return np.ascontiguousarray(x[:, start : start + (end - begin - 1) * late + 1 : late])
+    a, b = lead + begin // factor, lead + (end - 1) // factor + 1
+    low, high = (a - OVERLAP, b + OVERLAP) if periodic else (max(0, a - OVERLAP), min(x.shape[1], b + OVERLAP))
+    part = x[:, np.arange(low, high) % x.shape[1]] if periodic else x[:, low:high]
+    dense = interpolate(np.ascontiguousarray(part), factor)
+    start = (a - low) * factor + begin % factor
+    return np.ascontiguousarray(dense[:, start : start + end - begin])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _EarlyColumns:
+    """Columns of a run after the first decimation: row r is centred on sample first + r step."""
+
+    source: ColumnSource
+    run: ObservedRun
+    taps: Array
+    step: int
+    first: int
+
+    @property
+    def available(self) -> int:
+        """Rows that the run has."""
+        return len(range(self.first, self.run.motion.samples, self.step))
+
+    def between(self, a: int, b: int) -> Array:
+        """Rows a to b - 1, the ends of the run reflected."""
+        out = self._inside(a, b)
+        if len(self.taps) > 1:
+            _reflect_ends(self.source, self.run, self.taps, self.step, self.first, a, b, out)
+        return out
+
+    def periodic(self) -> Array:
+        """All rows, the run continued by itself."""
+        out = self._inside(0, self.available)
+        half, N = len(self.taps) // 2, self.run.motion.samples
+        lowest, highest = self.first - half, self.first + (self.available - 1) * self.step + half
         if lowest < 0:
-            _accumulate(source, run, N + lowest, N, taps, step, lowest + N, out)
+            self._add(N + lowest, N, lowest + N, out)
         if highest >= N:
-            _accumulate(source, run, 0, highest + 1 - N, taps, step, lowest - N, out)
-    elif half:
-        _reflect_ends(source, run, taps, step, first, a, b, out)
-    return out
+            self._add(0, highest + 1 - N, lowest - N, out)
+        return out
 
+    def _inside(self, a: int, b: int) -> Array:
+        half = len(self.taps) // 2
+        out = np.zeros((self.source.layout.columns, b - a))
+        lowest = self.first + a * self.step - half
+        end = min(self.first + (b - 1) * self.step + half + 1, self.run.motion.samples)
+        for begin in range(max(lowest, 0), end, CHUNK):
+            self._add(begin, min(begin + CHUNK, end), lowest, out)
+        return out
 
-def _accumulate(
-    source: ColumnSource,
-    run: ObservedRun,
-    begin: int,
-    end: int,
-    taps: Array,
-    step: int,
-    first_tap: int,
-    out: Array,
-) -> None:
-    """Add samples begin to end - 1 to the decimated rows; row 0 has its first tap over sample `first_tap`."""
-    part = run.motion[slice(begin, end)]
-    kernel.decimate(
-        source.tree, source.layout, part.q, part.dq, part.ddq, run.torque[begin:end], source.term_rows(part),
-        taps, step, first_tap - begin, out,
-    )  # fmt: skip
+    def _add(self, begin: int, end: int, first_tap: int, out: Array) -> None:
+        """Add samples begin to end - 1; row 0 has its first tap over sample `first_tap`."""
+        part = self.run.motion[slice(begin, end)]
+        kernel.decimate(
+            self.source.tree,
+            self.source.layout,
+            part.q,
+            part.dq,
+            part.ddq,
+            self.run.torque[begin:end],
+            self.source.term_rows(part),
+            self.taps,
+            self.step,
+            first_tap - begin,
+            out,
+        )
 
 
 def _reflect_ends(

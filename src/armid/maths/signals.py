@@ -22,6 +22,7 @@ from armid.values import Array
 __all__ = [
     "butterworth",
     "central_difference",
+    "coarsest_step",
     "decimate",
     "decimation_filter",
     "decimation_step",
@@ -29,6 +30,7 @@ __all__ = [
     "filtered_derivatives",
     "fir",
     "gain",
+    "interpolate",
     "low_pass",
     "periodic_derivative",
     "periodic_filter",
@@ -139,6 +141,11 @@ def decimation_step(rate: float, cutoff: float, step: int) -> int:
     return max(allowed, default=1)
 
 
+def coarsest_step(rate: float, cutoff: float) -> int:
+    """The largest step at which a signal filtered at `cutoff` [Hz] still shows all that the filter leaves."""
+    return max(1, int(rate / (OVERSAMPLING * cutoff)))
+
+
 def gain(filter: Array, frequency: Array) -> Array:
     """Real zero-phase gain at `frequency` [cycles a sample]: |H|² of sections, the cosine sum of taps."""
     if filter.ndim == 1:
@@ -236,6 +243,30 @@ def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: boo
     extended = _extend(x, half, half, periodic=periodic)
     windows = np.lib.stride_tricks.sliding_window_view(extended, len(taps), axis=0)[offset::step]
     return windows[:rows] @ taps
+
+
+def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
+    """Band-limited signals at `factor` times their rate: the counterpart of decimation, with the same filter.
+
+    Args:
+        x: Signals along their last axis, shape (..., N), without content above half their Nyquist frequency.
+        factor: Samples made for each given one.
+        periodic: Continue the signals by themselves instead of by odd reflection.
+
+    Returns:
+        Shape (..., factor N); every `factor`-th is the given sample, to the filter's ripple.
+    """
+    if factor == 1:
+        return x
+    taps = factor * decimation_filter(factor)
+    half = len(taps) // 2
+    reach = half // factor + 1
+    # Row j, column φ: weight of the sample j - reach away for the value φ / factor after a sample.
+    place = np.arange(factor)[None, :] - factor * np.arange(-reach, reach + 1)[:, None] + half
+    weights = np.where((place >= 0) & (place < len(taps)), taps[np.clip(place, 0, len(taps) - 1)], 0.0)
+    extended = np.moveaxis(_extend(np.moveaxis(x, -1, 0), reach, reach, periodic=periodic), 0, -1)
+    windows = np.lib.stride_tricks.sliding_window_view(extended, 2 * reach + 1, axis=-1)
+    return (windows @ weights).reshape(*x.shape[:-1], -1)
 
 
 def _reflected(filter: Array, x: Array, pad: int | None, orders: Sequence[int]) -> list[Array]:
