@@ -1,4 +1,4 @@
-"""Write docs/results.md: eight real arms, identified on part of their recordings and checked on the rest.
+"""Write docs/results.md and the table in the README: real arms, identified on a part of their recordings.
 
 Run as `uv run --all-extras scripts/results.py` where the recordings stand in ../shared/data.
 """
@@ -16,20 +16,24 @@ from armid.study.identify import Result
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "tests" / "real" / "studies"
 
+BEGIN, END = "<!-- real arms -->", "<!-- end of real arms -->"
+
 HEAD = """# Eight real arms
 
-Plain weighted least squares with rigid links, rotor inertia, viscous and Coulomb friction (tanh of the velocity over
-0.02 rad/s) and offset, on published recordings. Each study stands in `tests/real/studies`; `scripts/results.py` writes
-this page. Numbers are RMS torque errors in N·m in the study's band, joint by joint.
+Plain weighted least squares with rigid links, rotor inertia, viscous and Coulomb friction (tanh of the velocity
+over 0.02 rad/s) and offset, on published recordings. Each study stands in `tests/real/studies`;
+`scripts/results.py` writes this page. Numbers are RMS torque errors in N·m in the study's band, joint by joint.
 
-- *unseen* is motion that no parameter has seen: another run of the same arm where there is one, else the last 30 %.
-- *description* is what the unidentified description predicts on the same motion: its inertial parameters, no friction.
+- *unseen* is motion that no parameter has seen: another run of the same arm where there is one, else the last
+  30 %.
+- *description* is what the unidentified description predicts on the same motion: its inertial parameters, no
+  friction.
 - *in band* is the share of unseen rows inside the 95 % band of parameters and residual.
 
-What the tables show: where the motion excites the arm, unseen error is close to training error. The Med 7 (trained on
-12 s) and the LWR4+ (one run each way) are not excited enough for an estimate without a prior, and armid says so: their
-verdict fails. Bands made of training residuals cover too little wherever the model lacks something that other motion
-brings out.
+What the tables show: where the motion excites the arm, unseen error is close to training error. The Med 7
+(trained on 12 s) and the LWR4+ (one run each way) are not excited enough for an estimate without a prior, and
+armid says so: their verdict fails. Bands made of training residuals cover too little wherever the model lacks
+something that other motion brings out.
 """
 
 
@@ -60,16 +64,30 @@ def table(result: Result) -> list[str]:
     return lines
 
 
+def short_row(name: str, result: Result) -> str:
+    """One arm's row of the README's table: root of the sum of squares over joints."""
+    (score,) = result.validation.recordings
+    prior = "-" if score.prior_rms is None else f"{np.linalg.norm(score.prior_rms):.2f}"
+    train, unseen = np.linalg.norm(result.estimate.fit.residual_rms), np.linalg.norm(score.rms)
+    return f"| {name} | {train:.2f} | **{unseen:.2f}** | {prior} | {result.validation.verdict} |"
+
+
 def main() -> None:
-    """Write the page."""
+    """Write the page and the table."""
     sections: list[str] = [HEAD]
+    short = ["| arm | training | **unseen** | description alone | verdict |", "|---|---|---|---|---|"]
     for path in sorted(STUDIES.glob("*.toml")):
         result = identify(load_study(path))
         title = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
         name, _, rest = title.partition(": ")
         sections += [f"## {name}", "", f"{rest[:1].upper()}{rest[1:]}", "", *table(result), ""]
+        short.append(short_row(name, result))
         sys.stdout.write(f"{path.stem}\n")
     (ROOT / "docs" / "results.md").write_text("\n".join(sections), encoding="utf-8")
+    readme = ROOT / "README.md"
+    before, rest = readme.read_text(encoding="utf-8").split(BEGIN)
+    after = rest.split(END)[1]
+    readme.write_text("\n".join([before + BEGIN, *short, END]) + after, encoding="utf-8")
 
 
 if __name__ == "__main__":

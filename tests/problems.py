@@ -9,7 +9,7 @@ import numpy as np
 from armid import kernel
 from armid.excitation.fourier import Excitation
 from armid.information.band import Band
-from armid.information.observations import ObservedRun, Observations
+from armid.information.observations import Observations, ObservedRun
 from armid.kernel import ColumnLayout, Tree
 from armid.model.motion import Motion
 from armid.robot.robot import Robot

@@ -1,5 +1,7 @@
 """A small recording, and writers of it in file formats, shared by the tests."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,9 @@ N = 25
 T = 12.3 + np.arange(N) / 100
 Q, DQ, DDQ, TAU = (RNG.standard_normal((N, 3)) for _ in range(4))
 TABLE = {"t": T} | {f"{name}{i + 1}": x[:, i] for name, x in (("q", Q), ("dq", DQ), ("tau", TAU)) for i in range(3)}
+NAMES = ("a1", "a2", "a3")
+STAMPS = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(N)
+SECONDS = (STAMPS - STAMPS[0]) * 1e-9
 
 
 def text(table, delimiter=","):
@@ -53,6 +58,44 @@ def write_v73(path, variables, names=()):
             item.attrs["MATLAB_class"] = np.bytes_("cell")
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + path.read_bytes()[512:])
     return path
+
+
+def message(i, names=NAMES, order=(0, 1, 2), velocity=True, effort=True):
+    return {
+        "stamp": int(STAMPS[i]),
+        "name": [names[k] for k in order],
+        "position": Q[i, list(order)],
+        "velocity": DQ[i, list(order)] if velocity else np.zeros(0),
+        "effort": TAU[i, list(order)] if effort else np.zeros(0),
+    }
+
+
+def write_bag(folder, suffix, topics):
+    """A bag whose topics hold the given messages; what is received long after the stamp must not matter."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    old = suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_JAZZY)
+    kinds = store.types
+    plugin = StoragePlugin.MCAP if suffix == ".mcap" else StoragePlugin.SQLITE3
+    path = folder / "run.bag" if old else folder / f"bag{suffix[1:]}"
+    serialize = store.serialize_ros1 if old else store.serialize_cdr
+    with Writer1(path) if old else Writer2(path, version=9, storage_plugin=plugin) as writer:
+        for topic, messages in topics.items():
+            kind = "sensor_msgs/msg/JointState" if messages else "std_msgs/msg/Header"
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for i, m in enumerate(messages):
+                stamp = kinds["builtin_interfaces/msg/Time"](sec=m["stamp"] // 10**9, nanosec=m["stamp"] % 10**9)
+                extra = {"seq": i} if old else {}
+                header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="", **extra)
+                fields = {name: m[name] for name in ("name", "position", "velocity", "effort")}
+                joint_state = kinds["sensor_msgs/msg/JointState"](header=header, **fields)
+                received = int(STAMPS[0] + 10**9 + 7_000_000 * i)
+                writer.write(connection, received, bytes(serialize(joint_state, joint_state.__msgtype__)))
+    return path if old else next(Path(path).glob(f"*{suffix}"))
 
 
 def assert_same(recording, *, t=T, dq=DQ, tau=TAU, ddq=None):

@@ -1,0 +1,22 @@
+"""Options and settings of the whole suite."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import settings
+
+# No deadline, because a shared machine may stall; the same examples every time, so that a failure can be repeated.
+settings.register_profile("armid", deadline=None, derandomize=True, database=None)
+settings.load_profile("armid")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--long", action="store_true", help="run the tests marked long, too")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--long"):
+        return
+    for item in items:
+        if item.get_closest_marker("long") is not None:
+            item.add_marker(pytest.mark.skip(reason="takes more than half a minute; run with --long"))

@@ -1,0 +1,60 @@
+"""Each package of things that come in kinds lists all of its modules: a file that nobody lists would never run."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from armid.estimation import estimators
+from armid.measurement import readers as recording_readers
+from armid.model import terms
+from armid.robot import readers as robot_readers
+
+CATALOGUES = {
+    "terms": (terms, terms.TERMS, {"term"}),
+    "estimators": (estimators, estimators.ESTIMATORS, set()),
+    "robot readers": (robot_readers, robot_readers.READERS, set()),
+    "recording readers": (recording_readers, recording_readers.READERS, set()),
+}
+"""Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""
+
+
+def entries(catalogue: Any) -> list[Any]:
+    return list(catalogue.values() if hasattr(catalogue, "values") else catalogue)
+
+
+def module_of(entry: Any) -> str:
+    return entry.__name__ if isinstance(entry, ModuleType) else entry.__module__
+
+
+@pytest.mark.parametrize("kind", CATALOGUES)
+def test_every_module_is_listed(kind: str):
+    package, catalogue, shared = CATALOGUES[kind]
+    modules = {info.name for info in pkgutil.iter_modules(package.__path__)} - shared
+    listed = [module_of(entry) for entry in entries(catalogue)]
+    assert {f"{package.__name__}.{module}" for module in modules} == set(listed)
+    assert len(listed) == len(set(listed))
+
+
+@pytest.mark.parametrize("kind", CATALOGUES)
+def test_names_are_those_of_the_files(kind: str):
+    """What a study calls a thing is what its file is called."""
+    _, catalogue, _ = CATALOGUES[kind]
+    if hasattr(catalogue, "items"):
+        assert {name: name.replace("-", "_") for name in catalogue} == {
+            name: module_of(entry).rsplit(".", 1)[1] for name, entry in catalogue.items()
+        }
+
+
+def test_every_catalogue_of_armid_is_looked_at():
+    """A package with one file a kind says so in its docstring, which is how a new one gets noticed here."""
+    known = {package.__name__ for package, _, _ in CATALOGUES.values()}
+    import armid
+
+    packages = [info.name for info in pkgutil.walk_packages(armid.__path__, "armid.") if info.ispkg]
+    saying = {name for name in packages if "catalogue" in (importlib.import_module(name).__doc__ or "").lower()}
+    assert saying - known == set()

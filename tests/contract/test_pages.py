@@ -1,0 +1,69 @@
+"""What the pages say is there, and the example in docs/extending.md is a term."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.model.terms import Term
+from armid.robot import load_robot
+
+ROOT = Path(__file__).parents[2]
+PAGES = {
+    name: (ROOT / name).read_text()
+    for name in ("README.md", "CONTRIBUTING.md", "docs/design.md", "docs/extending.md")
+}
+
+PATH = re.compile(r"`((?:src|native|tests|docs|scripts|benchmarks|examples|\.ci)/[\w./-]*)`")
+MODULE = re.compile(r"`(armid(?:\.\w+)+)`")
+LINK = re.compile(r"\]\(([^):]+)\)")
+
+page = pytest.mark.parametrize("page", PAGES)
+
+
+@page
+def test_paths_exist(page: str):
+    assert [path for path in PATH.findall(PAGES[page]) if not (ROOT / path).exists()] == []
+
+
+@page
+def test_links_exist(page: str):
+    folder = (ROOT / page).parent
+    assert [link for link in LINK.findall(PAGES[page]) if not (folder / link).exists()] == []
+
+
+@page
+def test_names_exist(page: str):
+    """Each dotted name is a module, or something in one."""
+    missing = []
+    for name in MODULE.findall(PAGES[page]):
+        home, _, last = name.rpartition(".")
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError:
+            if not hasattr(importlib.import_module(home), last):
+                missing.append(name)
+    assert missing == []
+
+
+def test_the_example_of_a_term(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    blocks = re.findall(r"```python\n(.*?)```", PAGES["docs/extending.md"], re.DOTALL)
+    (tmp_path / "quadratic.py").write_text(next(block for block in blocks if "class Quadratic" in block))
+    monkeypatch.syspath_prepend(tmp_path)
+    term = importlib.import_module("quadratic").Quadratic()
+    assert isinstance(term, Term)
+    q, dq, ddq = np.random.default_rng(0).normal(size=(3, 5, 6))
+    Y = DynamicsModel(load_robot("ur5e"), (term,)).regressor(Motion.of_states(q, dq, ddq))
+    np.testing.assert_allclose(np.einsum("njj->nj", Y), np.abs(dq) * dq, rtol=1e-15)
+
+
+def test_ci_runs_the_second_command_of_the_readme():
+    commands = [block.strip() for block in re.findall(r"```\n(python3 .*?)```", PAGES["README.md"], re.DOTALL)]
+    assert len(commands) == 2 and all("\n" not in command for command in commands)
+    assert (ROOT / ".ci" / "run").read_text().splitlines()[-1] == commands[1]

@@ -1,0 +1,139 @@
+"""What every torque term must do, on every built-in arm."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import armid.model.terms
+from armid.errors import ArmidError
+from armid.model.dynamics import DynamicsModel
+from armid.model.expression import derivative, evaluate, latex, symbols, text
+from armid.model.motion import Motion
+from armid.model.terms import TERMS, Term
+from armid.robot import Robot, builtin_arms, load_robot
+
+MADE: dict[str, Callable[[Robot], Term]] = {
+    "coupling": lambda robot: TERMS["coupling"](joints=dict(zip(last_two(robot), (1.0, -2.0), strict=True))),
+}
+"""How to make a term that has no default; all others are made without arguments."""
+
+SHAPED: dict[str, Callable[[Robot], Term]] = {
+    "coulomb with a width": lambda robot: TERMS["coulomb"](width=0.05),
+}
+"""Terms whose shapes make another law than the default ones do."""
+
+ARMS = {name: load_robot(name) for name in builtin_arms()}
+SYMBOLS = {"q", "dq", "ddq"}
+
+LINEAR = 1e-12
+"""Torque and regressor take different ways to the same sum; the terms of the sum are of the order of a hundred."""
+
+SLOPE = 1e-6
+"""Central differences with a step of 1e-6 resolve so much of a derivative of the order of one."""
+
+EACH = pytest.mark.parametrize("arm", ARMS)
+TERM = pytest.mark.parametrize("name", TERMS)
+MADE_TERM = pytest.mark.parametrize("name", [*TERMS, *SHAPED])
+OF_JOINTS = [name for name, kind in TERMS.items() if "joints" in {f.name for f in dataclasses.fields(kind)}]
+"""Terms that can be restricted to some joints; the others act on the whole arm."""
+
+
+def last_two(robot: Robot) -> tuple[str, ...]:
+    return robot.joint_names[-2:]
+
+
+def make(name: str, robot: Robot) -> Term:
+    special = MADE | SHAPED
+    return special[name](robot) if name in special else TERMS[name]()
+
+
+def motion_of(robot: Robot, samples: int = 40) -> Motion:
+    """Random states, two of them at rest."""
+    rng = np.random.default_rng(5)
+    q, dq, ddq = rng.uniform(-2.0, 2.0, (3, samples, robot.n))
+    dq[:2] = 0.0
+    return Motion.of_states(q, dq, ddq)
+
+
+@TERM
+def test_is_a_frozen_value(name: str):
+    kind = TERMS[name]
+    assert kind.name == name
+    assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen and hasattr(kind, "__slots__")
+    assert kind.__doc__ and kind.laws.__doc__
+
+
+@EACH
+@MADE_TERM
+def test_repr_makes_it_again(name: str, arm: str):
+    term = make(name, ARMS[arm])
+    again = eval(repr(term), {**vars(armid.model.terms)})  # what a repr is for
+    assert again == term and isinstance(term, Term)
+
+
+@EACH
+@MADE_TERM
+def test_laws(name: str, arm: str):
+    robot = ARMS[arm]
+    laws = make(name, robot).laws(robot)
+    assert laws == make(name, robot).laws(robot)
+    assert len({(law.symbol, law.joint) for law in laws}) == len(laws)
+    for law in laws:
+        assert law.symbol.isupper() and law.unit
+        assert 0 <= law.joint < robot.n and law.joint in dict(law.coordinate)
+        assert all(0 <= j < robot.n and weight for j, weight in law.coordinate)
+        assert symbols(law.expression) <= SYMBOLS
+        assert text(law.expression) and latex(law.expression)
+
+
+@EACH
+@MADE_TERM
+def test_derivatives_are_slopes(name: str, arm: str):
+    """Away from rest, where a sign has none."""
+    robot, step = ARMS[arm], 1e-6
+    state = {"q": np.array([0.3, -1.1]), "dq": np.array([0.7, -0.2]), "ddq": np.array([1.3, -0.4])}
+    for law in make(name, robot).laws(robot):
+        for by in SYMBOLS:
+            up, down = ({**state, by: state[by] + h} for h in (step, -step))
+            slope = (evaluate(law.expression, up) - evaluate(law.expression, down)) / (2.0 * step)
+            exact = evaluate(derivative(law.expression, by), state)
+            np.testing.assert_allclose(np.broadcast_to(exact, np.shape(slope)), slope, rtol=0, atol=SLOPE)
+
+
+@EACH
+@MADE_TERM
+def test_columns(name: str, arm: str):
+    """Finite, the same each time, in the rows that the laws name, and linear in the parameters."""
+    robot, motion = ARMS[arm], motion_of(ARMS[arm])
+    before = [x.tobytes() for x in (motion.time, motion.q, motion.dq, motion.ddq)]
+    model = DynamicsModel(robot, (make(name, robot),))
+    Y = model.regressor(motion)
+    assert Y.shape == (motion.samples, robot.n, len(model.parameters)) and np.isfinite(Y).all()
+    assert Y.tobytes() == model.regressor(motion).tobytes()
+    for p, (_, law) in zip(model.law_columns, model.laws, strict=True):
+        touched = {int(j) for j in np.flatnonzero(Y[:, :, p].any(axis=0))}
+        assert touched == {j for j, _ in law.coordinate}
+    theta = np.random.default_rng(6).normal(size=len(model.parameters))
+    np.testing.assert_allclose(model.torque(motion, theta), Y @ theta, rtol=0, atol=LINEAR * 100.0)
+    assert [x.tobytes() for x in (motion.time, motion.q, motion.dq, motion.ddq)] == before
+
+
+@pytest.mark.parametrize("name", OF_JOINTS)
+def test_an_unknown_joint_is_refused(name: str):
+    robot = ARMS["panda"]
+    term = make(name, robot)
+    strange = {"nowhere": 1.0, last_two(robot)[0]: 1.0} if isinstance(term.joints, dict) else ("nowhere",)
+    with pytest.raises(ArmidError, match="nowhere") as caught:
+        dataclasses.replace(term, joints=strange).laws(robot)
+    assert robot.joint_names[0] in caught.value.possible
+
+
+@pytest.mark.parametrize("name", [name for name in OF_JOINTS if name not in MADE])
+def test_on_some_joints_only(name: str):
+    robot = ARMS["panda"]
+    chosen = dataclasses.replace(make(name, robot), joints=last_two(robot))
+    assert {law.joint for law in chosen.laws(robot)} == {robot.n - 2, robot.n - 1}
