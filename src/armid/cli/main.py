@@ -11,6 +11,7 @@ import typer
 
 from armid.cli.base import base
 from armid.cli.bench import bench
+from armid.cli.certify import certify
 from armid.cli.demo import demo
 from armid.cli.identify import identify
 from armid.cli.predict import predict
@@ -29,7 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (base, identify, validate, predict, demo, bench):
+for command in (base, identify, validate, predict, certify, demo, bench):
     app.command()(command)
 
 

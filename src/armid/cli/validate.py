@@ -24,13 +24,14 @@ def validate(
     Example:
         armid validate runs/today next_week.csv
     """
-    from armid.cli.console import output_console, print_verdict, validation_table
+    from armid.cli.console import output_console, print_findings, print_verdict, validation_table
     from armid.study.apply import validate_run
     from armid.study.records import to_json, validation_record
     from armid.study.run import load_run
 
     loaded = load_run(run)
-    found = validate_run(loaded, recordings, changed_reading(rate, torque_sign))
+    found, findings = validate_run(loaded, recordings, changed_reading(rate, torque_sign))
+    print_findings(findings)
     if json:
         sys.stdout.write(to_json(validation_record(found)) + "\n")
     else:

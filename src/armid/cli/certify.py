@@ -1,0 +1,92 @@
+"""`armid certify`: can these parameters belong to a real body?"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Gravity, Json, Lock, robot_choice
+
+if TYPE_CHECKING:
+    from armid.study.certify import Verdict
+    from armid.values import Array
+
+__all__ = ["certify"]
+
+
+def certify(
+    subject: Annotated[str, typer.Argument(metavar="RUN | ROBOT", help="A run, or an arm whose values follow.")],
+    values: Annotated[
+        str | None, typer.Argument(metavar="[VALUES.json]", help="{name: value}: base, standard or physical names.")
+    ] = None,
+    motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Look at the mass matrix along it too.")] = None,
+    heaviest: Annotated[
+        float, typer.Option(min=0.0, help="Largest mass of a link in the second answer [kg].")
+    ] = 10.0,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    json: Json = False,
+) -> None:
+    """Certify parameters: the nearest real body, the worst pose of the mass matrix, the thesis's constraints.
+
+    Exit code 1 says that no real body has them.
+
+    Examples:
+        armid certify runs/today
+
+        armid certify iiwa14-r820 values.json --gravity 0 0 9.81 --motion thesis-a2
+    """
+    from armid.study import certify as stage
+    from armid.study.records import to_json
+    from armid.study.run import load_run
+    from armid.study.study import load_choice
+
+    along = None if motion is None else stage.read_plan(motion)
+    if values is None and Path(subject).is_dir():
+        verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
+    elif values is None:
+        from armid.errors import ArmidError
+
+        raise ArmidError(f"{subject} is no run.", remedy="give a run's folder, or an arm and a VALUES.json.")
+    else:
+        robot = load_choice(robot_choice(subject, gravity, lock))
+        verdict = stage.certify_named(robot, stage.read_values(values), motion=along, heaviest=heaviest)
+    if json:
+        sys.stdout.write(to_json(stage.verdict_record(verdict)) + "\n")
+    else:
+        _report(verdict, motion)
+    if not verdict.certificate.feasible:
+        raise typer.Exit(1)
+
+
+def _report(verdict: Verdict, motion: str | None) -> None:
+    """The verdict on standard output, what it means on standard error."""
+    from armid.cli.console import output_console, print_findings
+
+    console, certificate = output_console(), verdict.certificate
+    word = "[bold green]feasible[/]" if certificate.feasible else "[bold red]infeasible[/]"
+    console.print(
+        f"{verdict.kind} parameters: {word}, distance {certificate.distance:.4g} "
+        f"({100 * certificate.relative_distance:.3g} %)"
+    )
+    console.print(f"  masses of the nearest body in kg: {_list(certificate.masses)}")
+    console.print(
+        f"  with every mass at most {verdict.heaviest:g} kg: distance {verdict.limited.distance:.4g}, masses "
+        f"{_list(verdict.limited.masses)}"
+    )
+    console.print(f"mass matrix, worst pose in the joint limits: {verdict.pose.min_eigenvalue:.5g} kg·m²")
+    console.print(f"  at q = {_list(verdict.pose.q)}")
+    if verdict.along is not None:
+        console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} kg·m²")
+    for each in verdict.constraints:
+        if not each.ok:
+            note = " (within rounding)" if each.rounding else ""
+            console.print(f"  {each.constraint} link {each.link}: {each.value:.4g} against {each.bound:.4g}{note}")
+    print_findings(verdict.findings)
+
+
+def _list(numbers: Array) -> str:
+    return ", ".join(f"{x:.4g}" for x in numbers)

@@ -1,0 +1,131 @@
+"""Small conic programs, solved by Clarabel and checked here.
+
+    minimise cᵀx    so that for every cone K    A x + b ∈ K
+
+A solver's status is not taken on trust: the solution carries by how much the answer really leaves each cone, computed
+from the cones themselves (eigenvalues for semidefinite ones), and the gap to the dual [Goulart2024].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import EstimationError
+from armid.values import Array
+
+__all__ = ["Cone", "ConeSolution", "solve_cones", "upper_triangle"]
+
+SOLVER_TOLERANCE = 1e-9
+"""Gap and infeasibility asked of the solver: a tenth of what a certificate states."""
+
+ACCEPTED = 1e-6
+"""Largest gap and violation of an accepted answer, over the size of objective and cone: what the solver reaches on
+badly scaled problems. Anything worse is refused whatever the status says."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Cone:
+    """Rows A x + b that must lie in a cone.
+
+    Attributes:
+        kind: `nonnegative`; `norm`, the first row being at least the length of the others; or `semidefinite`, the
+            rows being the upper triangle of a symmetric matrix, column by column.
+        matrix: A, shape (rows, variables).
+        offset: b, shape (rows,).
+    """
+
+    kind: Literal["nonnegative", "norm", "semidefinite"]
+    matrix: Array
+    offset: Array
+
+    def leaves(self, x: Array) -> float:
+        """By how much x lies outside, over the size of the rows; zero or negative inside."""
+        rows = self.matrix @ x + self.offset
+        size = max(1.0, float(np.abs(rows).max()))
+        if self.kind == "nonnegative":
+            return float(-rows.min()) / size
+        if self.kind == "norm":
+            return float(np.linalg.norm(rows[1:]) - rows[0]) / size
+        i, j = upper_triangle(_order(len(rows)))
+        matrix = np.zeros((i.max() + 1, i.max() + 1))
+        matrix[i, j] = matrix[j, i] = rows
+        return float(-np.linalg.eigvalsh(matrix)[0]) / size
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ConeSolution:
+    """Answer of a conic program, checked.
+
+    Attributes:
+        x: The variables.
+        objective: cᵀx.
+        gap: Objective less the dual's, over its size.
+        violation: By how much the worst cone is left, over the size of its rows.
+    """
+
+    x: Array
+    objective: float
+    gap: float
+    violation: float
+
+
+def upper_triangle(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of an upper triangle, column by column."""
+    j, i = np.tril_indices(size)
+    return i, j
+
+
+def solve_cones(cost: Array, cones: Sequence[Cone]) -> ConeSolution:
+    """Solve, and check the answer.
+
+    Args:
+        cost: c, shape (variables,).
+        cones: At least one.
+
+    Raises:
+        EstimationError: The answer is not one: the solver's word, the gap and the violation are in the message.
+    """
+    clarabel: Any = import_module("clarabel")
+    sparse: Any = import_module("scipy.sparse")
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_TOLERANCE
+    rows, offsets, kinds = zip(*(_for_solver(cone, clarabel) for cone in cones), strict=True)
+    A = sparse.csc_matrix(np.concatenate(rows))
+    nothing = sparse.csc_matrix((len(cost), len(cost)))
+    answer = clarabel.DefaultSolver(nothing, cost, A, np.concatenate(offsets), list(kinds), settings).solve()
+    x = np.array(answer.x, dtype=np.float64)
+    objective = float(cost @ x)
+    gap = abs(objective - float(answer.obj_val_dual)) / max(1.0, abs(objective))
+    violation = max(cone.leaves(x) for cone in cones)
+    if not (gap <= ACCEPTED and violation <= ACCEPTED):
+        raise EstimationError(
+            f"The conic solver gave no answer ({answer.status}; gap {gap:.1e}, violation {violation:.1e}).",
+            remedy="check the size of the values: parameters of one arm should not differ by more than 1e8.",
+        )
+    return ConeSolution(x, objective, gap, violation)
+
+
+def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
+    """A and b with A x + s = b, and the solver's cone; it scales off-diagonal entries by √2."""
+    if cone.kind == "nonnegative":
+        return -cone.matrix, cone.offset, clarabel.NonnegativeConeT(len(cone.offset))
+    if cone.kind == "norm":
+        return -cone.matrix, cone.offset, clarabel.SecondOrderConeT(len(cone.offset))
+    order = _order(len(cone.offset))
+    i, j = upper_triangle(order)
+    scale = np.where(i == j, 1.0, math.sqrt(2.0))
+    return -scale[:, None] * cone.matrix, scale * cone.offset, clarabel.PSDTriangleConeT(order)
+
+
+def _order(entries: int) -> int:
+    """Order of a symmetric matrix with so many entries in its upper triangle."""
+    return round((math.sqrt(8 * entries + 1) - 1) / 2)

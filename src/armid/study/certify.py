@@ -1,0 +1,274 @@
+"""A certificate for parameters of an arm, whatever names they come under: base, standard or physical."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError, Finding, ModelError
+from armid.estimation.estimate import collapse
+from armid.excitation.fourier import load_plan
+from armid.excitation.plans import PLANS, builtin_plan
+from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
+from armid.robot import Robot
+from armid.study.run import Run
+from armid.validation.consistency import Certificate, certify_values
+from armid.validation.thesis_constraints import Constraint, thesis_constraints
+from armid.validation.worst_pose import Pose, worst_along, worst_pose
+from armid.values import Array
+
+__all__ = ["HEAVIEST", "Verdict", "certify_named", "certify_run", "read_plan", "read_values", "verdict_record"]
+
+HEAVIEST = 10.0
+"""Mass of a link above which a nearest body is no answer about a robot arm of this size [kg]."""
+
+TERM_OF_SYMBOL: Mapping[str, type[Term]] = {"FV": Viscous, "FS": Coulomb, "FO": Offset, "IA": RotorInertia}
+PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+PLAN_RATE = 100.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Verdict:
+    """What is certified of a set of parameters.
+
+    Attributes:
+        kind: `base`, `standard` or `physical`.
+        certificate: Distance to the nearest real body.
+        limited: The same with no link heavier than `heaviest`.
+        heaviest: That mass [kg].
+        pose: Worst pose of the mass matrix within the joint limits.
+        along: Worst pose along a motion, where one was given.
+        constraints: The thesis's constraints, where the parameters determine them.
+        findings: What it means.
+    """
+
+    kind: str
+    certificate: Certificate
+    limited: Certificate
+    heaviest: float
+    pose: Pose
+    along: Pose | None
+    constraints: tuple[Constraint, ...]
+    findings: tuple[Finding, ...]
+
+
+def read_values(path: Path | str) -> dict[str, float]:
+    """Parameters by name from a JSON object.
+
+    Raises:
+        ArmidError: No such file, no JSON object of numbers.
+    """
+    try:
+        values = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} cannot be read: {error}.", remedy="give a JSON object {name: value}.") from error
+    if not isinstance(values, dict) or not values:
+        raise ArmidError(f"{path} is no JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ArmidError(f"{path}: {name} must be a finite number; found {value!r}.")
+    return {str(name): float(value) for name, value in values.items()}
+
+
+def read_plan(name: str) -> Motion:
+    """The motion of a built-in plan or a `plan.json`, at 100 samples a second."""
+    return (builtin_plan(name) if name in PLANS else load_plan(name)).sample(PLAN_RATE)
+
+
+def certify_named(
+    robot: Robot, values: Mapping[str, float], *, motion: Motion | None = None, heaviest: float = HEAVIEST
+) -> Verdict:
+    """Certify parameters by name; the torque terms follow from the names.
+
+    Args:
+        robot: The arm.
+        values: Base parameters (`ZZR_1`), standard ones (`ZZ_1`) or physical ones (`m_1`, `rx_1`, `Ixx_1`, …).
+        motion: Along which the mass matrix is looked at too.
+        heaviest: Largest mass of a link in the second of the two certificates [kg].
+
+    Raises:
+        ModelError: Names that are of none of these sets, or a set that is not complete.
+    """
+    if any(name.split("_")[0] in PHYSICAL for name in values):
+        return _physical(robot, values, motion, heaviest)
+    model = _model_of(robot, values)
+    base = find_base_parameters(model)
+    standard_names = [parameter.name for parameter in model.parameters]
+    if set(values) == set(base.names):
+        given = np.array([values[name] for name in base.names])
+        theta = np.zeros(len(standard_names))
+        theta[base.kept] = given
+        return _verdict("base", model, base.names, given, base.regrouping, theta, motion, heaviest)
+    unknown = sorted(set(values) - set(standard_names))
+    missing = sorted(set(standard_names) - set(values))
+    if unknown or missing:
+        lacking = sorted(set(base.names) - set(values))
+        raise ModelError(
+            f"The names are neither {robot.name}'s {base.count} base parameters nor its standard ones: "
+            f"{', '.join((unknown or lacking)[:8])} {'not known' if unknown else 'missing'}.",
+            possible=", ".join(base.names),
+            remedy="look at armid base for the names under this gravity, locks and terms.",
+        )
+    theta = np.array([values[name] for name in standard_names])
+    return _verdict("standard", model, standard_names, theta, np.eye(len(theta)), theta, motion, heaviest)
+
+
+def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float = HEAVIEST) -> Verdict:
+    """Certify the base parameters of a run."""
+    base = run.estimate.base
+    values = collapse(base.names, run.estimate.fit)
+    theta = np.zeros(len(base.standard_names))
+    theta[base.kept] = values
+    return _verdict("base", run.model, base.names, values, base.regrouping, theta, motion, heaviest)
+
+
+def verdict_record(verdict: Verdict) -> dict[str, Any]:
+    """The contents of `certify --json`."""
+    certificate = verdict.certificate
+
+    def pose(of: Pose) -> dict[str, Any]:
+        return {"min_eigenvalue": of.min_eigenvalue, "q": of.q}
+
+    matrix = pose(verdict.pose)
+    if verdict.along is not None:
+        matrix["along"] = pose(verdict.along)
+    return {
+        "kind": verdict.kind,
+        "feasible": certificate.feasible,
+        "distance": certificate.distance,
+        "relative_distance": certificate.relative_distance,
+        "blame": [{"name": each.name, "change": each.change} for each in certificate.blame],
+        "nearest": {"masses": certificate.masses, "total_mass": float(certificate.masses.sum())},
+        "with_mass_limit": {
+            "heaviest": verdict.heaviest,
+            "distance": verdict.limited.distance,
+            "masses": verdict.limited.masses,
+        },
+        "gap": certificate.gap,
+        "mass_matrix": matrix,
+        "thesis_constraints": [
+            {
+                "constraint": c.constraint,
+                "link": c.link,
+                "value": c.value,
+                "bound": c.bound,
+                "ok": c.ok,
+                "within_rounding": c.rounding,
+            }
+            for c in verdict.constraints
+        ],
+        "findings": [
+            {"code": f.code, "severity": f.severity, "evidence": f.evidence, "remedy": f.remedy}
+            for f in verdict.findings
+        ],
+    }
+
+
+def _model_of(robot: Robot, values: Mapping[str, float]) -> DynamicsModel:
+    """The model whose terms the names tell."""
+    symbols = {name.rsplit("_", 1)[0].removesuffix("R") for name in values}
+    terms: list[Term] = [RigidBody(), *(term() for symbol, term in TERM_OF_SYMBOL.items() if symbol in symbols)]
+    return DynamicsModel(robot, tuple(terms))
+
+
+def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, heaviest: float) -> Verdict:
+    """Physical parameters become standard ones about the link frames."""
+    friction = {name.upper(): value for name, value in values.items() if name.split("_")[0] not in PHYSICAL}
+    wanted = [f"{symbol}_{k + 1}" for k in range(robot.n) for symbol in PHYSICAL]
+    missing = [name for name in wanted if name not in values]
+    unknown = sorted(set(values) - set(wanted) - {name for name in values if name.upper() in friction})
+    if missing or unknown:
+        raise ModelError(
+            f"The physical parameters of {robot.name} are not complete: {', '.join((missing or unknown)[:8])} "
+            f"{'missing' if missing else 'not known'}.",
+            possible=", ".join(wanted[:10]) + ", … for every link; Fv_1, Fs_1, …",
+        )
+    model = _model_of(robot, friction)
+    theta = np.zeros(len(model.parameters))
+    masses, tensors = np.zeros(robot.n), np.zeros((robot.n, 3, 3))
+    for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
+        m, rx, ry, rz, xx, xy, xz, yy, yz, zz = (values[f"{symbol}_{k + 1}"] for symbol in PHYSICAL)
+        masses[k], tensors[k] = m, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        theta[own] = com_inertia_to_vector(m, np.array([rx, ry, rz]), tensors[k])
+    names = [parameter.name for parameter in model.parameters]
+    for k, name in enumerate(names):
+        if name in friction:
+            theta[k] = friction[name]
+    return _verdict("physical", model, names, theta, np.eye(len(theta)), theta, motion, heaviest, (masses, tensors))
+
+
+def _verdict(
+    kind: str,
+    model: DynamicsModel,
+    names: Any,
+    values: Array,
+    linear: Array,
+    theta: Array,
+    motion: Motion | None,
+    heaviest: float,
+    about_com: tuple[Array, Array] | None = None,
+) -> Verdict:
+    certificate = certify_values(model, names, values, linear)
+    limited = certify_values(model, names, values, linear, heaviest=heaviest)
+    pose = worst_pose(model, theta)
+    along = None if motion is None else worst_along(model, theta, motion)
+    if kind == "standard" and (theta[model.inertial_columns[::10]] > 0.0).all():
+        split = [vector_to_com_inertia(theta[own]) for own in model.inertial_columns.reshape(-1, 10)]
+        about_com = np.array([part[0] for part in split]), np.array([part[2] for part in split])
+    constraints = () if about_com is None else thesis_constraints(*about_com)
+    return Verdict(
+        kind,
+        certificate,
+        limited,
+        heaviest,
+        pose,
+        along,
+        constraints,
+        _findings(kind, model, certificate, pose, theta),
+    )
+
+
+def _findings(
+    kind: str, model: DynamicsModel, certificate: Certificate, pose: Pose, theta: Array
+) -> tuple[Finding, ...]:
+    """What the numbers mean."""
+    findings: list[Finding] = []
+    if not certificate.feasible:
+        worst = ", ".join(f"{each.name} by {each.change:+.3g}" for each in certificate.blame[:4])
+        findings.append(
+            Finding(
+                "not-physical",
+                "error",
+                "",
+                f"No real body has these values. The nearest lies {certificate.distance:.4g} away "
+                f"({100 * certificate.relative_distance:.3g} %), mostly in {worst}, and weighs "
+                f"{certificate.masses.sum():.4g} kg.",
+                "do not simulate or export them as they are.",
+            )
+        )
+    if kind != "base":
+        for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
+            smallest = float(np.linalg.eigvalsh(pseudo_inertia(theta[own]))[0])
+            if smallest < 0.0:
+                evidence = f"Smallest eigenvalue of its pseudo-inertia {smallest:.3g}."
+                findings.append(Finding("link-not-physical", "error", model.robot.links[k].name, evidence))
+    if pose.min_eigenvalue <= 0.0:
+        evidence = f"The mass matrix loses its positive definiteness: {pose.min_eigenvalue:.3g} at the worst pose."
+        findings.append(Finding("mass-matrix-indefinite", "error", "", evidence))
+    elif not certificate.feasible:
+        evidence = (
+            f"The mass matrix stays positive definite within the joint limits ({pose.min_eigenvalue:.4g} at the "
+            "worst pose), although no real body has these values: that test is necessary, not sufficient."
+        )
+        findings.append(Finding("mass-matrix-positive", "info", "", evidence))
+    return tuple(findings)

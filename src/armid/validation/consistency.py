@@ -1,0 +1,139 @@
+"""Can these parameters belong to a real body? The nearest consistent ones, and what separates them.
+
+Consistent means: every link's pseudo-inertia positive semidefinite [Wensing2018], friction and rotor inertia not
+negative. The set is a convex cone in the standard parameters θ, and base parameters are linear in θ, so the distance
+|L θ - values| from it is a small conic program with one answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.maths.cones import Cone, solve_cones, upper_triangle
+from armid.maths.inertia import pseudo_inertia
+from armid.model.dynamics import DynamicsModel
+from armid.values import Array, array
+
+__all__ = ["Blame", "Certificate", "certify_values", "consistency_cones"]
+
+EPSILON = 1e-6
+"""Smallest eigenvalue asked of a pseudo-inertia [kg and kg·m²]: a speck of dust, so that no mass is zero."""
+
+FEASIBLE = 1e-6
+"""Distance over the values' length at which they count as consistent: what the solver leaves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blame:
+    """A value and how far the nearest consistent one lies from it.
+
+    Attributes:
+        name: The parameter.
+        change: Nearest less given.
+    """
+
+    name: str
+    change: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Certificate:
+    """Whether values can belong to a real body.
+
+    Attributes:
+        feasible: Whether they can.
+        distance: Euclidean distance to the nearest that can, over the values given, in SI units.
+        relative_distance: The same over the values' length.
+        blame: Every value's change on the way there, largest first.
+        nearest: The nearest consistent values, in the order given.
+        witness: Standard parameters (p,) of a body that has them.
+        masses: Its links' masses, shape (n,) [kg].
+        gap: Duality gap of the program, relative.
+    """
+
+    feasible: bool
+    distance: float
+    relative_distance: float
+    blame: tuple[Blame, ...]
+    nearest: Array
+    witness: Array
+    masses: Array
+    gap: float
+
+
+def consistency_cones(
+    model: DynamicsModel, variables: int, *, epsilon: float = EPSILON, heaviest: float | None = None
+) -> list[Cone]:
+    """Cones that hold standard parameters of real bodies; they are the first of the variables.
+
+    Args:
+        model: Arm and torque terms.
+        variables: Number of variables of the program.
+        epsilon: Smallest eigenvalue of a pseudo-inertia.
+        heaviest: Largest mass of a link [kg].
+    """
+    units = pseudo_inertia(np.eye(10))
+    i, j = upper_triangle(4)
+    inertial = model.inertial_columns.reshape(-1, 10)
+    cones: list[Cone] = []
+    for own in inertial:
+        matrix = np.zeros((10, variables))
+        matrix[:, own] = units[:, i, j].T
+        cones.append(Cone("semidefinite", matrix, -epsilon * (i == j)))
+    bounded = [k for k, parameter in enumerate(model.parameters) if parameter.nonnegative]
+    if bounded:
+        cones.append(Cone("nonnegative", np.eye(variables)[bounded], np.zeros(len(bounded))))
+    if heaviest is not None and len(inertial):
+        cones.append(Cone("nonnegative", -np.eye(variables)[inertial[:, 0]], np.full(len(inertial), heaviest)))
+    return cones
+
+
+def certify_values(
+    model: DynamicsModel,
+    names: Sequence[str],
+    values: Array,
+    linear: Array,
+    *,
+    epsilon: float = EPSILON,
+    heaviest: float | None = None,
+) -> Certificate:
+    """The certificate of values that are linear in the standard parameters.
+
+    Args:
+        model: Arm and torque terms.
+        names: Names of the values.
+        values: Shape (k,).
+        linear: L with values = L θ, shape (k, p): the regrouping for base parameters, the identity for standard ones.
+        epsilon: Smallest eigenvalue of a pseudo-inertia.
+        heaviest: Largest mass of a link [kg].
+
+    Raises:
+        EstimationError: The program could not be solved to a certificate.
+    """
+    values = array(values, (len(names),), "values")
+    p = len(model.parameters)
+    cost = np.zeros(p + 1)
+    cost[p] = 1.0
+    distance = np.zeros((len(values) + 1, p + 1))
+    distance[0, p] = 1.0
+    distance[1:, :p] = linear
+    cones = consistency_cones(model, p + 1, epsilon=epsilon, heaviest=heaviest)
+    solution = solve_cones(cost, [*cones, Cone("norm", distance, np.concatenate([[0.0], -values]))])
+    witness = solution.x[:p]
+    nearest = linear @ witness
+    change = nearest - values
+    length, size = float(np.linalg.norm(change)), float(np.linalg.norm(values))
+    order = np.argsort(-np.abs(change))
+    return Certificate(
+        length <= FEASIBLE * max(size, 1.0),
+        length,
+        length / size if size else 0.0,
+        tuple(Blame(str(names[k]), float(change[k])) for k in order.tolist()),
+        nearest,
+        witness,
+        witness[model.inertial_columns[::10]],
+        solution.gap,
+    )
