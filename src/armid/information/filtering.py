@@ -191,7 +191,8 @@ def _reflect_ends(
             source.tree, source.layout, part.q, part.dq, part.ddq,
             run.torque[begin : begin + length], source.term_rows(part),
         )  # fmt: skip
-        made = decimate(x.T, taps, step, (first - begin) % step)
-        offset = -(-(begin - first) // step) if begin > first else 0  # row that the piece's first kept sample is
+        skip = (first - begin) % step
+        made = decimate(x.T, taps, step, skip)
+        earliest = (begin + skip - first) // step  # row of the piece's first kept sample, below 0 before the grid
         for r in rows:
-            out[:, r - a] = made[r - offset]
+            out[:, r - a] = made[r - earliest]
