@@ -10,14 +10,27 @@
 
 namespace armid {
 
+// A joint is square where its axis is one of its own frame's, and that frame at q = 0 is the parent's up to right
+// angles. So nearly all arms are built, and a turn then takes 4 products instead of 9. The rest frame of a square joint
+// is the link's at q = 0, that of any other joint the parent's.
+constexpr std::int32_t GENERAL = 3;
+
 struct JointConstants {
   std::int32_t parent;  // -1 for the base
   bool prismatic;
   double axis[3];  // unit axis in the joint's own frame
-  // Rotation of the link in its parent at q: along + sin(q) cross + cos(q) across, row-major.
+  // Component k of a vector in the rest frame is component from[k] in the parent's, with the other sign where flip[k]
+  // has its sign bit set.
+  std::int32_t from[3];
+  std::int64_t flip[3];
+  double lever[3];      // origin at q = 0 in the rest frame
+  double slide[3];      // axis in the rest frame
+  std::int32_t single;  // the only component of the origin that is not zero at every q; GENERAL where there are more
+  // The axis of a square joint is sense times unit vector `about`; that of others has about = GENERAL.
+  std::int32_t about;
+  double sense;
+  // Rotation of a general joint's link in its parent at q: along + sin(q) cross + cos(q) across, row-major.
   double along[9], cross[9], across[9];
-  double position[3];  // origin at q = 0 in the parent frame
-  double slide[3];     // axis in the parent frame
 };
 
 struct Arm {

@@ -5,7 +5,9 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -95,10 +97,12 @@ struct ArmData {
     JointConstants c{};
     c.parent = parent;
     c.prismatic = prismatic;
+    c.about = armid::GENERAL;
     const double S[9] = {0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0};
     for (int r = 0; r < 3; ++r) {
       c.axis[r] = a[r];
-      c.position[r] = p[r];
+      c.from[r] = r;
+      c.lever[r] = p[r];
       c.slide[r] = R[3 * r] * a[0] + R[3 * r + 1] * a[1] + R[3 * r + 2] * a[2];
     }
     for (int r = 0; r < 3; ++r) {
@@ -108,7 +112,34 @@ struct ArmData {
         c.across[3 * r + k] = R[3 * r + k] - c.along[3 * r + k];
       }
     }
+    if (is_square(a, 1) && is_square(R, 3)) make_square(c, a, R, p);
+    int reaching = 0;
+    for (int k = 0; k < 3; ++k) {
+      if (c.lever[k] == 0.0 && !(prismatic && c.slide[k] != 0.0)) continue;
+      c.single = k;
+      ++reaching;
+    }
+    if (reaching > 1) c.single = armid::GENERAL;
     return c;
+  }
+
+  // Whether `rows` orthonormal rows hold nothing but 0 and ±1, to the rounding of quarter turns' sines.
+  static bool is_square(const double* x, int rows) {
+    return std::all_of(x, x + 3 * rows, [](double e) { return std::abs(std::remainder(e, 1.0)) <= 1e-15; });
+  }
+
+  static void make_square(JointConstants& c, const double* a, const double* R, const double* p) {
+    for (int k = 0; k < 3; ++k) {
+      if (std::abs(a[k]) > 0.5) c.about = k;
+      for (int r = 0; r < 3; ++r) {
+        if (std::abs(R[3 * r + k]) < 0.5) continue;
+        c.from[k] = r;
+        c.flip[k] = R[3 * r + k] < 0.0 ? std::numeric_limits<std::int64_t>::min() : 0;
+        c.lever[k] = R[3 * r + k] < 0.0 ? -p[r] : p[r];
+      }
+    }
+    c.sense = a[c.about] < 0.0 ? -1.0 : 1.0;
+    for (int k = 0; k < 3; ++k) c.slide[k] = k == c.about ? c.sense : 0.0;
   }
 };
 
@@ -126,7 +157,8 @@ Layout layout_of(const ArmData& data, const In<std::int32_t>& offset, const In<s
   require(target.size() == 0 || target.size() == 10 * data.ancestor.size(), "target must have ten entries a pair");
   for (std::size_t k = 0; k < target.size(); ++k) {
     const int j = data.ancestor[k / 10];
-    require(target.data()[k] < offset.data()[j + 1] - offset.data()[j] - 1, "a target lies outside its joint's columns");
+    require(target.data()[k] < offset.data()[j + 1] - offset.data()[j] - 1,
+            "a target lies outside its joint's columns");
   }
   for (std::size_t k = 0; k < term.size(); ++k) {
     require(0 <= term.data()[k] && term.data()[k] < offset.data()[n], "a term's column lies outside the layout");

@@ -5,65 +5,69 @@
 
 namespace armid::ARMID_ISA {
 
-// force f and moment n about the link's origin for the ten parameters of a link.
-inline void wrench(const double* m, const Link& link, V* f, V* n) {
-  const BodyRegressor body(link);
-  const double* h = m + 1;
+// Force f and moment m about the link's origin for its ten parameters.
+inline void wrench(const double* inertial, const Link& link, V* f, V* m) {
+  const double* h = inertial + 1;
+  V K[18], M[9];
+  inertia_columns(link, K);
+  first_moment_matrix(link, M);
   for (int r = 0; r < 3; ++r) {
-    f[r] = m[0] * body.a[r] + body.B[3 * r] * h[0] + body.B[3 * r + 1] * h[1] + body.B[3 * r + 2] * h[2];
-    n[r] = V{};
-    for (int k = 0; k < 6; ++k) n[r] += body.K[3 * k + r] * m[4 + k];
+    const V* B = M + 3 * r;
+    f[r] = inertial[0] * link.a[r] + B[0] * h[0] + B[1] * h[1] + B[2] * h[2];
+    m[r] = V{};
+    for (int k = 0; k < 6; ++k) m[r] += K[3 * k + r] * inertial[4 + k];
   }
-  n[0] += h[1] * body.a[2] - h[2] * body.a[1];
-  n[1] += h[2] * body.a[0] - h[0] * body.a[2];
-  n[2] += h[0] * body.a[1] - h[1] * body.a[0];
+  m[0] += h[1] * link.a[2] - h[2] * link.a[1];
+  m[1] += h[2] * link.a[0] - h[0] * link.a[2];
+  m[2] += h[0] * link.a[1] - h[1] * link.a[0];
+}
+
+// Forces and moments of all links from those each makes alone, and the torque of each joint into state.torque.
+inline void collect(const Arm& arm, Twist* wrenches, State& state) {
+  for (int i = arm.n - 1; i >= 0; --i) {
+    const JointConstants& joint = arm.joints[i];
+    const V *moment = wrenches[i].w, *force = wrenches[i].v;
+    const V* along = joint.prismatic ? force : moment;
+    state.torque[i] = joint.axis[0] * along[0] + joint.axis[1] * along[1] + joint.axis[2] * along[2];
+    if (joint.parent < 0) continue;
+    Twist& to = wrenches[joint.parent];
+    by_kind(joint, [&](auto kind) { add_to_parent<kind.axis>(joint, state.links[i], moment, force, to.w, to.v); });
+  }
 }
 
 // Torque (N, n) for inertial parameters (n, 10).
-inline void inverse_dynamics(const Arm& arm, const double* inertial, const Samples& in, std::ptrdiff_t N,
-                             double* torque) {
+[[gnu::flatten]] inline void inverse_dynamics(const Arm& arm, const double* inertial, const Samples& in,
+                                              std::ptrdiff_t N, double* torque) {
   const int n = arm.n;
   State state(arm);
   Buffer<Twist> wrenches(n);  // moment in w, force in v
   for (std::ptrdiff_t s = 0; s < N; s += W) {
+    place_all(arm, in.q, s, N - 1, state);
+    read(in.dq, s, N - 1, n, state.dq.data());
+    read(in.ddq, s, N - 1, n, state.ddq.data());
     for (int i = 0; i < n; ++i) {
-      const JointConstants& joint = arm.joints[i];
-      Link& link = state.links[i];
-      place(joint, gather(in.q, s, N - 1, n, i), link);
-      move(arm, joint, joint.parent < 0 ? nullptr : &state.links[joint.parent], gather(in.dq, s, N - 1, n, i),
-           gather(in.ddq, s, N - 1, n, i), link);
-      wrench(inertial + 10 * i, link, wrenches[i].v, wrenches[i].w);
+      move_link(arm, i, state);
+      wrench(inertial + 10 * i, state.links[i], wrenches[i].v, wrenches[i].w);
     }
-    const int count = static_cast<int>(N - s < W ? N - s : W);
-    for (int i = n - 1; i >= 0; --i) {
-      const JointConstants& joint = arm.joints[i];
-      const V* along = joint.prismatic ? wrenches[i].v : wrenches[i].w;
-      const V tau = joint.axis[0] * along[0] + joint.axis[1] * along[1] + joint.axis[2] * along[2];
-      for (int l = 0; l < count; ++l) torque[(s + l) * n + i] = tau[l];
-      if (joint.parent < 0) continue;
-      const Link& link = state.links[i];
-      V f[3], m[3], lever[3];
-      to_parent(link.R, wrenches[i].v, f);
-      to_parent(link.R, wrenches[i].w, m);
-      cross(link.p, f, lever);
-      for (int d = 0; d < 3; ++d) {
-        wrenches[joint.parent].v[d] += f[d];
-        wrenches[joint.parent].w[d] += m[d] + lever[d];
-      }
+    collect(arm, wrenches.data(), state);
+    const int count = static_cast<int>(smaller(W, N - s));
+    for (int i = 0; i < n; ++i) {
+      for (int l = 0; l < count; ++l) torque[(s + l) * n + i] = state.torque[i][l];
     }
   }
 }
 
 // Mass matrix (N, n, n): M_jk = sum over links i carried by both of S_ijᵀ (spatial inertia of i) S_ik.
-inline void mass_matrix(const Arm& arm, const double* inertial, const double* q, std::ptrdiff_t N, double* out) {
+[[gnu::flatten]] inline void mass_matrix(const Arm& arm, const double* inertial, const double* q, std::ptrdiff_t N,
+                                         double* out) {
   const int n = arm.n;
   State state(arm);
   Buffer<V> M(static_cast<std::size_t>(n) * n);
   for (std::ptrdiff_t s = 0; s < N; s += W) {
     std::memset(M.data(), 0, sizeof(V) * n * n);
+    place_all(arm, q, s, N - 1, state);
     for (int i = 0; i < n; ++i) {
-      place(arm.joints[i], gather(q, s, N - 1, n, i), state.links[i]);
-      jacobian(arm, i, state);
+      by_kind(arm.joints[i], [&](auto kind) { jacobian<kind.axis>(arm, i, state); });
       const double* m = inertial + 10 * i;
       const V h[3] = {splat(m[1]), splat(m[2]), splat(m[3])};
       for (int a = arm.first[i]; a < arm.first[i + 1]; ++a) {

@@ -110,12 +110,12 @@ inline void absorb(double* R, int K, double* const* columns, int rows) {
 
 // Factors of one block of samples [begin, end) for all joints, into R (one K x K matrix a joint, one behind another).
 inline void factor_block(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin,
-                         std::ptrdiff_t end, State& state, Tile& tile, double* R) {
+                         std::ptrdiff_t end, Tile& tile, double* R) {
   Buffer<double*> columns(tile.width);
   for (int c = 0; c < tile.width; ++c) columns[c] = tile.column(c);
   for (std::ptrdiff_t s = begin; s < end; s += TILE) {
     const int count = static_cast<int>(smaller(TILE, end - s));
-    fill(arm, layout, in, s, count, state, tile);
+    fill(arm, layout, in, s, count, tile);
     double* to = R;
     for (int j = 0; j < arm.n; ++j) {
       const int K = layout.offset[j + 1] - layout.offset[j];

@@ -1,86 +1,139 @@
 // The fast way to a triangular factor: G = Xᵀ X over a block, then R from G by Cholesky, half the arithmetic of QR.
 //
 // Its error is ε times the square of the condition number of the scaled columns, so the caller accepts it only where
-// that number, known from R itself, is small, and otherwise runs the QR. A block alone may lack rank: a pivot within
-// rounding of zero makes a zero row, which keeps Rᵀ R = G to rounding [Higham2002, section 10.3].
+// that number, known from R itself, is small, and otherwise runs the QR. That holds for all blocks together; a block
+// alone often lacks rank, because a second of motion is smooth. Hence the pivots: without them whatever stands beside
+// a pivot of size δ is lost, and that may be as large as √δ.
 #pragma once
 
-#include "tile.hpp"
+#include "factor.hpp"
 
 namespace armid::ARMID_ISA {
 
-// G[a .. a + P) x [b .. b + Q) += products of the tile's columns.
+// Columns to a side of a block of products: as many sums as fit the registers.
+constexpr int COLUMNS_AT_ONCE = W == 8 ? 4 : 3;
+
+// Sums of `count` registers.
+template <int count>
+ARMID_INLINE void sums(const V* acc, double* total) {
+  constexpr int whole = count / 4 * 4;
+  for (int k = 0; k < whole; k += 4) sum4(acc[k], acc[k + 1], acc[k + 2], acc[k + 3], total + k);
+  if constexpr (whole < count) {
+    V rest[4] = {};
+    double last[4];
+    for (int k = whole; k < count; ++k) rest[k - whole] = acc[k];
+    sum4(rest[0], rest[1], rest[2], rest[3], last);
+    for (int k = whole; k < count; ++k) total[k] = last[k - whole];
+  }
+}
+
+// G (P x Q, with K from row to row) += products of P columns x with Q columns y.
 template <int P, int Q>
-inline void gram_block(double* G, int K, double* const* columns, int a, int b, int rows) {
+inline void rectangle(double* G, std::ptrdiff_t K, double* const* x, double* const* y, int from, int to) {
   V acc[P][Q] = {};
-  for (int s = 0; s < rows; s += W) {
-    V x[P];
-    for (int i = 0; i < P; ++i) x[i] = load(columns[a + i] + s);
+  for (int s = from; s < to; s += W) {
+    V left[P];
+    for (int i = 0; i < P; ++i) left[i] = load(x[i] + s);
     for (int j = 0; j < Q; ++j) {
-      const V y = load(columns[b + j] + s);
-      for (int i = 0; i < P; ++i) acc[i][j] += x[i] * y;
+      const V right = load(y[j] + s);
+      for (int i = 0; i < P; ++i) acc[i][j] += left[i] * right;
     }
   }
   for (int i = 0; i < P; ++i) {
-    double* g = G + (a + i) * K + b;
-    if constexpr (Q == 4) {
-      double total[4];
-      sum4(acc[i][0], acc[i][1], acc[i][2], acc[i][3], total);
-      for (int j = 0; j < 4; ++j) g[j] += total[j];
-    } else {
-      for (int j = 0; j < Q; ++j) g[j] += sum(acc[i][j]);
-    }
+    double total[Q];
+    sums<Q>(acc[i], total);
+    for (int j = 0; j < Q; ++j) G[i * K + j] += total[j];
   }
 }
 
-// Adds the upper triangle (and a little below it, within blocks of four) of the tile's products to G (K x K).
+// The upper triangle of G (P x P) += products of P columns with each other.
+template <int P>
+inline void triangle(double* G, int K, double* const* x, int rows) {
+  constexpr int count = P * (P + 1) / 2;
+  V acc[count] = {};
+  for (int s = 0; s < rows; s += W) {
+    V v[P];
+    for (int i = 0; i < P; ++i) v[i] = load(x[i] + s);
+    for (int i = 0, k = 0; i < P; ++i) {
+      for (int j = i; j < P; ++j, ++k) acc[k] += v[i] * v[j];
+    }
+  }
+  double total[count];
+  sums<count>(acc, total);
+  for (int i = 0, k = 0; i < P; ++i) {
+    for (int j = i; j < P; ++j, ++k) G[i * K + j] += total[k];
+  }
+}
+
+// Adds the upper triangle of the tile's products to G (K x K).
 inline void gram(double* G, int K, double* const* columns, int rows) {
-  constexpr int P = W == 8 ? 4 : 2;
-  for (int a = 0; a < K; a += P) {
-    const bool full = a + P <= K;
-    for (int b = a / 4 * 4; b < K; b += 4) {
-      if (full && b + 4 <= K) {
-        gram_block<P, 4>(G, K, columns, a, b, rows);
-        continue;
-      }
-      for (int i = a; i < smaller(a + P, K); ++i) {
-        for (int j = b; j < smaller(b + 4, K); ++j) gram_block<1, 1>(G, K, columns, i, j, rows);
-      }
-    }
+  constexpr int P = COLUMNS_AT_ONCE;
+  int a = 0;
+  for (; a + P <= K; a += P) {
+    double* const* x = columns + a;
+    double* g = G + a * K;
+    triangle<P>(g + a, K, x, rows);
+    int b = a + P;
+    for (; b + 4 <= K; b += 4) rectangle<P, 4>(g + b, K, x, columns + b, 0, rows);
+    if (K - b == 1) rectangle<P, 1>(g + b, K, x, columns + b, 0, rows);
+    if (K - b == 2) rectangle<P, 2>(g + b, K, x, columns + b, 0, rows);
+    if (K - b == 3) rectangle<P, 3>(g + b, K, x, columns + b, 0, rows);
   }
+  double* corner = G + a * K + a;
+  if (K - a == 1) triangle<1>(corner, K, columns + a, rows);
+  if (K - a == 2) triangle<2>(corner, K, columns + a, rows);
+  if (K - a == 3) triangle<3>(corner, K, columns + a, rows);
 }
 
-// R with Rᵀ R = G, upper, in place; below the diagonal zero.
+// R with Rᵀ R = G to rounding, upper, in place of G, of which the upper triangle is read. Complete pivoting on the
+// scaled matrix leaves a remainder within rounding when it stops [Higham2002, section 10.3]; reflections then bring the
+// permuted factor back to triangular form.
 inline void semidefinite_cholesky(double* G, int K, std::ptrdiff_t samples) {
-  Buffer<double> floor(K);
-  const double epsilon = 2.220446049250313e-16;
-  for (int c = 0; c < K; ++c) floor[c] = G[c * K + c] * epsilon * (K + std::sqrt(static_cast<double>(samples)));
+  const double floor = 2.220446049250313e-16 * (K + std::sqrt(static_cast<double>(samples)));
+  const std::ptrdiff_t stride = padded(K);
+  Buffer<double> factor(K * stride), size(K), row(K);  // factor: column c of the permuted factor from c * stride on
+  Buffer<double*> columns(K);
   for (int c = 0; c < K; ++c) {
-    double* row = G + c * K;
-    for (int d = 0; d < c; ++d) row[d] = 0.0;
-    if (row[c] <= floor[c]) {
-      for (int d = c; d < K; ++d) row[d] = 0.0;
-      continue;
-    }
-    const double pivot = std::sqrt(row[c]);
-    row[c] = pivot;
-    for (int d = c + 1; d < K; ++d) row[d] /= pivot;
-    for (int e = c + 1; e < K; ++e) {
-      const double r = row[e];
-      double* below = G + e * K;
-      for (int d = e; d < K; ++d) below[d] -= r * row[d];
-    }
+    columns[c] = factor.data() + c * stride;
+    size[c] = G[c * K + c];
+    for (int d = 0; d < c; ++d) G[c * K + d] = G[d * K + c];
   }
+  int rank = 0;
+  for (; rank < K; ++rank) {
+    int p = 0;
+    double largest = floor;
+    for (int c = 0; c < K; ++c) {
+      const double left = G[c * K + c];
+      if (left > largest * size[c]) {
+        largest = left / size[c];
+        p = c;
+      }
+    }
+    if (largest == floor) break;
+    const double root = std::sqrt(G[p * K + p]);
+    for (int d = 0; d < K; ++d) {
+      row[d] = G[p * K + d] / root;
+      columns[d][rank] = row[d];
+    }
+    for (int e = 0; e < K; ++e) {
+      const double r = row[e];
+      if (r == 0.0) continue;
+      for (int d = 0; d < K; ++d) G[e * K + d] -= r * row[d];
+    }
+    for (int d = 0; d < K; ++d) G[p * K + d] = G[d * K + p] = 0.0;
+  }
+  std::memset(G, 0, sizeof(double) * K * K);
+  absorb(G, K, columns.data(), padded(rank));
 }
 
 // Factors of one block of samples [begin, end) for all joints by their Gram matrices.
 inline void gram_factor_block(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin,
-                              std::ptrdiff_t end, State& state, Tile& tile, double* R) {
+                              std::ptrdiff_t end, Tile& tile, double* R) {
   Buffer<double*> columns(tile.width);
   for (int c = 0; c < tile.width; ++c) columns[c] = tile.column(c);
   for (std::ptrdiff_t s = begin; s < end; s += TILE) {
     const int count = static_cast<int>(smaller(TILE, end - s));
-    fill(arm, layout, in, s, count, state, tile);
+    fill(arm, layout, in, s, count, tile);
     double* to = R;
     for (int j = 0; j < arm.n; ++j) {
       const int K = layout.offset[j + 1] - layout.offset[j];

@@ -8,7 +8,11 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <new>
+
+// For what must be inlined to keep its vectors in registers.
+#define ARMID_INLINE [[gnu::always_inline]] inline
 
 namespace armid::ARMID_ISA {
 
@@ -32,6 +36,14 @@ inline I bits(V v) {
   std::memcpy(&i, &v, sizeof v);
   return i;
 }
+
+// x with its sign changed where `sign` has the sign bit set.
+inline V flipped(V x, I sign) {
+  const I i = bits(x) ^ sign;
+  std::memcpy(&x, &i, sizeof x);
+  return x;
+}
+inline V flipped(V x, std::int64_t sign) { return flipped(x, I{} + sign); }
 
 inline V choose(I mask, V yes, V no) { return mask ? yes : no; }
 
@@ -84,6 +96,45 @@ inline V pair_sums(V a, V b) {
 #endif
 }
 
+// Blocks of D lanes change places: the odd ones of a with the even ones of b.
+template <int D>
+inline void exchange(V& a, V& b) {
+  const V x = a, y = b;
+#if ARMID_LANES == 8
+  if constexpr (D == 4) {
+    a = __builtin_shuffle(x, y, I{0, 1, 2, 3, 8, 9, 10, 11});
+    b = __builtin_shuffle(x, y, I{4, 5, 6, 7, 12, 13, 14, 15});
+  } else if constexpr (D == 2) {
+    a = __builtin_shuffle(x, y, I{0, 1, 8, 9, 4, 5, 12, 13});
+    b = __builtin_shuffle(x, y, I{2, 3, 10, 11, 6, 7, 14, 15});
+  } else {
+    a = __builtin_shuffle(x, y, I{0, 8, 2, 10, 4, 12, 6, 14});
+    b = __builtin_shuffle(x, y, I{1, 9, 3, 11, 5, 13, 7, 15});
+  }
+#elif ARMID_LANES == 4
+  if constexpr (D == 2) {
+    a = __builtin_shuffle(x, y, I{0, 1, 4, 5});
+    b = __builtin_shuffle(x, y, I{2, 3, 6, 7});
+  } else {
+    a = __builtin_shuffle(x, y, I{0, 4, 2, 6});
+    b = __builtin_shuffle(x, y, I{1, 5, 3, 7});
+  }
+#else
+  a = __builtin_shuffle(x, y, I{0, 2});
+  b = __builtin_shuffle(x, y, I{1, 3});
+#endif
+}
+
+// x[l][k] <- x[k][l] for W registers.
+template <int D = W / 2>
+inline void transpose(V* x) {
+#pragma GCC unroll 8
+  for (int l = 0; l < W; ++l) {
+    if (!(l & D)) exchange<D>(x[l], x[l + D]);
+  }
+  if constexpr (D > 1) transpose<D / 2>(x);
+}
+
 // Sums of four vectors: out[k] = sum(v_k).
 inline void sum4(V a, V b, V c, V d, double* out) {
 #if ARMID_LANES == 2
@@ -95,7 +146,8 @@ inline void sum4(V a, V b, V c, V d, double* out) {
   store(out, __builtin_shuffle(ab, cd, I{0, 1, 4, 5}) + __builtin_shuffle(ab, cd, I{2, 3, 6, 7}));
 #else
   const V ab = pair_sums(a, b), cd = pair_sums(c, d);
-  const V s = __builtin_shuffle(ab, cd, I{0, 1, 8, 9, 4, 5, 12, 13}) + __builtin_shuffle(ab, cd, I{2, 3, 10, 11, 6, 7, 14, 15});
+  const V s =
+      __builtin_shuffle(ab, cd, I{0, 1, 8, 9, 4, 5, 12, 13}) + __builtin_shuffle(ab, cd, I{2, 3, 10, 11, 6, 7, 14, 15});
   const V t = s + __builtin_shuffle(s, I{4, 5, 6, 7, 0, 1, 2, 3});
   std::memcpy(out, &t, 4 * sizeof(double));
 #endif
@@ -111,17 +163,20 @@ inline void sincos(V x, V& s, V& c) {
   r = r - k * 7.54978941586159635335e-08;
   r = r - k * 5.39030285815811905290e-15;
   const V z = r * r;
+  // clang-format off
   const V ps = ((((1.58962301576546568060e-10 * z - 2.50507477628578072866e-8) * z + 2.75573136213857245213e-6) * z -
                  1.98412698295895385996e-4) * z + 8.33333333332211858878e-3) * z - 1.66666666666666307295e-1;
   const V pc = ((((-1.13585365213876817300e-11 * z + 2.08757008419747316778e-9) * z - 2.75573141792967388112e-7) * z +
                  2.48015872888517045348e-5) * z - 1.38888888888730564116e-3) * z + 4.16666666666665929218e-2;
+  // clang-format on
   const V sr = r + r * z * ps;
   const V cr = 1.0 - 0.5 * z + z * z * pc;
   const I quadrant = bits(shifted);
   const I odd = (quadrant & 1) != 0;
-  const V a = choose(odd, cr, sr), b = choose(odd, sr, cr);
-  s = choose((quadrant & 2) != 0, -a, a);
-  c = choose(((quadrant + 1) & 2) != 0, -b, b);
+  // Bit 1 of the quadrant, moved to the sign, changes it; the cosine is a quadrant ahead.
+  const I top = I{} + std::numeric_limits<std::int64_t>::min();
+  s = flipped(choose(odd, cr, sr), (quadrant << 62) & top);
+  c = flipped(choose(odd, sr, cr), ((quadrant + 1) << 62) & top);
   if (__builtin_expect(any(x * x >= 1e10), 0)) {
     for (int l = 0; l < W; ++l) {
       s[l] = std::sin(x[l]);

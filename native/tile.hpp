@@ -5,44 +5,59 @@
 
 namespace armid::ARMID_ISA {
 
-constexpr int TILE = 128;        // samples; one tile of a seven-joint arm takes 0.2 MB
+constexpr int TILE = 192;         // samples; one tile of a seven-joint arm takes 0.3 MB
 constexpr int STRIDE = TILE + 8;  // between columns; a power of two would crowd them into a few sets of the cache
+
+// Makes columns of W samples, a stride from one to the next.
+class Columns {
+ public:
+  Columns(const Arm& arm, const Layout& layout, std::ptrdiff_t stride)
+      : state_(arm), to_(layout.target == nullptr ? 0 : 10 * arm.first[arm.n]), stride_(stride) {
+    for (int e = 0; e < 10 * arm.first[arm.n] && layout.target != nullptr; ++e) {
+      const int column = layout.target[e];
+      to_[e] = column < 0 ? -1 : (layout.offset[arm.ancestor[e / 10]] + column) * stride;
+    }
+  }
+
+  void make(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t sample, std::ptrdiff_t last,
+            double* out) {
+    if (layout.target != nullptr) rows(arm, state_, in, sample, last, to_.data(), out);
+    read(in.torque, sample, last, arm.n, state_.torque.data());
+    for (int j = 0; j < arm.n; ++j) store(out + (layout.offset[j + 1] - 1) * stride_, state_.torque[j]);
+  }
+
+ private:
+  State state_;
+  Buffer<std::ptrdiff_t> to_;
+  std::ptrdiff_t stride_;
+};
 
 struct Tile {
   int width;  // number of columns
   Buffer<double> columns;
+  Columns maker;
 
   Tile(const Arm& arm, const Layout& layout)
-      : width(layout.offset[arm.n]), columns(static_cast<std::size_t>(layout.offset[arm.n]) * STRIDE) {}
+      : width(layout.offset[arm.n]), columns(static_cast<std::size_t>(layout.offset[arm.n]) * STRIDE),
+        maker(arm, layout, STRIDE) {}
 
   double* column(int c) { return columns.data() + static_cast<std::size_t>(c) * STRIDE; }
 };
 
 // Fills the tile with samples [begin, begin + count), count <= TILE. Rows up to the next multiple of W are zeroed.
-inline void fill(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin, int count,
-                 State& state, Tile& tile) {
-  const int n = arm.n;
+inline void fill(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin, int count, Tile& tile) {
   const std::ptrdiff_t last = begin + count - 1;
-  if (layout.target != nullptr) {
-    for (int s = 0; s < count; s += W) {
-      rows(arm, state, in, begin + s, last, layout.target, tile.column(0) + s, STRIDE,
-           [&](int, int j) { return static_cast<std::ptrdiff_t>(layout.offset[j]) * STRIDE; });
-    }
-  }
+  for (int s = 0; s < count; s += W) tile.maker.make(arm, layout, in, begin + s, last, tile.column(0) + s);
   for (int e = 0; e < layout.terms; ++e) {
     std::memcpy(tile.column(layout.term[e]), in.terms + e * in.term_stride + begin, sizeof(double) * count);
-  }
-  for (int j = 0; j < n; ++j) {
-    double* torque = tile.column(layout.offset[j + 1] - 1);
-    for (int s = 0; s < count; ++s) torque[s] = in.torque[(begin + s) * n + j];
   }
   for (int c = 0; c < tile.width; ++c) {
     for (int s = count; s < padded(count); ++s) tile.column(c)[s] = 0.0;
   }
   if (in.mask == nullptr) return;
-  for (int j = 0; j < n; ++j) {
+  for (int j = 0; j < arm.n; ++j) {
     for (int s = 0; s < count; ++s) {
-      if (in.mask[(begin + s) * n + j]) continue;
+      if (in.mask[(begin + s) * arm.n + j]) continue;
       for (int c = layout.offset[j]; c < layout.offset[j + 1]; ++c) tile.column(c)[s] = 0.0;
     }
   }

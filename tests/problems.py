@@ -12,7 +12,6 @@ from armid.information.band import Band
 from armid.information.observations import Observations, ObservedRun
 from armid.kernel import ColumnLayout, Tree
 from armid.model.motion import Motion
-from armid.robot.robot import Robot
 from armid.values import Array
 from trees import random_states
 
@@ -80,8 +79,3 @@ def one_run(
 
 def raw(*runs: ObservedRun) -> Observations:
     return Observations(runs, Band())
-
-
-def named(robot: Robot, *indices: int) -> tuple[str, ...]:
-    """Names of some joints."""
-    return tuple(robot.joints[i].name for i in indices)

@@ -17,8 +17,8 @@ from trees import iiwa_tree, random_inertial, random_states, random_tree, struct
 TOLERANCE = 1e-12
 """Relative to the largest entry: recursion against Jacobians, a few thousand operations apart."""
 
-SAMPLES = (1, 7, 37, 8, 130)
-"""Less than a register, one over or under several, a whole one, and more than the kernel's tile of 128."""
+SAMPLES = (1, 7, 37, 8, 195)
+"""Less than a register, one over or under several, a whole one, and more than the kernel's tile of 192."""
 
 
 def agree(compiled, twin):

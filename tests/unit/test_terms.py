@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, ModelError
-from armid.model.dynamics import DynamicsModel, make_terms
+from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
-from armid.model.terms import TERMS, Coulomb, Coupling, Offset, RigidBody, RotorInertia, Viscous
+from armid.model.terms import Coulomb, Coupling, Offset, RigidBody, RotorInertia, Viscous
 from trees import random_tree, robot_of
 
 
@@ -105,14 +105,3 @@ def test_a_coupling_of_turning_and_sliding_joints_is_refused(robot):
 def test_a_joint_that_is_not_there_is_refused(robot):
     with pytest.raises(ArmidError, match="joint_9"):
         DynamicsModel(robot, (Viscous(("joint_9",)),))
-
-
-def test_terms_by_name():
-    assert make_terms(["rigid-body", "coulomb", "offset"]) == (RigidBody(), Coulomb(), Offset())
-
-
-def test_an_unknown_name_lists_the_known_ones():
-    with pytest.raises(ModelError, match="'stribek'") as caught:
-        make_terms(["viscous", "stribek"])
-    assert caught.value.possible == ", ".join(TERMS)
-    assert "viscous" in caught.value.possible

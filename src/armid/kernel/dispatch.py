@@ -76,9 +76,9 @@ def _states(tree: Tree, *arrays: ArrayLike) -> list[Array]:
         ArmidError: Another shape.
     """
     result = [np.ascontiguousarray(x, dtype=np.float64) for x in arrays]
-    for x in result:
-        if x.shape != result[0].shape or x.ndim != 2 or x.shape[1] != tree.n:
-            raise ArmidError(f"Expected arrays of one shape (N, {tree.n}); found {[y.shape for y in result]}.")
+    shapes = [x.shape for x in result]
+    if len(shapes[0]) != 2 or shapes[0][1] != tree.n or shapes.count(shapes[0]) != len(shapes):
+        raise ArmidError(f"Expected arrays of one shape (N, {tree.n}); found {shapes}.")
     return result
 
 

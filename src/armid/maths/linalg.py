@@ -37,5 +37,8 @@ def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     rows = max(scaled.shape)
     padded = np.zeros((rows, scaled.shape[1]))
     padded[: len(scaled)] = scaled
-    _, values, V = np.linalg.svd(padded, full_matrices=False)
-    return V[values <= tolerance * max(values[0], 1.0)]
+    values = np.linalg.svd(padded, compute_uv=False)
+    unseen = values <= tolerance * max(values[0], 1.0)
+    if not unseen.any():  # as nearly always; the directions cost twice the values
+        return np.zeros((0, scaled.shape[1]))
+    return np.linalg.svd(padded, full_matrices=False)[2][unseen]

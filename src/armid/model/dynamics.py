@@ -7,7 +7,6 @@ Parameters stand link by link: the ten inertial ones in Pinocchio's order, then 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -151,8 +150,9 @@ class DynamicsModel:
         """Columns of all terms but the rigid bodies along a motion; of some of them where `kept` says which."""
         entries = self.entries if kept is None else [self.entries[e] for e in kept]
         values = np.empty((len(entries), motion.samples))
+        by_joint = _by_joint(motion, {name for _, _, law, _ in entries for name in symbols(law.expression)})
         for row, (_, _, law, weight) in enumerate(entries):
-            values[row] = evaluate(law.expression, _environment(law, motion))
+            values[row] = evaluate(law.expression, _environment(law, by_joint))
             if weight != 1.0:
                 values[row] *= weight
         joint = np.array([e[0] for e in entries], dtype=np.int32)
@@ -189,7 +189,7 @@ class DynamicsModel:
         M = np.zeros((len(q), self.n, self.n))
         if self.has_rigid_bodies:
             M += kernel.mass_matrix(self.tree, self._inertial(theta), q)
-        still = Motion.of_states(q, np.zeros_like(q), np.zeros_like(q))
+        still = {"q": q.T, "dq": np.zeros_like(q.T), "ddq": np.zeros_like(q.T)}
         for column, (_, law) in zip(self.law_columns, self.laws, strict=True):
             per_acceleration = derivative(law.expression, "ddq")
             inertia = theta[column] * evaluate(per_acceleration, _environment(law, still))
@@ -243,26 +243,17 @@ class DynamicsModel:
             raise ModelError(f"The motion has {motion.n} joints; {self.robot.name} has {self.n}.")
 
 
-def _environment(law: Law, motion: Motion) -> dict[str, Array]:
+def _by_joint(motion: Motion, names: set[str]) -> dict[str, Array]:
+    """The states that are asked for, each joint's samples side by side: shape (n, N)."""
+    states = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
+    return {name: np.ascontiguousarray(x.T) for name, x in states.items() if name in names}
+
+
+def _environment(law: Law, by_joint: dict[str, Array]) -> dict[str, Array]:
     """Position, velocity and acceleration, as far as needed, of the coordinate that a law acts on."""
 
     def combined(x: Array) -> Array:
-        parts = [x[:, j] if w == 1.0 else w * x[:, j] for j, w in law.coordinate]
+        parts = [x[j] if w == 1.0 else w * x[j] for j, w in law.coordinate]
         return parts[0] if len(parts) == 1 else np.sum(parts, axis=0)
 
-    states = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
-    return {name: combined(states[name]) for name in symbols(law.expression) if name in states}
-
-
-def make_terms(names: Sequence[str]) -> tuple[Term, ...]:
-    """Terms by name with their default shapes.
-
-    Raises:
-        ModelError: An unknown name; the message lists the known ones.
-    """
-    from armid.model.terms import TERMS
-
-    for name in names:
-        if name not in TERMS:
-            raise ModelError(f"Unknown torque term {name!r}.", possible=", ".join(TERMS))
-    return tuple(TERMS[name]() for name in names)
+    return {name: combined(by_joint[name]) for name in symbols(law.expression) if name in by_joint}
