@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from armid.errors import ArmidError
     from armid.estimation.estimate import Estimate
     from armid.estimation.estimators import WeightedLeastSquares
+    from armid.estimation.uncertainty import cover
     from armid.excitation.fourier import Excitation
     from armid.information.information import Information
     from armid.information.stream import inform
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from armid.study.identify import identify
     from armid.study.run import Run, load_run, save_run
     from armid.study.study import Study, load_study
-    from armid.validation.predict import Validation
 
 _HOMES = {
     "ArmidError": "errors",
@@ -44,8 +44,8 @@ _HOMES = {
     "Robot": "robot",
     "Run": "study.run",
     "Study": "study.study",
-    "Validation": "validation.predict",
     "WeightedLeastSquares": "estimation.estimators",
+    "cover": "estimation.uncertainty",
     "find_base_parameters": "model.base",
     "identify": "study.identify",
     "inform": "information.stream",
@@ -72,8 +72,8 @@ __all__ = [
     "Robot",
     "Run",
     "Study",
-    "Validation",
     "WeightedLeastSquares",
+    "cover",
     "find_base_parameters",
     "identify",
     "inform",

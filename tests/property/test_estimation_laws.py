@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit import Fit
+from armid.estimation.uncertainty import FEWEST_BLOCKS, cover
 from armid.information.information import Information, JointFactors, merge, select, total
 from armid.information.stream import inform
 from armid.model.base import find_base_parameters
@@ -102,9 +103,10 @@ def test_merging_in_any_order_and_chunking_is_one_estimate(method: Method, seed:
     expected = method.estimate(information)
     rng = np.random.default_rng(seed)
     order = rng.permutation(information.blocks)
-    cuts = np.sort(rng.choice(np.arange(1, information.blocks), 3, replace=False))
+    cuts = np.sort(rng.choice(np.arange(1, information.blocks), FEWEST_BLOCKS - 2, replace=False))
     chunks = [total(select(information, part)) for part in np.split(order, cuts)]
-    shuffled, chunked = (method.estimate(x) for x in (select(information, order), merge(chunks)))
+    expected = cover(expected, information)
+    shuffled, chunked = (cover(method.estimate(x), x) for x in (select(information, order), merge(chunks)))
     tolerance = MERGED * EPS * expected.condition if method is OLS else SETTLED
     assert_close(shuffled, expected, tolerance)
     assert_close(chunked, expected, tolerance)

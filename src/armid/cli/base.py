@@ -46,10 +46,10 @@ def base(
 
     arm = load_choice(robot_choice(robot, gravity, lock))
     found = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))
+    print_findings(arm.findings)
     if json:
         sys.stdout.write(to_json(base_record(found)) + "\n")
         return
-    print_findings(arm.findings)
     lines = base_formulas(found, style.value)
     if columns:
         lines = (*lines, "", *column_formulas(found, style.value))

@@ -23,9 +23,7 @@ def certify(
         str | None, typer.Argument(metavar="[VALUES.json]", help="{name: value}: base, standard or physical names.")
     ] = None,
     motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Look at the mass matrix along it too.")] = None,
-    heaviest: Annotated[
-        float, typer.Option(min=0.0, help="Largest mass of a link in the second answer [kg].")
-    ] = 10.0,
+    heaviest: Annotated[float, typer.Option(min=0.0, help="Largest mass of a link in the second answer, kg.")] = 10.0,
     gravity: Gravity = None,
     lock: Lock = None,
     json: Json = False,

@@ -7,7 +7,9 @@ import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 
+import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -15,6 +17,7 @@ from armid.errors import ArmidError, Finding
 from armid.estimation.estimate import Estimate
 from armid.study.identify import Progress as Tell
 from armid.validation.predict import Score, Validation
+from armid.values import Array
 
 __all__ = [
     "error_console",
@@ -28,6 +31,11 @@ __all__ = [
 ]
 
 WIDTH_IN_A_PIPE = 120
+
+FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
+
+MOST_COLUMNS = 2
+"""Recordings that have a column each; of more the mean is shown."""
 
 
 def output_console() -> Console:
@@ -43,11 +51,11 @@ def error_console() -> Console:
 def print_error(error: ArmidError) -> None:
     """One message: what was asked and found, what is possible, what to do."""
     console = error_console()
-    console.print(f"[bold red]error[/] {_escaped(error.problem)}")
+    console.print(f"[bold red]error[/] {escape(error.problem)}")
     if error.possible:
-        console.print(f"[dim]possible[/] {_escaped(error.possible)}")
+        console.print(f"[dim]possible[/] {escape(error.possible)}")
     if error.remedy:
-        console.print(f"[bold]do[/] {_escaped(error.remedy)}")
+        console.print(f"[bold]do[/] {escape(error.remedy)}")
 
 
 def print_findings(findings: Sequence[Finding]) -> None:
@@ -57,7 +65,7 @@ def print_findings(findings: Sequence[Finding]) -> None:
     for finding in findings:
         where = f"{finding.channel}: " if finding.channel else ""
         text = " ".join(part for part in (where + finding.evidence, finding.remedy) if part)
-        console.print(f"[{colours[finding.severity]}]{finding.code}[/] {_escaped(text)}")
+        console.print(f"[{colours[finding.severity]}]{finding.code}[/] {escape(text)}")
 
 
 @contextmanager
@@ -78,6 +86,7 @@ def progress(*, quiet: bool = False) -> Generator[Tell]:
 def estimate_table(estimate: Estimate) -> Table:
     """Base parameters in the form of the thesis's Table 4.1, with intervals."""
     fit, ends = estimate.fit, estimate.intervals
+    decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
     table = Table(
         title=f"{estimate.robot}: {len(fit.names)} base parameters, {estimate.method}",
         caption="* poorly identified: σ % above ten times the smallest",
@@ -89,41 +98,68 @@ def estimate_table(estimate: Estimate) -> Table:
     for k, name in enumerate(fit.names):
         relative = fit.relative_deviation[k]
         table.add_row(
-            name,
-            f"{fit.values[k]:.4g}",
+            escape(name),
+            f"{fit.values[k]:.{decimals[k]}f}",
             units[name.split("[", 1)[0]],
-            f"{relative:.3g}{'*' if fit.poorly_identified[k] else ' '}" if math.isfinite(relative) else "-",
-            f"{ends[k, 0]:.4g} … {ends[k, 1]:.4g}",
+            f"{_percent(relative)}{'*' if fit.poorly_identified[k] else ' '}",
+            f"{ends[k, 0]:.{decimals[k]}f} … {ends[k, 1]:.{decimals[k]}f}",
         )
     return table
+
+
+def _decimals(half_width: float) -> int:
+    """Decimals that show two digits of an interval's half width, but no fewer than Table 4.1 has."""
+    if not 0.0 < half_width < math.inf:
+        return FEWEST_DECIMALS
+    return min(max(FEWEST_DECIMALS, 1 - math.floor(math.log10(half_width))), MOST_DECIMALS)
+
+
+def _percent(relative: float) -> str:
+    """Two decimals, as in Table 4.1, three digits where these say nothing; above a thousand it is only large."""
+    if not relative < 1000.0:
+        return "> 999"
+    return f"{relative:.2f}" if relative >= 0.1 else f"{relative:.3g}"
 
 
 def validation_table(validation: Validation, training: Sequence[Score], units: Sequence[str]) -> Table:
     """Torque errors, joint by joint."""
-    table = Table(title="Torque error (RMS)", header_style="bold")
+    same = len(set(units)) == 1
+    table = Table(title=f"Torque error, RMS{f' in {units[0]}' if same else ''}", header_style="bold")
     table.add_column("joint")
-    several = [(f"train {k + 1}" if len(training) > 1 else "train", score) for k, score in enumerate(training)]
     held = validation.recordings
-    several += [(f"unseen {k + 1}" if len(held) > 1 else "unseen", score) for k, score in enumerate(held)]
+    several = [*_columns("train", training), *_columns("unseen", held)]
     for name, _ in several:
         table.add_column(name, justify="right")
     last = (held or tuple(training))[-1]
-    for name in ("description alone", "share of torque", "peak", "in 95 % band"):
+    for name in ("nominal", "of torque", "peak", "in band"):
         table.add_column(name, justify="right")
     for j, joint in enumerate(validation.joints):
         table.add_row(
-            f"{joint} [dim]{units[j]}[/]",
-            *(f"{score.rms[j]:.3f}" for _, score in several),
-            "-" if last.prior_rms is None else f"{last.prior_rms[j]:.3f}",
-            f"{100 * last.relative[j]:.1f} %",
-            f"{last.peak[j]:.3f}",
-            f"{100 * last.coverage95[j]:.0f} %",
+            escape(joint) + ("" if same else f" [dim]{units[j]}[/]"),
+            *(_number(rms[j]) for _, rms in several),
+            "-" if last.prior_rms is None else _number(last.prior_rms[j]),
+            _number(100 * last.relative[j], 1, " %"),
+            _number(last.peak[j]),
+            _number(100 * last.coverage95[j], 0, " %"),
         )
+    table.caption = (
+        "nominal: the description alone; of torque: over its standard deviation; in band: rows inside the 95 % band"
+    )
+    table.caption_justify = "left"
     return table
 
 
-def _escaped(text: str) -> str:
-    return text.replace("[", r"\[")
+def _columns(name: str, scores: Sequence[Score]) -> list[tuple[str, Array]]:
+    """Titles and errors of a column for each recording, or of one for all."""
+    if len(scores) > MOST_COLUMNS:
+        mean = np.sqrt(np.mean([score.rms**2 for score in scores], axis=0))
+        return [(f"{name}, {len(scores)} runs", mean)]
+    return [(f"{name} {k + 1}" if len(scores) > 1 else name, score.rms) for k, score in enumerate(scores)]
+
+
+def _number(value: float, decimals: int = 3, unit: str = "") -> str:
+    """A number, or a dash where there is none."""
+    return f"{value:.{decimals}f}{unit}" if math.isfinite(value) else "-"
 
 
 def print_verdict(console: Console, validation: Validation) -> None:
@@ -132,6 +168,7 @@ def print_verdict(console: Console, validation: Validation) -> None:
     console.print(f"verdict on unseen motion: [bold {colour}]{validation.verdict}[/]")
     for check in validation.checks:
         mark = "[green]ok[/]  " if check.ok else "[red]fail[/]"
-        console.print(f"  {mark} {_escaped(check.name)}: {check.value:.3g} against {check.bound:.3g}")
+        relation = f"{check.value:.3g} {'≤' if check.ok else '>'} {check.bound:.3g}"
+        console.print(f"  {mark} {relation:<16} {escape(check.name)}")
     if validation.verdict == "not judged":
         console.print('  keep a recording for it: --validate RECORDING, or role = "validate" in the study')

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from armid.cli.identify import Preset, report_result
-from armid.cli.options import Json, Out, Threads
+from armid.cli.options import Json, Out, Threads, run_folder
 
 __all__ = ["demo"]
 
 
 def demo(
     preset: Annotated[Preset | None, typer.Option(help="`thesis`: process and estimate as the thesis does.")] = None,
-    edges: Annotated[str, typer.Option(help="Ends under the preset: periodic, pad or drop.")] = "periodic",
+    edges: Annotated[str, typer.Option(help="Treatment of the ends: periodic, pad or drop.")] = "periodic",
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     threads: Threads = 1,
     out: Out = None,
@@ -31,14 +30,17 @@ def demo(
         armid demo --preset thesis
     """
     from armid.cli.console import output_console, progress
+    from armid.measurement.processing import Processing
     from armid.study.demo import demo_study, run_demo, thesis_processing
     from armid.study.records import estimate_record, to_json, validation_record
-    from armid.study.run import save_run
+    from armid.study.run import refuse_folder, save_run
 
-    study = demo_study() if preset is None else demo_study(thesis_processing(edges), "ols")
+    refuse_folder(run_folder(out, "demo"))
+    default = Processing(edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
+    study = demo_study(default) if preset is None else demo_study(thesis_processing(edges), "ols")
     with progress(quiet=json) as tell:
         done = run_demo(study, seed=seed, threads=threads, progress=tell)
-    folder = save_run(done.result, out or Path("runs") / "demo")
+    folder = save_run(done.result, run_folder(out, "demo"))
     if json:
         record = estimate_record(done.result.estimate)
         record["run"] = str(folder)

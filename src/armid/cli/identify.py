@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, Out, Terms, Threads, model_choice, robot_choice
+from armid.cli.options import (
+    BASE_TERMS,
+    Gravity,
+    Json,
+    Lock,
+    Out,
+    Terms,
+    Threads,
+    model_choice,
+    robot_choice,
+    run_folder,
+)
 
 if TYPE_CHECKING:
     from armid.study.study import Study
@@ -37,13 +48,13 @@ def identify(
     gravity: Gravity = None,
     lock: Lock = None,
     terms: Terms = None,
-    rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], where there is no clock.")] = None,
-    torque_sign: Annotated[int, typer.Option(help="-1 where the torque is measured against the URDF's sense.")] = 1,
-    units: Annotated[str, typer.Option(help="Unit of recorded angles, rad or deg.")] = "rad",
-    period: Annotated[float | None, typer.Option(help="The motion repeats with this period [s].")] = None,
-    cutoff: Annotated[str | None, typer.Option(help="Cut-off of the filter [Hz], or auto.")] = None,
-    edges: Annotated[str | None, typer.Option(help="Ends of a recording: drop, pad or periodic.")] = None,
-    method: Annotated[str | None, typer.Option(help="Estimator: wls or ols.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
+    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    units: Annotated[str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles.")] = None,
+    period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
+    cutoff: Annotated[str | None, typer.Option(metavar="HZ|auto", help="Cut-off of the filter.")] = None,
+    edges: Annotated[str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording.")] = None,
+    method: Annotated[str | None, typer.Option(metavar="wls|ols", help="Estimator.")] = None,
     threads: Threads = 1,
     out: Out = None,
     json: Json = False,
@@ -60,21 +71,24 @@ def identify(
     from armid.cli.console import print_findings, progress
     from armid.study import identify as stage
     from armid.study.records import estimate_record, to_json, validation_record
-    from armid.study.run import save_run
+    from armid.study.run import refuse_folder, save_run
 
-    given = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
-    study = _study(inputs, validate or [], given, gravity, lock, terms)
+    if out is not None:
+        refuse_folder(out)
+    said = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
+    reading = {name: value for name, value in said.items() if value is not None}
+    study = _study(inputs, validate or [], reading, gravity, lock, terms)
     study = _overridden(study, preset, cutoff, edges, method)
     with progress(quiet=json) as tell:
         result = stage.identify(study, threads=threads, progress=tell)
-    folder = save_run(result, out or Path("runs") / result.estimate.robot)
+    folder = save_run(result, run_folder(out, result.estimate.robot))
+    print_findings(result.estimate.findings)
     if json:
         record = estimate_record(result.estimate)
         record["run"] = str(folder)
         record["validation"] = validation_record(result.validation)
         sys.stdout.write(to_json(record) + "\n")
     else:
-        print_findings(result.estimate.findings)
         report_result(result)
         sys.stdout.write(f"\nrun written to {folder}\n")
     if result.validation.verdict == "fail":
@@ -92,7 +106,7 @@ def report_result(result: Any) -> None:
     console.print(validation_table(result.validation, result.training, units))
     console.print(
         f"condition number {fit.condition:.2f}, with columns of unit length {fit.scaled_condition:.2f}; "
-        f"{int(fit.rows.max())} rows; intervals from {_kind(fit.covariance_kind)}; {result.estimate.seconds:.2f} s"
+        f"{int(fit.rows.max())} rows\nintervals from {_kind(fit.covariance_kind)}; {result.estimate.seconds:.2f} s"
     )
     print_verdict(console, result.validation)
 
@@ -110,35 +124,50 @@ def _study(
     terms: str | None,
 ) -> Study:
     """The study that the arguments name or describe."""
-    from armid.errors import StudyError
     from armid.measurement.reading import Reading
-    from armid.study.study import RecordingChoice, Study, load_study
+    from armid.study.study import RecordingChoice, Study
 
     if len(inputs) == 1:
-        if not inputs[0].endswith(".toml"):
-            raise StudyError(
-                f"{inputs[0]} alone is no study, and an arm needs recordings.",
-                remedy="give a study.toml, or an arm followed by its recordings.",
-            )
-        study = load_study(inputs[0])
-        if gravity is not None or lock:
-            choice = robot_choice(study.robot.description, gravity, lock)
-            study = replace(
-                study,
-                robot=replace(
-                    study.robot,
-                    gravity=choice.gravity or study.robot.gravity,
-                    locked=choice.locked or study.robot.locked,
-                ),
-            )
-        if terms is not None:
-            study = replace(study, model=model_choice(terms))
-        extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate") for path in validate)
-        return replace(study, recordings=(*study.recordings, *extra))
-    how = Reading(**{key: value for key, value in reading.items() if value is not None})
+        return _changed_study(inputs[0], validate, reading, gravity, lock, terms)
+    how = Reading(**reading)
     recordings = tuple(RecordingChoice(path, reading=how) for path in inputs[1:])
     recordings += tuple(RecordingChoice(path, "validate", how) for path in validate)
     return Study(robot_choice(inputs[0], gravity, lock), model_choice(terms), recordings)
+
+
+def _changed_study(
+    path: str,
+    validate: list[str],
+    reading: dict[str, Any],
+    gravity: tuple[float, float, float] | None,
+    lock: list[str] | None,
+    terms: str | None,
+) -> Study:
+    """The study of a file with what the command line says beside it; more recordings are read as its first one."""
+    from armid.errors import StudyError
+    from armid.study.study import RecordingChoice, load_study
+
+    if not path.endswith(".toml"):
+        raise StudyError(
+            f"{path} alone is no study, and an arm needs recordings.",
+            remedy="give a study.toml, or an arm followed by its recordings.",
+        )
+    if reading:
+        options = ", ".join("--" + name.replace("_", "-") for name in reading)
+        raise StudyError(
+            f"{path} says itself how its recordings are to be read; found {options}.",
+            remedy="write it into the [[recording]] tables of the study.",
+        )
+    study = load_study(path)
+    said = robot_choice(study.robot.description, gravity, lock)
+    robot = replace(
+        study.robot, gravity=said.gravity or study.robot.gravity, locked=said.locked or study.robot.locked
+    )
+    first = next(choice.reading for choice in study.recordings if choice.role == "train")
+    alike = replace(first, exclude=())
+    extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate", alike) for path in validate)
+    model = study.model if terms is None else model_choice(terms)
+    return replace(study, robot=robot, model=model, recordings=(*study.recordings, *extra))
 
 
 def _overridden(

@@ -6,6 +6,11 @@ Exit codes: 0 done, 1 a verdict failed, 2 bad input, 130 interrupted.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from functools import wraps
+from importlib.metadata import version
+from io import TextIOWrapper
+from typing import Annotated, Any
 
 import typer
 
@@ -23,28 +28,67 @@ __all__ = ["app", "main"]
 BAD_INPUT = 2
 INTERRUPTED = 130
 
+
+class _StoppedError(Exception):
+    """Ctrl-C inside a command; the parser would end the program without a word."""
+
+
+def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with Ctrl-C as an exception that `main` sees."""
+
+    @wraps(command)
+    def run(**options: Any) -> None:
+        try:
+            command(**options)
+        except KeyboardInterrupt:
+            raise _StoppedError from None
+
+    return run
+
+
 app = typer.Typer(
     name="armid",
-    help="Find the dynamic model of a robot arm: base parameters, friction and intervals from recordings.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (base, identify, validate, predict, certify, demo, bench):
-    app.command()(command)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        sys.stdout.write(f"armid {version('armid')}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Find the dynamic model of a robot arm: base parameters, friction and intervals from recordings."""
+    del version
+
+
+COMMANDS: tuple[Callable[..., None], ...] = (base, identify, validate, predict, certify, demo, bench)
+for command in COMMANDS:
+    app.command()(_interruptible(command))
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; errors of armid become one message and exit code 2."""
     given = sys.argv[1:] if arguments is None else arguments
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a terminal without Greek letters gets their numbers
+            stream.reconfigure(errors="backslashreplace")
     try:
-        app(_repeated("--validate", given), standalone_mode=True)
+        app(_repeated("--validate", given), prog_name="armid", standalone_mode=True)
     except ArmidError as error:
         from armid.cli.console import print_error
 
         print_error(error)
         sys.exit(BAD_INPUT)
-    except KeyboardInterrupt:
+    except (_StoppedError, KeyboardInterrupt):
         sys.stderr.write("interrupted; nothing was written\n")
         sys.exit(INTERRUPTED)
 

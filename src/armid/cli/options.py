@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,11 +13,11 @@ from armid.errors import ArmidError, StudyError
 if TYPE_CHECKING:
     from armid.study.study import ModelChoice, RobotChoice
 
-__all__ = ["Gravity", "Json", "Lock", "Out", "Terms", "Threads", "model_choice", "robot_choice"]
+__all__ = ["Gravity", "Json", "Lock", "Out", "Terms", "Threads", "model_choice", "robot_choice", "run_folder"]
 
 Gravity = Annotated[
     tuple[float, float, float] | None,
-    typer.Option("--gravity", metavar="X Y Z", help="Gravity [m/s²] in the base frame; a hanging arm is 0 0 9.81."),
+    typer.Option("--gravity", metavar="X Y Z", help="Gravity in the base frame in m/s²; a hanging arm is 0 0 9.81."),
 ]
 Lock = Annotated[
     list[str] | None,
@@ -24,7 +25,11 @@ Lock = Annotated[
 ]
 Terms = Annotated[
     str | None,
-    typer.Option("--terms", metavar="A,B,…", help="Torque terms, for instance rigid-body,viscous,coulomb."),
+    typer.Option(
+        "--terms",
+        metavar="A,B,…",
+        help="Torque terms: rigid-body, viscous, coulomb, offset, rotor-inertia; coupling needs a study.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write.")]
@@ -64,6 +69,11 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
                 "--terms names no term.", remedy="write for instance --terms rigid-body,viscous,coulomb."
             )
     return ModelChoice(names)
+
+
+def run_folder(out: Path | None, robot: str) -> Path:
+    """Where a run goes: what the command line says, else `runs/` and the arm's name."""
+    return out or Path("runs") / (re.sub(r"[^\w.+-]+", "-", robot).strip(".-") or "robot")
 
 
 BASE_TERMS = ("rigid-body", "viscous", "coulomb")

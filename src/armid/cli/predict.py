@@ -10,6 +10,7 @@ import typer
 
 from armid.cli.options import Json
 from armid.cli.validate import changed_reading
+from armid.errors import ArmidError
 
 __all__ = ["predict"]
 
@@ -20,8 +21,8 @@ def predict(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to write, .csv or .npz.")] = Path(
         "torque.csv"
     ),
-    plan_rate: Annotated[float, typer.Option(help="Samples a second of a plan [Hz].")] = 100.0,
-    rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock [Hz].")] = None,
+    plan_rate: Annotated[float, typer.Option(help="Samples a second of a plan, Hz.")] = 100.0,
+    rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock, Hz.")] = None,
     torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
     json: Json = False,
 ) -> None:
@@ -36,6 +37,8 @@ def predict(
     from armid.study.records import to_json
     from armid.study.run import load_run
 
+    if out.resolve() == Path(motion).resolve():
+        raise ArmidError(f"{out} is the motion itself.", remedy="write the torque to another file with --out.")
     loaded = load_run(run)
     along = apply.motion_of(loaded, motion, rate=plan_rate, reading=changed_reading(rate, torque_sign))
     torque = apply.predict(loaded, along)

@@ -15,7 +15,7 @@ __all__ = ["changed_reading", "validate"]
 def validate(
     run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings of the same arm.")],
-    rate: Annotated[float | None, typer.Option(help="Samples a second [Hz], where there is no clock.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
     torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
     json: Json = False,
 ) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding
 from armid.estimation.fit import Fit
-from armid.estimation.uncertainty import intervals
 from armid.model.base import BaseParameters
 from armid.values import Array
 
@@ -64,7 +63,7 @@ class Estimate:
     @property
     def intervals(self) -> Array:
         """95 % intervals of the parameters, shape (b, 2)."""
-        return intervals(self.fit.values, self.fit.covariance, self.fit.freedom)
+        return self.fit.intervals
 
 
 def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
@@ -91,9 +90,20 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
 
     A parameter stands alone where it is kept and no other joins it; one that is grouped has no value of its own.
     """
-    base, ends = estimate.base, estimate.intervals
+    base, fit = estimate.base, estimate.fit
     alone = np.count_nonzero(base.regrouping, axis=1) == 1
-    position: dict[str, int] = {name: k for k, name in enumerate(estimate.fit.names)}
+    copies = [name.split("[", 1)[0] for name in fit.names]  # one for each recording, where friction has them
+    mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)
+    mean /= mean.sum(axis=1, keepdims=True)
+    fit = replace(
+        fit,
+        names=base.names,
+        values=mean @ fit.values,
+        deviation=np.sqrt(np.diag(mean @ np.diag(fit.deviation**2) @ mean.T)),
+        covariance=mean @ fit.covariance @ mean.T,
+    )
+    ends = fit.intervals
+    position: dict[str, int] = {base.standard_names[k]: row for row, k in enumerate(base.kept)}
     result: list[dict[str, Any]] = []
     own: NDArray[np.bool_] = np.zeros(len(base.standard_names), dtype=bool)
     own[base.kept[alone]] = True
@@ -103,7 +113,7 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
         result.append(
             {
                 "name": name,
-                "value": None if row is None else float(estimate.fit.values[row]),
+                "value": None if row is None else float(fit.values[row]),
                 "unit": unit,
                 "interval95": None if row is None else ends[row].tolist(),
                 "status": status,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,14 @@ class Fit:
         values: Shape (b,).
         deviation: Standard deviations under white residuals, (2.44) to (2.46), shape (b,).
         covariance: What intervals are made of, shape (b, b).
-        covariance_kind: `block`: from the scatter between blocks of rows, which holds for residuals that are
-            correlated within a block; `white` where there are too few blocks for that.
+        covariance_kind: `white` as an estimator gives it; `block` after `cover`: from the scatter between blocks of
+            rows, which holds for residuals that are correlated within a block.
         freedom: Degrees of freedom of the intervals.
         residual_rms: Root mean square of each joint's residual in the band, shape (n,) [N·m or N].
         rows: Rows that counted, shape (n,).
         condition: Condition number of the stacked regressor as it is, (2.51).
         scaled_condition: The same with columns of unit length, which does not depend on units.
+        weights: Weight of each joint's rows in the estimate, shape (n,); one each where not given.
     """
 
     names: tuple[str, ...]
@@ -43,6 +44,7 @@ class Fit:
     rows: NDArray[np.int64]
     condition: float
     scaled_condition: float
+    weights: Array = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
         b = len(self.names)
@@ -50,7 +52,17 @@ class Fit:
         object.__setattr__(self, "values", array(self.values, (b,), "values"))
         object.__setattr__(self, "deviation", array(self.deviation, (b,), "deviation"))
         object.__setattr__(self, "covariance", array(self.covariance, (b, b), "covariance"))
+        weights = self.weights if np.size(self.weights) else np.ones(len(self.rows))
+        object.__setattr__(self, "weights", array(weights, (len(self.rows),), "weights"))
         object.__setattr__(self, "residual_rms", array(self.residual_rms, (len(self.rows),), "residual_rms"))
+
+    @property
+    def intervals(self) -> Array:
+        """Student's 95 % intervals of the parameters, shape (b, 2)."""
+        from scipy.special import stdtrit  # a third of a second to import
+
+        half = stdtrit(self.freedom, 0.975) * np.sqrt(np.diag(self.covariance))
+        return np.stack([self.values - half, self.values + half], axis=1)
 
     @property
     def relative_deviation(self) -> Array:

@@ -5,19 +5,21 @@ minimise Σ_j w_j² |ρ_j - R_j π|²,        cov = (Σ_j w_j² R_jᵀ R_j)⁻¹
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from armid.errors import EstimationError
 from armid.estimation.fit import Fit
-from armid.estimation.uncertainty import block_covariance
+from armid.estimation.uncertainty import scale_covariance
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 from armid.values import Array
 
 __all__ = ["Solution", "fit_of", "residual_deviation", "solve"]
 
-NAMED = 4
-"""Parameters named for each direction that the data do not see."""
+NAMED = 0.01
+"""Share of the largest entry from which on a parameter is named as part of a direction, columns of unit length."""
 
 
 class Solution:
@@ -28,13 +30,13 @@ class Solution:
         inverse: Inverse of the weighted normal equations, shape (b, b).
         squares: Sum of squared residuals of each joint, unweighted, shape (n,).
         spent: Degrees of freedom that each joint's rows spent, summing to b, shape (n,).
-        rows: Weighted rows (r, b) of the problem.
+        whole: The information as one block.
     """
 
     def __init__(self, whole: Information, weights: Array) -> None:
         A, y = stack(whole, weights)
         scaled, length = unit_columns(A)
-        self.rows = A
+        self.whole = whole
         Q, R = np.linalg.qr(scaled)
         self.values = np.linalg.solve(R, Q.T @ y) / length
         half = np.linalg.inv(R) / length[:, None]
@@ -70,33 +72,29 @@ def residual_deviation(solution: Solution, information: Information) -> Array:
     return np.sqrt(solution.squares / free)
 
 
-def fit_of(information: Information, solution: Solution, weights: Array, white: Array) -> Fit:
-    """The estimate with its deviations and covariance.
+def fit_of(solution: Solution, weights: Array, white: Array) -> Fit:
+    """The estimate with its deviations, residuals taken as white.
 
     Args:
-        information: Any number of blocks.
         solution: Solution for these weights.
         weights: Weight of each joint's rows, shape (n,).
         white: Covariance as if residuals were white, shape (b, b).
     """
-    rows = information.rows.sum(axis=0)
-    blocks = block_covariance(information, solution.values, weights, solution.inverse)
-    unweighted = stack(total(information))[0]
-    if blocks is None:
-        covariance, kind, freedom = white, "white", max(float(rows.sum()) - len(solution.values), 1.0)
-    else:
-        (covariance, freedom), kind = blocks, "block"
+    whole = solution.whole
+    rows = whole.rows[0]
+    unweighted = stack(whole)[0]
     return Fit(
-        information.names,
+        whole.names,
         solution.values,
         np.sqrt(np.diag(white)),
-        covariance,
-        kind,
-        freedom,
+        white + scale_covariance(whole, weights, solution.inverse),
+        "white",
+        max(float(rows.sum()) - len(solution.values), 1.0),
         np.sqrt(solution.squares / np.maximum(rows, 1)),
         rows,
         condition(unweighted),
         scaled_condition(unweighted),
+        weights,
     )
 
 
@@ -112,14 +110,35 @@ def _require_rank(whole: Information) -> None:
     directions = null_directions(A)
     if not len(directions):
         return
-    texts: list[str] = []
-    for direction in directions[:NAMED]:
-        largest = np.argsort(-np.abs(direction))[:NAMED]
-        parts = [whole.names[k] for k in largest if abs(direction[k]) > 0.1 * abs(direction[largest[0]])]
-        texts.append(" with ".join(parts))
-    more = f" and {len(directions) - NAMED} more" if len(directions) > NAMED else ""
     raise EstimationError(
         f"The data determine {whole.count - len(directions)} of {whole.count} base parameters; they do not see "
-        f"{'; '.join(texts)}{more}.",
+        f"{'; '.join(_named(directions, whole.names))}.",
         remedy="record a motion that moves the joints of these parameters, or lock joints or leave terms out.",
     )
+
+
+def _named(directions: Array, names: Sequence[str]) -> list[str]:
+    """Unseen directions (k, b) in words: parameters that stand alone first, then sets that only show together."""
+    touched = sorted(np.flatnonzero(row).tolist() for row in _reduced(directions))
+    parts = [[names[k] for k in part] for part in touched]
+    alone = [part[0] for part in parts if len(part) == 1]
+    joined = [f"{', '.join(part[:-1])} and {part[-1]} apart" for part in parts if len(part) > 1]
+    return [", ".join(alone), *joined] if alone else joined
+
+
+def _reduced(directions: Array) -> Array:
+    """Directions with the same span and few entries each: the echelon form that has the earliest parameters first."""
+    rows = directions.copy()
+    done = 0
+    for column in range(rows.shape[1]):
+        if done == len(rows):
+            break
+        pivot = done + int(np.argmax(np.abs(rows[done:, column])))
+        if abs(rows[pivot, column]) <= NAMED:
+            continue
+        rows[[done, pivot]] = rows[[pivot, done]]
+        rows[done] /= rows[done, column]
+        others = np.arange(len(rows)) != done
+        rows[others] -= np.outer(rows[others, column], rows[done])
+        done += 1
+    return np.where(np.abs(rows) > NAMED * np.abs(rows).max(axis=1, keepdims=True), rows, 0.0)

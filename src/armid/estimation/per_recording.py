@@ -6,6 +6,8 @@ its own copies of the others, named `FV_1[1]`, `FV_1[2]`, …; the factors are r
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,9 +48,7 @@ def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> I
             columns[-1] = joint.R[block, :, -1]
             R[block] = factor_columns(columns)[0]
         joints.append(JointFactors(parameters, R))
-    return Information(
-        names, tuple(joints), information.rows, information.run, information.recording, information.made_by
-    )
+    return replace(information, names=names, joints=tuple(joints))
 
 
 def _places(

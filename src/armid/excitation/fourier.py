@@ -95,13 +95,16 @@ def load_plan(path: Path | str) -> Excitation:
     """
     path = Path(path)
     try:
-        plan: dict[str, Any] = json.loads(path.read_text())
+        plan: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ArmidError(f"{path} is no plan: {error}.", remedy="give a plan.json.") from error
-    missing = [key for key in PLAN_KEYS if key not in plan]
+    missing = [key for key in PLAN_KEYS if not isinstance(plan, dict) or key not in plan]
     if missing:
         raise ArmidError(f"{path} lacks {', '.join(missing)}.", possible=", ".join(PLAN_KEYS))
-    return Excitation(plan["base_frequency"], plan["a"], plan["b"], plan["offset"], str(plan["robot"]))
+    try:
+        return Excitation(plan["base_frequency"], plan["a"], plan["b"], plan["offset"], str(plan["robot"]))
+    except (TypeError, ValueError) as error:
+        raise ArmidError(f"{path} is no plan: base_frequency must be a number ({error}).") from error
 
 
 def save_plan(excitation: Excitation, path: Path | str) -> Path:

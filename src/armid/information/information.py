@@ -9,7 +9,7 @@ later gives covariances that cover, cross-validation and bootstrap from the same
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ class Information:
         rows: Rows that counted, shape (blocks, n).
         run: Contiguous run that each block is part of, counted through all recordings, shape (blocks,).
         recording: Recording that each block is part of, shape (blocks,).
+        scale_deviation: Relative standard deviation of each joint's torque scale, such as a drive gain's, shape (n,).
         made_by: How the factors were made: kernel and method.
     """
 
@@ -59,11 +60,14 @@ class Information:
     rows: NDArray[np.int64]
     run: NDArray[np.int64]
     recording: NDArray[np.int64]
+    scale_deviation: Array = field(default_factory=lambda: np.zeros(0))
     made_by: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "joints", tuple(self.joints))
+        scale = self.scale_deviation if np.size(self.scale_deviation) else np.zeros(len(self.joints))
+        object.__setattr__(self, "scale_deviation", array(scale, (len(self.joints),), "scale_deviation"))
         blocks = len(self.run)
         for name, shape in (("rows", (blocks, len(self.joints))), ("run", (blocks,)), ("recording", (blocks,))):
             value = np.array(getattr(self, name), dtype=np.int64)
@@ -117,6 +121,7 @@ def merge(parts: Sequence[Information]) -> Information:
         rows=np.concatenate([part.rows for part in parts]),
         run=np.concatenate([part.run for part in parts]),
         recording=np.concatenate([part.recording for part in parts]),
+        scale_deviation=np.max([part.scale_deviation for part in parts], axis=0),
         made_by=", ".join(dict.fromkeys(part.made_by for part in parts)),
     )
 

@@ -99,10 +99,8 @@ def _is_exact(information: Information) -> bool:
     if (residual < GRAM_RESIDUAL * torque).any():
         return False
     # Weights by joint change the condition; the two that estimation uses are looked at.
-    for weights in (None, 1.0 / residual):
-        if scaled_condition(stack(whole, weights)[0]) > GRAM_CONDITION:
-            return False
-    return True
+    by_residual = 1.0 / np.where(residual > 0.0, residual, 1.0)
+    return all(scaled_condition(stack(whole, weights)[0]) <= GRAM_CONDITION for weights in (None, by_residual))
 
 
 def _inform(
@@ -162,7 +160,7 @@ def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Ar
         rows,
         np.full(len(names), index),
         np.full(len(names), run.recording),
-        f"{kernel.in_use()} {method}",
+        made_by=f"{kernel.in_use()} {method}",
     )
 
 

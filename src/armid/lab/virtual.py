@@ -25,6 +25,10 @@ THESIS_FRICTION = {
 """Viscous [N·m·s/rad] and Coulomb [N·m] friction of the seven joints, Table 4.1 of the thesis."""
 
 
+WHOLE = 1e-6
+"""Part of a sample by which a period may miss a whole number of samples: far below any noise of an encoder."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sensors:
     """What the sensors add.
@@ -65,7 +69,7 @@ def record(
         model: Arm and torque terms.
         parameters: Its true standard parameters, shape (p,).
         excitation: The motion.
-        sensors: Noise and rate; the period must be a whole number of samples.
+        sensors: Noise and rate.
         rng: Source of the noise.
         repetitions: How often the motion is run through, without a pause.
 
@@ -74,15 +78,19 @@ def record(
     """
     motion = excitation.sample(sensors.rate)
     torque = model.torque(motion, parameters)
-    shape = (repetitions, *torque.shape)
+    samples = excitation.period * sensors.rate
+    repeats, along, load = repetitions, motion, torque
+    if abs(samples - round(samples)) > WHOLE:  # then no two repetitions have their samples at the same phases
+        repeats, along = 1, excitation.sample(sensors.rate, repetitions)
+        load = model.torque(along, parameters)
 
     def noisy(x: Array, deviation: float) -> Array:
-        noise = rng.standard_normal(shape)
+        noise = rng.standard_normal((repeats, *x.shape))
         noise *= deviation
         noise += x
         return noise.reshape(-1, model.n)
 
-    q, effort = noisy(motion.q, sensors.position), noisy(torque, sensors.torque)
+    q, effort = noisy(along.q, sensors.position), noisy(load, sensors.torque)
     recording = Recording(
         time=np.arange(len(q)) / sensors.rate,
         q=q,

@@ -278,6 +278,12 @@ def _circles(
                 remedy='give the period of the motion, or use edges = "drop".',
             )
         check_closed(pieces[0], source)
+        if processing.average:
+            evidence = (
+                f"No period is given: the whole run of {pieces[0].samples / pieces[0].rate:.6g} s counts as one."
+            )
+            remedy = "give the period of the motion, so that its repetitions are averaged."
+            findings.append(Finding("period-unknown", "warning", source, evidence, remedy))
         return list(pieces)
     found = [(piece, windows(piece, period, start)) for piece in pieces]
     found = [(piece, begins) for piece, begins in found if begins]

@@ -11,6 +11,7 @@ from armid.measurement.clock import Stretch
 from armid.measurement.movement import motion_filter
 from armid.measurement.processing import Processing
 from armid.model.motion import Motion
+from armid.values import Array
 
 __all__ = ["edge_margin", "run_of", "separate_rows"]
 
@@ -18,7 +19,8 @@ TRIM = 0.5
 """Seconds left out at each end of a run whose ends are dropped, unless told otherwise."""
 
 LOBE = 0.5
-"""Half-width of a low-pass kernel's main lobe, in periods of its cut-off: a bad sample spoils rows this near."""
+"""Half-width of a low-pass kernel's main lobe, in periods of its cut-off: a bad sample spoils rows this near, and a
+stretch of bad samples longer than this, such as a contact, is felt as far as the end of a run is."""
 
 BLOCK_SECONDS = 1.0
 """Length of a block where no motion repeats [s]: longer than residuals of a few hertz remember."""
@@ -51,7 +53,7 @@ def run_of(
     circle = samples if repeats is None else min(round(repeats[0] * rate), samples)
     step = _step(processing, rate, circle if periodic else None)
     rows = np.arange(0, samples, step)
-    mask = ~_any_within(stretch.bad, rows, _reach(processing, rate, step), periodic=periodic)
+    mask = ~_spoiled(stretch.bad, rows, processing, rate, step, periodic=periodic)
     margin = edge_margin(processing, rate)
     mask &= ((rows >= margin) & (rows < samples - margin))[:, None]
     mask &= np.abs(motion.dq[rows]) >= processing.slow
@@ -77,12 +79,7 @@ def edge_margin(processing: Processing, rate: float) -> int:
     """Samples left out at each end of a run: what is asked, and where ends are dropped what the filters reach."""
     drop = processing.edges == "drop"
     seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
-    margin = round(seconds * rate)
-    if drop and processing.family != "none":
-        torque = low_pass(processing.family, processing.order, float(processing.cutoff), rate)
-        for low in (torque, motion_filter(processing, rate)):
-            margin = margin if low is None else max(margin, edge_samples(low))
-    return margin
+    return max([round(seconds * rate), *(edge_samples(low) for low in _filters(processing, rate) if drop)])
 
 
 def _step(processing: Processing, rate: float, circle: int | None) -> int:
@@ -95,13 +92,34 @@ def _step(processing: Processing, rate: float, circle: int | None) -> int:
     return max(d for d in range(1, min(step, circle) + 1) if circle % d == 0)
 
 
-def _reach(processing: Processing, rate: float, step: int) -> int:
-    """Samples to either side of a row that must be good: half a row, and the main lobe of the filters."""
+def _spoiled(bad: Flags, rows: Rows, processing: Processing, rate: float, step: int, *, periodic: bool) -> Flags:
+    """Rows that bad samples reach: through half a row, and as far as the filters carry them, shape (M, n)."""
+    filters = _filters(processing, rate)
     half = -(-step // 2)
+    if not filters:
+        return _any_within(bad, rows, half, periodic=periodic)
+    lobe = int(np.ceil(LOBE * rate / min(float(processing.cutoff), processing.motion_cutoff or np.inf)))
+    near = _any_within(bad, rows, max(half, lobe), periodic=periodic)
+    reach = max(edge_samples(low) for low in filters)
+    return near | _any_within(_long(bad, lobe), rows, max(half, reach), periodic=periodic)
+
+
+def _long(flags: Flags, length: int) -> Flags:
+    """Flags of stretches that are at least so long, joint by joint."""
+    result = np.zeros_like(flags)
+    for j in np.flatnonzero(flags.any(axis=0)):
+        borders = np.flatnonzero(np.diff(np.concatenate([[False], flags[:, j], [False]])))
+        for begin, end in borders.reshape(-1, 2):
+            result[begin:end, j] = end - begin >= length
+    return result
+
+
+def _filters(processing: Processing, rate: float) -> list[Array]:
+    """The filters that torque and positions pass."""
     if processing.family == "none":
-        return half
-    lowest = min(float(processing.cutoff), processing.motion_cutoff or np.inf)
-    return max(half, int(np.ceil(LOBE * rate / lowest)))
+        return []
+    torque = low_pass(processing.family, processing.order, float(processing.cutoff), rate)
+    return [low for low in (torque, motion_filter(processing, rate)) if low is not None]
 
 
 def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flags:

@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import ArmidError, StudyError
+from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import torque_parameters
 from armid.excitation.fourier import load_plan
 from armid.excitation.plans import PLANS, builtin_plan
 from armid.measurement.process import observe
+from armid.measurement.readers import load_recording
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.study.identify import read_recording, score_recordings
 from armid.study.run import Run
@@ -25,8 +28,10 @@ from armid.values import Array, replace_file
 __all__ = ["motion_of", "predict", "validate_run", "write_torque"]
 
 
-def validate_run(run: Run, paths: Sequence[str], reading: Mapping[str, Any]) -> Validation:
-    """Torque error of a run on recordings that did not train it.
+def validate_run(
+    run: Run, paths: Sequence[str], reading: Mapping[str, Any]
+) -> tuple[Validation, tuple[Finding, ...]]:
+    """Torque error of a run on recordings that did not train it, and what was noticed on the way.
 
     Args:
         run: The run.
@@ -37,18 +42,25 @@ def validate_run(run: Run, paths: Sequence[str], reading: Mapping[str, Any]) -> 
         StudyError: A recording has trained the run.
         RecordingError: A recording cannot be read or does not fit.
     """
-    recordings: list[Any] = []
+    recordings: list[tuple[RecordingChoice, Recording]] = []
+    findings: list[Finding] = []
     for path in paths:
-        choice = RecordingChoice(path, "validate", replace(run.reading, **reading))
-        recording, _ = read_recording(choice, ".", run.robot)
+        choice = RecordingChoice(path, "validate", _like(run, reading))
+        recording, found = read_recording(choice, ".", run.robot)
+        findings += found
         if recording.sha256 in run.trained_on:
             raise StudyError(
                 f"{path} is to validate, but the same data trained {run.folder} (sha256 {recording.sha256[:12]}…).",
                 remedy="give a recording that the run has not seen.",
             )
         recordings.append((choice, recording))
-    scores = score_recordings(run.model, run.estimate, recordings, run.processing)
-    return validate(run.robot.joint_names, scores, run.estimate)
+    scores, found = score_recordings(run.model, run.estimate, recordings, run.processing)
+    return validate(run.robot.joint_names, scores, run.estimate), (*findings, *found)
+
+
+def _like(run: Run, changes: Mapping[str, Any]) -> Reading:
+    """The run's reading for another recording: what was cut out of the run's own is no matter of its."""
+    return replace(run.reading, exclude=(), start=None, **changes)
 
 
 def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:
@@ -67,14 +79,18 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
         plan = builtin_plan(path) if path in PLANS else load_plan(path)
         if plan.n != run.robot.n:
             raise ArmidError(f"{path} moves {plan.n} joints; {run.robot.name} has {run.robot.n}.")
+        if not 0.0 < rate < np.inf:
+            raise ArmidError(f"A plan is sampled at a rate above 0; found {rate:g} Hz.")
         return plan.sample(rate)
-    choice = RecordingChoice(path, "validate", replace(run.reading, **reading))
-    recording, _ = read_recording(choice, ".", run.robot)
+    how = _like(run, reading)
+    raw = load_recording(path, how)
+    if raw.effort is None:  # only the motion is asked for
+        how = replace(how, drive_gain=None, drive_gain_deviation=None)
+    recording, _ = read_recording(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
     if recording.effort is None:
         recording = replace(recording, effort=np.zeros_like(recording.q))
-    observations, _ = observe(
-        [recording], run.processing, periods=[choice.reading.period], starts=[choice.reading.start]
-    )
+    every_row = replace(run.processing, slow=0.0, saturation=None)
+    observations, _ = observe([recording], every_row, periods=[how.period], starts=[how.start])
     motions = [observed.motion for observed in observations.runs]
     joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in ("time", "q", "dq", "ddq")]
     return Motion(*joined)

@@ -11,13 +11,25 @@ from armid.study.study import RecordingChoice
 
 __all__ = ["cut", "refuse_shared"]
 
+FEWEST_ROWS = 10
+"""Rows that a part must have: fewer give no derivative and no residual to judge by."""
+
 
 def cut(recording: Recording, part: tuple[float, float]) -> Recording:
-    """The rows between two shares of a recording's length."""
+    """The rows between two shares of a recording's length.
+
+    Raises:
+        StudyError: The part is too small to hold a motion.
+    """
     if part == (0.0, 1.0):
         return recording
     samples = len(recording.q)
     rows = slice(round(part[0] * samples), round(part[1] * samples))
+    if rows.stop - rows.start < FEWEST_ROWS:
+        raise StudyError(
+            f"{recording.source}: part {part[0]:g} to {part[1]:g} of {samples} rows leaves {rows.stop - rows.start}.",
+            remedy=f"choose a part of {FEWEST_ROWS} rows or more.",
+        )
 
     def of(x: object) -> object:
         return None if x is None else x[rows]  # pyright: ignore[reportIndexIssue]
@@ -27,18 +39,19 @@ def cut(recording: Recording, part: tuple[float, float]) -> Recording:
 
 
 def refuse_shared(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> None:
-    """Refuse validation on samples that also train.
+    """Refuse samples that are used twice: to train and to validate, or to train twice.
 
     Raises:
-        StudyError: One file has both roles, and the parts used overlap.
+        StudyError: One file stands in the study twice, and the parts used overlap.
     """
-    for one, a in recordings:
-        for other, b in recordings:
-            if one.role == "train" and other.role == "validate" and a.sha256 == b.sha256 and a.sha256:
-                if one.part[1] <= other.part[0] or other.part[1] <= one.part[0]:
-                    continue
-                raise StudyError(
-                    f"{other.path} is to validate, but the same data train: {one.path}, sha256 {a.sha256[:12]}….",
-                    possible="another recording, or parts of one that do not overlap",
-                    remedy="for instance part = [0.0, 0.7] to train and part = [0.7, 1.0] to validate.",
-                )
+    for k, (one, a) in enumerate(recordings):
+        for other, b in recordings[k + 1 :]:
+            apart = one.part[1] <= other.part[0] or other.part[1] <= one.part[0]
+            if not a.sha256 or a.sha256 != b.sha256 or apart or {one.role, other.role} == {"validate"}:
+                continue
+            both = "train" if one.role == other.role else "train and validate"
+            raise StudyError(
+                f"{one.path} and {other.path} hold the same data (sha256 {a.sha256[:12]}…) and are to {both}.",
+                possible="different recordings, or parts of one that do not overlap",
+                remedy="for instance part = [0.0, 0.7] to train and part = [0.7, 1.0] to validate.",
+            )

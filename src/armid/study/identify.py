@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import Finding, StudyError
 from armid.estimation.estimate import Estimate, TermUse
 from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.uncertainty import FEWEST_BLOCKS, cover
 from armid.information.information import Information
 from armid.information.observations import Observations
 from armid.information.stream import inform
@@ -24,11 +26,13 @@ from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
-from armid.model.terms import RigidBody
+from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.study.cut import cut, refuse_shared
-from armid.study.study import RecordingChoice, Study, build_model, load_choice
+from armid.study.plausibility import gravity_finding, torque_finding
+from armid.study.study import RecordingChoice, Study, build_model, load_choice, resolve_model
 from armid.validation.predict import Score, Validation, score, validate
+from armid.values import Array, digest
 
 __all__ = ["Progress", "Result", "identify", "read_recording", "score_recordings"]
 
@@ -118,21 +122,24 @@ def identify(
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
     tell("processing", 0.0)
     processing = resolve(study.processing, [recording for _, recording in train])
-    study = replace(study, processing=processing)
+    study = replace(study, model=resolve_model(model), processing=processing)
     observations, found = _observe(train, processing, robot)
     findings += found
     information = inform(
         model, base, observations, threads=threads, progress=lambda done, all: tell("information", done / all)
     )
+    information = replace(information, scale_deviation=_scale_deviation(train, robot))
     tell("estimation", 0.0)
-    estimate = _estimate(study, model, base, information, tuple(findings), [r for _, r in recordings])
+    estimate = _estimate(study, model, base, information, recordings)
+    findings += _doubts(model, observations, estimate)
     tell("validation", 0.0)
-    training = score_recordings(model, estimate, train, processing)
+    training, _ = score_recordings(model, estimate, train, processing)
     held_out = [(choice, recording) for choice, recording in recordings if choice.role == "validate"]
-    scores = score_recordings(model, estimate, held_out, processing)
+    scores, found = score_recordings(model, estimate, held_out, processing)
     validation = validate(robot.joint_names, scores, estimate)
     tell("validation", 1.0)
-    estimate = replace(estimate, seconds=time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+    estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)
     return Result(study, robot, model, information, estimate, validation, training)
 
 
@@ -146,13 +153,15 @@ def score_recordings(
     estimate: Estimate,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     processing: Processing,
-) -> tuple[Score, ...]:
-    """Torque error on recordings, each processed by itself."""
+) -> tuple[tuple[Score, ...], tuple[Finding, ...]]:
+    """Torque error on recordings, each processed by itself, and what was noticed on the way."""
     scores: list[Score] = []
+    findings: list[Finding] = []
     for choice, recording in recordings:
-        observations, _ = _observe([(choice, recording)], processing, model.robot)
+        observations, found = _observe([(choice, recording)], processing, model.robot)
+        findings += found
         scores.append(score(model, estimate, observations, path=choice.path, sha256=recording.sha256))
-    return tuple(scores)
+    return tuple(scores), tuple(findings)
 
 
 def _observe(
@@ -183,20 +192,60 @@ def _estimate(
     model: DynamicsModel,
     base: BaseParameters,
     information: Information,
-    findings: tuple[Finding, ...],
-    recordings: Sequence[Recording],
+    recordings: Sequence[tuple[RecordingChoice, Recording]],
 ) -> Estimate:
     """Estimate with what it was made from."""
     if study.estimation.friction_per_recording:
         if len(np.unique(information.recording)) < 2:
             raise StudyError("friction_per_recording needs at least two training recordings.")
-        kinds = np.array([model.parameters[k].kind != RigidBody.name for k in base.kept])
-        information = separate_by_recording(information, kinds)
-    fit = ESTIMATORS[study.estimation.method]().estimate(information)
-    made_from = (f"robot {model.robot.sha256}", *(f"recording {recording.sha256}" for recording in recordings))
-    return Estimate(
-        model.robot.name, study.estimation.method, _uses(model), base, fit, findings, made_from, information.made_by
+        information = separate_by_recording(information, _changing(model)[base.kept])
+    fit = cover(ESTIMATORS[study.estimation.method]().estimate(information), information)
+    options = digest(repr((study.model, study.processing, study.estimation)))
+    made_from = (
+        f"robot {model.robot.sha256}",
+        *(f"{choice.role} {recording.sha256}" for choice, recording in recordings),
+        f"options {options}",
     )
+    return Estimate(
+        model.robot.name,
+        study.estimation.method,
+        _uses(model),
+        base,
+        fit,
+        made_from=made_from,
+        made_by=information.made_by,
+    )
+
+
+def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: Robot) -> Array:
+    """Relative standard deviation of each joint's torque scale: the largest of the training recordings."""
+    given = [choice.reading.drive_gain_deviation for choice, _ in train]
+    said = [np.broadcast_to(np.asarray(each, dtype=np.float64), robot.n) for each in given if each is not None]
+    return np.max([np.zeros(robot.n), *said], axis=0)
+
+
+def _doubts(model: DynamicsModel, observations: Observations, estimate: Estimate) -> list[Finding]:
+    """What speaks against taking the estimate at its word."""
+    found = [gravity_finding(model.robot), torque_finding(model, observations)]
+    if estimate.fit.covariance_kind == "white":
+        found.append(
+            Finding(
+                "few-blocks",
+                "warning",
+                "",
+                f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as white and are too narrow.",
+                "record longer.",
+            )
+        )
+    return [finding for finding in found if finding is not None]
+
+
+def _changing(model: DynamicsModel) -> NDArray[np.bool_]:
+    """Which standard parameters may differ from one recording to the next: friction and offsets, no inertia."""
+    changing = np.zeros(len(model.parameters), dtype=np.bool_)
+    for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
+        changing[column] = "ddq" not in symbols(law.expression)
+    return changing
 
 
 def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:

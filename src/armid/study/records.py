@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from armid.model.formulas import base_formulas
 from armid.validation.predict import Validation
 
 __all__ = ["estimate_record", "finding_record", "to_json", "validation_record"]
+
+LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
+"""As `json` breaks it into lines. No text matches, since a line end inside one is written as an escape."""
 
 
 def estimate_record(estimate: Estimate) -> dict[str, Any]:
@@ -94,8 +98,9 @@ def validation_record(validation: Validation) -> dict[str, Any]:
 
 
 def to_json(record: Any) -> str:
-    """JSON text with full precision; NaN and infinity as null."""
-    return json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False)
+    """JSON text with full precision, a list of numbers on one line; NaN and infinity as null."""
+    text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False)
+    return LIST_OF_NUMBERS.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
 
 
 def _plain(value: Any) -> Any:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import shutil
 import tempfile
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from armid.study.records import estimate_record, to_json, validation_record
 from armid.study.study import ModelChoice, Study, build_model
 from armid.values import load, replace_file, save
 
-__all__ = ["Run", "load_run", "save_run"]
+__all__ = ["Run", "load_run", "refuse_folder", "save_run"]
 
 MARKER = "estimate.json"
 
@@ -61,31 +62,50 @@ def save_run(result: Result, folder: Path | str) -> Path:
         OutputError: The folder cannot be written, or holds something that is no run.
     """
     folder = Path(folder)
-    if folder.exists() and not (folder / MARKER).is_file() and (not folder.is_dir() or any(folder.iterdir())):
-        raise OutputError(f"{folder} exists and is no run of armid.", remedy="choose another folder with --out.")
+    refuse_folder(folder)
+    target = folder.resolve()
+    draft: Path | None = None
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
+        _write(result, draft)
+        mask = os.umask(0)
+        os.umask(mask)
+        draft.chmod(0o777 & ~mask)
+        _put_in_place(draft, target)
     except OSError as error:
         raise OutputError(
             f"{folder} could not be written: {error.strerror or error}.",
-            remedy="choose a folder that is writable with --out.",
+            remedy="choose another folder with --out, one that is writable and has room.",
         ) from error
-    try:
-        _write(result, draft)
-        draft.chmod(0o755)
-        old = folder.with_name(f".{folder.name}.old")
-        if folder.exists():
-            shutil.rmtree(old, ignore_errors=True)
-            folder.rename(old)
-        draft.rename(folder)
-        shutil.rmtree(old, ignore_errors=True)
-    except OSError as error:
-        raise OutputError(f"{folder} could not be written: {error.strerror or error}.") from error
     finally:
-        if draft.exists():
+        if draft is not None:
             shutil.rmtree(draft, ignore_errors=True)
     return folder
+
+
+def refuse_folder(folder: Path | str) -> None:
+    """Refuse a folder that a run cannot or must not replace, before any work is done for it.
+
+    Raises:
+        OutputError: It holds something that is no run, is the working folder, or lies where nothing can be written.
+    """
+    folder = Path(folder)
+    try:
+        taken = folder.exists() and not (folder / MARKER).is_file()
+        taken = taken and (not folder.is_dir() or any(folder.iterdir()))
+    except OSError as error:
+        raise OutputError(
+            f"{folder} cannot be used: {error.strerror}.", remedy="choose another with --out."
+        ) from error
+    if taken:
+        raise OutputError(f"{folder} exists and is no run of armid.", remedy="choose another folder with --out.")
+    if folder.resolve() == Path.cwd():
+        raise OutputError(f"{folder} is the working folder.", remedy="name a folder inside it with --out.")
+    nearest = next(parent for parent in folder.resolve().parents if parent.exists())
+    if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
+        why = "is not writable" if nearest.is_dir() else "is a file"
+        raise OutputError(f"{folder} cannot be written: {nearest} {why}.", remedy="choose another with --out.")
 
 
 def load_run(folder: Path | str) -> Run:
@@ -98,33 +118,49 @@ def load_run(folder: Path | str) -> Run:
     if not (folder / MARKER).is_file():
         raise ArmidError(f"{folder} is no run of armid.", remedy="give the folder that armid identify made.")
     robot = load(Robot, folder / "robot.npz")
-    kept: dict[str, Any] = json.loads((folder / "model.json").read_text())
-    choice = ModelChoice(tuple(kept["terms"]), kept["shapes"])
-    return Run(
-        str(folder),
-        robot,
-        build_model(robot, choice),
-        load(Estimate, folder / "estimate.npz"),
-        Processing(**kept["processing"]),
-        Reading(**kept["reading"]),
-        tuple(kept["trained_on"]),
-    )
+    estimate = load(Estimate, folder / "estimate.npz")
+    try:
+        kept: dict[str, Any] = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        return Run(
+            str(folder),
+            robot,
+            build_model(robot, ModelChoice(tuple(kept["terms"]), kept["shapes"])),
+            estimate,
+            Processing(**kept["processing"]),
+            Reading(**kept["reading"]),
+            tuple(kept["trained_on"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ArmidError(
+            f"{folder / 'model.json'} is damaged or of another version ({type(error).__name__}: {error}).",
+            remedy="identify again.",
+        ) from error
+
+
+def _put_in_place(draft: Path, folder: Path) -> None:
+    """Give a complete draft its name; what bore it before goes only when the draft is there."""
+    if not folder.exists():
+        draft.rename(folder)
+        return
+    old = folder.with_name(f".{folder.name}.old")
+    shutil.rmtree(old, ignore_errors=True)
+    folder.rename(old)
+    try:
+        draft.rename(folder)
+    except BaseException:
+        old.rename(folder)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
 
 
 def _write(result: Result, draft: Path) -> None:
     study = result.study
-    validating = {each.sha256 for each in result.validation.recordings}
-    names = tuple(term.name for term in result.estimate.terms)
-    shapes = {name: dict(options) for name, options in study.model.shapes.items()}
-    for term in result.estimate.terms:
-        if term.shapes:
-            shapes[term.name] = {**shapes.get(term.name, {}), **term.shapes}
     model = {
-        "terms": names,
-        "shapes": shapes,
+        "terms": study.model.terms,
+        "shapes": study.model.shapes,
         "processing": dataclasses.asdict(study.processing),
         "reading": _given(next(r.reading for r in study.recordings if r.role == "train")),
-        "trained_on": [each.sha256 for each in result.training if each.sha256 not in validating],
+        "trained_on": [each.sha256 for each in result.training],
     }
     replace_file(draft / "study.json", to_json(_study_record(study)) + "\n")
     replace_file(draft / "model.json", to_json(model) + "\n")

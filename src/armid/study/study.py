@@ -8,6 +8,7 @@ ones. Paths are relative to the study.
 from __future__ import annotations
 
 import dataclasses
+import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,6 +34,7 @@ __all__ = [
     "load_choice",
     "load_study",
     "parse_study",
+    "resolve_model",
 ]
 
 T = TypeVar("T")
@@ -60,6 +62,15 @@ class RobotChoice:
     locked: Mapping[str, float] | Sequence[str] = ()
     tip: str | None = None
 
+    def __post_init__(self) -> None:
+        gravity, locked = self.gravity, self.locked
+        _require(_are_texts([self.description]), "description", "text", self.description)
+        _require(self.tip is None or _are_texts([self.tip]), "tip", "text", self.tip)
+        _require(gravity is None or _are_numbers(gravity, 3), "gravity", "three numbers", gravity)
+        names, values = (list(locked), list(locked.values())) if isinstance(locked, Mapping) else (locked, [])
+        good = _are_texts(names) and _are_numbers(values, len(values))
+        _require(good, "locked", "a list of names, or { name = value }", locked)
+
 
 @dataclass(frozen=True, slots=True)
 class ModelChoice:
@@ -72,6 +83,10 @@ class ModelChoice:
 
     terms: tuple[str, ...] = ()
     shapes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, "Mapping[str, Any]"])
+
+    def __post_init__(self) -> None:
+        _require(_are_texts(self.terms), "terms", "a list of names", self.terms)
+        object.__setattr__(self, "terms", tuple(self.terms))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,8 +106,10 @@ class RecordingChoice:
     part: tuple[float, float] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
+        _require(_are_texts([self.path]), "path", "text", self.path)
         if self.role not in ("train", "validate"):
             raise StudyError(f"{self.path}: unknown role {self.role!r}.", possible="train, validate")
+        _require(_are_numbers(self.part, 2), "part", "two numbers", self.part)
         low, high = self.part
         if not 0.0 <= low < high <= 1.0:
             raise StudyError(f"{self.path}: part goes from a smaller to a larger share of 0 to 1; found {self.part}.")
@@ -113,6 +130,8 @@ class EstimationChoice:
     def __post_init__(self) -> None:
         if self.method not in ESTIMATORS:
             raise StudyError(f"Unknown estimation method {self.method!r}.", possible=", ".join(ESTIMATORS))
+        own = self.friction_per_recording
+        _require(own in (True, False), "friction_per_recording", "true or false", own)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -165,18 +184,18 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
     Raises:
         StudyError: An unknown key, a missing one, or a contradiction.
     """
-    _known(table, ("robot", "model", "recording", "processing", "estimation"), "a study")
+    _known(table, ("robot", "model", "recording", "processing", "estimation"), "The study")
     if "robot" not in table:
         raise StudyError("The study has no table [robot].", remedy='write [robot] with description = "…".')
-    recordings = table.get("recording", ())
-    if not isinstance(recordings, list):
+    recordings = table.get("recording", [])
+    if not isinstance(recordings, list) or not all(isinstance(each, Mapping) for each in recordings):
         raise StudyError("Recordings stand in [[recording]] tables, one each.")
     return Study(
-        _make(RobotChoice, table["robot"], "robot"),
+        _make(RobotChoice, table["robot"], "[robot]"),
         _model_choice(table.get("model", {})),
         tuple(_recording_choice(each) for each in recordings),
-        _make(Processing, table.get("processing", {}), "processing"),
-        _make(EstimationChoice, table.get("estimation", {}), "estimation"),
+        _make(Processing, table.get("processing", {}), "[processing]"),
+        _make(EstimationChoice, table.get("estimation", {}), "[estimation]"),
         folder,
     )
 
@@ -208,34 +227,39 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
         options = dict(choice.shapes.get(name, {}))
         if name == Coulomb.name and not choice.terms:
             options.setdefault("width", IDENTIFY_WIDTH)
-        terms.append(_make(TERMS[name], options, f"model.{name}"))
+        terms.append(_make(TERMS[name], options, f"[model.{name}]"))
     return DynamicsModel(robot, tuple(terms))
+
+
+def resolve_model(model: DynamicsModel) -> ModelChoice:
+    """The choice of a model's terms with nothing left to defaults, so that `build_model` makes it again."""
+    shapes = {term.name: dataclasses.asdict(term) for term in model.terms}  # pyright: ignore[reportArgumentType]
+    given = {name: {k: v for k, v in options.items() if v is not None} for name, options in shapes.items()}
+    return ModelChoice(tuple(shapes), {name: options for name, options in given.items() if options})
 
 
 def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
     """Terms and their options; each term's options stand under its name."""
-    _known(table, ("terms", *TERMS), "model")
+    _known(table, ("terms", *TERMS), "[model]")
     terms = table.get("terms", ())
     if terms == "auto":
         raise StudyError('terms = "auto" is not known yet.', possible=", ".join(TERMS), remedy="name the terms.")
     shapes = {name: value for name, value in table.items() if name != "terms"}
     for name, value in shapes.items():
-        if not isinstance(value, dict):
-            raise StudyError(f"model.{name} must be a table of options; found {value!r}.")
-    return ModelChoice(tuple(terms), shapes)
+        _require(isinstance(value, Mapping), f"[model] {name}", "a table of options", value)
+    return _make(ModelChoice, {"terms": terms, "shapes": shapes}, "[model]")
 
 
 def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
     """A recording with its reading; their keys stand together in one table."""
     own = [f.name for f in dataclasses.fields(RecordingChoice) if f.name != "reading"]
-    _known(table, (*own, *(f.name for f in dataclasses.fields(Reading))), "recording")
+    _known(table, (*own, *(f.name for f in dataclasses.fields(Reading))), "[[recording]]")
     if "path" not in table:
         raise StudyError("A recording has no path.", remedy='give path = "…" in every [[recording]].')
-    reading = {key: value for key, value in table.items() if key not in own}
+    how = {key: value for key, value in table.items() if key not in own}
     choice = {key: value for key, value in table.items() if key in own}
-    if "part" in choice:
-        choice["part"] = tuple(choice["part"])
-    return RecordingChoice(**choice, reading=_make(Reading, reading, f"recording {table['path']}"))
+    reading = _make(Reading, how, f"[[recording]] {table['path']}:")
+    return _make(RecordingChoice, {**choice, "reading": reading}, "[[recording]]")
 
 
 def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
@@ -248,19 +272,22 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
         if f.name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
     ]
     if missing:
-        raise StudyError(f"[{where}] lacks {', '.join(missing)}.")
+        raise StudyError(f"{where} lacks {', '.join(missing)}.")
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     try:
         return kind(**values)
     except ArmidError as error:
-        raise StudyError(f"[{where}] {error.problem}", possible=error.possible, remedy=error.remedy) from error
-    except TypeError as error:
-        raise StudyError(f"[{where}] has a value of the wrong type: {error}.") from error
+        problem = error.problem.removeprefix(f"{where.strip('[]')}.")
+        raise StudyError(f"{where} {problem}", possible=error.possible, remedy=error.remedy) from error
+    except (TypeError, ValueError) as error:
+        raise StudyError(f"{where} has a value of the wrong type: {error}.") from error
 
 
-def _known(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-    """Refuse unknown keys."""
+def _known(table: object, known: Iterable[str], where: str) -> None:
+    """Refuse what is no table, and unknown keys."""
     known = list(known)
+    if not isinstance(table, Mapping):
+        raise StudyError(f"{where} must be a table; found {table!r}.", possible=", ".join(known))
     for key in table:
         if key not in known:
             raise StudyError(f"{where} has no key {key!r}.", possible=", ".join(known), remedy=_hint(key, known))
@@ -270,3 +297,20 @@ def _hint(name: str, known: Iterable[str]) -> str:
     """A guess at what was meant."""
     close = get_close_matches(name, list(known), 1)
     return f"did you mean {close[0]!r}?" if close else ""
+
+
+def _require(good: bool, name: str, wanted: str, found: object) -> None:
+    """Refuse a value of the wrong kind."""
+    if not good:
+        raise StudyError(f"{name} must be {wanted}; found {found!r}.")
+
+
+def _are_texts(values: object) -> bool:
+    return isinstance(values, tuple | list) and all(isinstance(value, str) and value for value in values)
+
+
+def _are_numbers(values: object, count: int) -> bool:
+    """Whether these are so many finite numbers."""
+    if not isinstance(values, tuple | list) or len(values) != count:
+        return False
+    return all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in values)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from armid.estimation.estimate import Estimate, torque_parameters
 from armid.information.observations import Observations
 from armid.information.residuals import Comparison, columns_on_grid, compare
 from armid.information.setup import column_source
+from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array, array
 
@@ -48,7 +50,7 @@ class Check:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Score:
-    """Torque error on one recording, each per joint (n,).
+    """Torque error on one recording, each per joint (n,); NaN for a joint of which no row counts.
 
     Attributes:
         path: The recording.
@@ -117,15 +119,13 @@ def score(
     if prior is not None:
         nominal = _together([compare(model, prior, run, observations.band) for run in observations.runs])
         prior_rms = _rms(np.where(nominal.mask, nominal.residual, np.nan))
-    rms = _rms(residual)
-    spread = np.nanstd(np.where(found.mask, found.measured, np.nan), axis=0)
     return Score(
         path,
         sha256,
-        rms,
+        _rms(residual),
         _rms(np.where(found.mask, found.residual_raw, np.nan)),
-        spread,
-        np.nanmax(np.abs(residual), axis=0),
+        _of_known(np.std, np.where(found.mask, found.measured, np.nan)),
+        _of_known(np.max, np.abs(residual)),
         _coverage(model, estimate, observations, residual),
         prior_rms,
     )
@@ -136,16 +136,17 @@ def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate)
     checks: list[Check] = []
     training = float(np.linalg.norm(estimate.fit.residual_rms))
     for each in scores:
-        total = float(np.linalg.norm(each.rms))
+        known = np.isfinite(each.rms)
+        total = float(np.linalg.norm(each.rms[known]))
         where = f" on {each.path}" if len(scores) > 1 else ""
         if each.prior_rms is not None:
-            bound = float(np.linalg.norm(each.prior_rms))
+            bound = float(np.linalg.norm(each.prior_rms[known]))
             checks.append(Check(f"total error below the description's{where}", total, bound, total < bound))
-        spread = float(np.linalg.norm(each.spread))
+        spread = float(np.linalg.norm(each.spread[known]))
         bound = max(CLOSE_TO_TRAINING * training, SMALL_SHARE * spread)
         name = f"total error within {CLOSE_TO_TRAINING:g} x training or {SMALL_SHARE:.0%} of the torque{where}"
         checks.append(Check(name, total, bound, total <= bound))
-        worst = float(np.nanmax(each.relative))
+        worst = float(each.relative[known].max(initial=0.0))
         checks.append(Check(f"every joint better than its mean torque{where}", worst, 1.0, worst < 1.0))
     verdict = "not judged" if not scores else "pass" if all(check.ok for check in checks) else "fail"
     return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
@@ -162,29 +163,45 @@ def _together(parts: Sequence[Comparison]) -> Comparison:
     )
 
 
+def _of_known(function: Callable[[Array], Any], values: Array) -> Array:
+    """A number for each column from what is not NaN in it; NaN where nothing is."""
+    columns = [column[~np.isnan(column)] for column in values.T]
+    return np.array([float(function(column)) if len(column) else np.nan for column in columns])
+
+
 def _rms(residual: Array) -> Array:
     """Root mean square of each column, NaN left out."""
-    return np.sqrt(np.nanmean(residual**2, axis=0))
+    return np.sqrt(_of_known(np.mean, residual**2))
 
 
 def _coverage(model: DynamicsModel, estimate: Estimate, observations: Observations, residual: Array) -> Array:
     """Share of rows (n,) whose error lies inside the band of parameter and residual variance."""
     base, fit = estimate.base, estimate.fit
     index = [fit.names.index(name) for name in base.names if name in fit.names]
-    noise = fit.residual_rms**2
-    if len(index) < base.count:  # friction of its own for each recording: the parameters' share is left out
-        return np.nanmean(np.where(np.isnan(residual), np.nan, residual**2 <= COVERAGE_STUDENT**2 * noise), axis=0)
-    covariance = fit.covariance[np.ix_(index, index)]
+    variance = np.broadcast_to(fit.residual_rms**2, residual.shape)
+    if len(index) == base.count:  # else friction has values of its own for each recording, and none for this one
+        every = max(1, len(residual) // COVERED_ROWS)
+        ends = np.cumsum([len(run.rows) for run in observations.runs])[:-1]
+        residual = np.concatenate([part[::every] for part in np.split(residual, ends)])
+        variance = fit.residual_rms**2 + _parameter_variance(
+            model, base, fit.covariance[np.ix_(index, index)], observations, every
+        )
+    inside = np.where(np.isnan(residual), np.nan, residual**2 <= COVERAGE_STUDENT**2 * variance)
+    return _of_known(np.mean, inside)
+
+
+def _parameter_variance(
+    model: DynamicsModel, base: BaseParameters, covariance: Array, observations: Observations, every: int
+) -> Array:
+    """Variance of the predicted torque that the parameters' covariance makes, on every k-th row, shape (M, n)."""
     source = column_source(model, base)
-    x = np.concatenate([columns_on_grid(source, run, observations.band) for run in observations.runs], axis=1)
-    every = max(1, len(residual) // COVERED_ROWS)
-    x, residual = x[:, ::every], residual[::every]
-    share = np.empty(model.n)
+    sparse = [
+        replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every])
+        for run in observations.runs
+    ]
+    x = np.concatenate([columns_on_grid(source, run, observations.band) for run in sparse], axis=1)
+    variance = np.empty((x.shape[1], model.n))
     for j, parameters in enumerate(source.layout.parameters):
         y = x[source.layout.offset[j] : source.layout.offset[j + 1] - 1]
-        variance = noise[j] + np.einsum(
-            "km,kl,lm->m", y, covariance[np.ix_(parameters, parameters)], y, optimize=True
-        )
-        known = ~np.isnan(residual[:, j])
-        share[j] = np.mean(residual[known, j] ** 2 <= COVERAGE_STUDENT**2 * variance[known])
-    return share
+        variance[:, j] = np.einsum("km,km->m", covariance[np.ix_(parameters, parameters)] @ y, y)
+    return variance

@@ -33,4 +33,4 @@ class OrdinaryLeastSquares:
         solution = solve(information, weights)
         freedom = max(float(information.rows.sum()) - information.count, 1.0)
         variance = solution.squares.sum() / freedom
-        return fit_of(information, solution, weights, variance * solution.inverse)
+        return fit_of(solution, weights, variance * solution.inverse)

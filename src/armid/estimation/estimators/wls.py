@@ -22,7 +22,8 @@ STANDSTILL = 1e-9
 """Largest relative change of a deviation that ends the iteration: far below any effect on the estimate."""
 
 RESOLUTION = 1e-13
-"""Smallest residual over torque that arithmetic resolves; without it noise-free data would get infinite weights."""
+"""Smallest residual over torque that arithmetic resolves. Without it noise-free data would get infinite weights, and
+weights of data that were only rounded would change for ever."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +45,17 @@ class WeightedLeastSquares:
         """
         whole = total(information)
         torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
-        rows = np.maximum(whole.rows[0], 1)
-        floor = np.maximum(RESOLUTION * torque / np.sqrt(rows), np.finfo(float).tiny)
+        floor = RESOLUTION * torque / np.sqrt(np.maximum(whole.rows[0], 1))
+        floor[torque == 0.0] = 1.0  # a joint of which no row counts; any weight will do
         deviation = np.ones(information.n)
         for _ in range(self.iterations):
             weights = 1.0 / deviation
             solution = solve(whole, weights)
             updated = np.maximum(residual_deviation(solution, whole), floor)
-            settled = bool((np.abs(updated - deviation) <= STANDSTILL * deviation).all())
+            settled = bool((np.abs(updated - deviation) <= STANDSTILL * deviation + floor).all())
             deviation = updated
             if settled:
-                return fit_of(information, solution, weights, solution.inverse)
+                return fit_of(solution, weights, solution.inverse)
         raise EstimationError(
             f"The weights of the joints did not settle in {self.iterations} iterations.",
             possible="ols, or more iterations",

@@ -1,0 +1,56 @@
+"""Does what was measured look like the arm that the description tells of? Questions worth asking before any fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.information.observations import Observations
+from armid.model.dynamics import DynamicsModel
+from armid.robot import Robot
+
+__all__ = ["gravity_finding", "torque_finding"]
+
+AGAINST = -0.5
+"""Correlation of measured with predicted torque on the most loaded joint below which their senses disagree."""
+
+STRONGEST_GRAVITY = 15.0
+"""Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
+
+
+def torque_finding(model: DynamicsModel, observations: Observations) -> Finding | None:
+    """A torque whose sense contradicts the description's weight, or `None`.
+
+    The joint that the description loads most is looked at; where the description has no inertias nothing is known.
+    """
+    nominal = model.nominal_parameters()
+    if nominal is None:
+        return None
+    predicted = np.concatenate([model.torque(run.motion, nominal)[run.rows] for run in observations.runs])
+    measured = np.concatenate([run.torque[run.rows] for run in observations.runs])
+    j = int(np.argmax((predicted**2).sum(axis=0)))
+    size = float(np.linalg.norm(predicted[:, j]) * np.linalg.norm(measured[:, j]))
+    agreement = float(predicted[:, j] @ measured[:, j]) / size if size else 0.0
+    if agreement > AGAINST:
+        return None
+    return Finding(
+        "torque-sign",
+        "warning",
+        model.robot.joint_names[j],
+        f"Measured torque goes against the description's, correlation {agreement:.2f}.",
+        "check torque_sign (--torque-sign -1), gravity (--gravity) and whether the arm is the described one.",
+    )
+
+
+def gravity_finding(robot: Robot) -> Finding | None:
+    """A gravity that no arm stands in, or `None`."""
+    strength = float(np.linalg.norm(robot.gravity))
+    if strength <= STRONGEST_GRAVITY:
+        return None
+    return Finding(
+        "gravity-direction",
+        "warning",
+        "",
+        f"Gravity is {strength:.4g} m/s².",
+        "give it in m/s², for instance 0 0 -9.81.",
+    )

@@ -1,0 +1,599 @@
+"""The command line as a user meets it: what it prints, writes, refuses, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from armid.cli import main as cli
+from armid.cli.console import estimate_table, print_verdict, validation_table
+from armid.excitation.fourier import save_plan
+from armid.excitation.plans import builtin_plan
+from armid.lab.virtual import Sensors, record, thesis_truth
+from armid.measurement.processing import THESIS
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.robot import load_robot
+from armid.study.apply import predict
+from armid.study.run import load_run
+from armid.validation.predict import Score
+from armid.validation.predict import validate as judge
+from labs import STUDY, small_plan, small_recording, write_arm, write_recording, write_recordings, write_study
+
+HANGING = ("--gravity", "0", "0", "9.81")
+
+COMMANDS = [str(command.callback.__name__) for command in cli.app.registered_commands if command.callback]
+
+
+class Done(NamedTuple):
+    """How a command ended and what it said."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        """Standard output as the one JSON object that it is."""
+
+        def refused(name: str) -> None:
+            raise AssertionError(f"{name} is no JSON")
+
+        return json.loads(self.out, parse_constant=refused)
+
+
+Armid = Callable[..., Done]
+
+
+@pytest.fixture
+def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armid:
+    """Runs the command line in this process, in an empty folder, with nobody watching."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+        monkeypatch.delenv(name, raising=False)
+
+    def run(*arguments: object) -> Done:
+        code: int | str | None = 0
+        try:
+            cli.main([str(argument) for argument in arguments])
+        except SystemExit as ended:
+            code = ended.code
+        out, err = capfd.readouterr()
+        return Done(int(code or 0), out, err)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small arm, two recordings and a study."""
+    folder = tmp_path_factory.mktemp("small")
+    write_recordings(folder)
+    write_study(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of the small arm's study."""
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["identify", str(small / "study.toml"), "--out", str(folder)])
+    assert not ended.value.code
+    return folder
+
+
+@pytest.fixture(scope="module")
+def iiwa(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The virtual iiwa, hanging, on both motions of the thesis at 200 Hz, in three formats."""
+    folder = tmp_path_factory.mktemp("iiwa")
+    robot = load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))
+    model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
+    for seed, (plan, suffix) in enumerate((("thesis-a1", ".csv"), ("thesis-a2", ".npz"))):
+        motion = builtin_plan(plan).stretched(27.0)
+        rng = np.random.default_rng(seed)
+        recording, _, _ = record(model, thesis_truth(model), motion, Sensors(rate=200.0), rng)
+        write_recording(recording, folder / f"{plan}{suffix}")
+        write_recording(recording, folder / f"{plan}.parquet")
+    return folder
+
+
+def keys_of(table: dict[str, Any], *names: str) -> None:
+    """Each of these keys is there; more may stand beside them."""
+    assert set(names) <= set(table)
+
+
+# base ----------------------------------------------------------------------------------------------------------
+
+
+def test_base_prints_groupings_as_the_field_writes_them(armid: Armid):
+    done = armid("base", "iiwa14-r820", *HANGING)
+    assert (done.code, done.err) == (0, "")
+    lines = done.out.splitlines()
+    assert lines[0].startswith("iiwa14-r820: 57 base parameters of 84; 11 without effect (M_1, MX_1")
+    assert "ZZR_1 = ZZ_1 + YY_2" in lines
+    assert "MYR_2 = MY_2 + MZ_3 + 0.2045 M_3 + 0.42 (M_4 + M_5 + M_6 + M_7)" in lines
+    assert len([line for line in lines if " = " in line]) == 57
+
+
+def test_base_columns_say_what_removed_columns_depend_on(armid: Armid):
+    plain = armid("base", "iiwa14-r820", *HANGING).out
+    done = armid("base", "iiwa14-r820", *HANGING, "--columns")
+    assert done.out.startswith(plain) and "MZ_3" in done.out.removeprefix(plain)
+
+
+def test_base_json_holds_the_contract(armid: Armid):
+    found = armid("base", "iiwa14-r820", *HANGING, "--json").json
+    keys_of(found, "count", "zero_columns", "removed", "dependencies", "base")
+    assert (found["count"], len(found["zero_columns"]), len(found["removed"])) == (57, 11, 27)
+    assert set(found["zero_columns"]) <= set(found["removed"])
+    assert found["dependencies"]["MZ_3"]["MY_2"] == 1.0
+    for each in found["base"]:
+        keys_of(each, "name", "unit", "grouping", "formula")
+    by_name = {each["name"]: each for each in found["base"]}
+    assert by_name["ZZR_1"]["grouping"] == {"ZZ_1": 1.0, "YY_2": 1.0}
+
+
+def test_base_in_latex(armid: Armid):
+    out = armid("base", "iiwa14-r820", "--style", "latex").out
+    assert r"ZZR_{1}" in out.replace("{R}", "R") or r"_{1}" in out
+    assert len([line for line in out.splitlines() if "=" in line]) == 57 and "base parameters of" not in out
+
+
+def test_gravity_and_locked_joints_change_what_is_seen(armid: Armid):
+    count = {
+        case: armid("base", "iiwa14-r820", *case, "--json").json["count"]
+        for case in ((), HANGING, ("--gravity", "3", "0", "-9"), ("--gravity", "0", "0", "0"), ("--lock", "A7=0.5"))
+    }
+    assert count[()] == count[HANGING] == 57  # a sign
+    assert count["--gravity", "3", "0", "-9"] == 59  # a tilted base weighs the first link
+    assert count["--gravity", "0", "0", "0"] < 57
+    assert count["--lock", "A7=0.5"] == 57 - 9  # a link of a wrist has seven parameters, its joint two
+
+
+def test_terms_are_chosen_by_name(armid: Armid):
+    found = armid("base", "iiwa14-r820", "--terms", "rigid-body, offset", "--json").json
+    names = {each["name"] for each in found["base"]}
+    assert "FO_1" in names and not any(name.startswith("FV") for name in names)
+
+
+# identify ------------------------------------------------------------------------------------------------------
+
+RUN_FILES = {
+    "study.json",
+    "robot.npz",
+    "model.json",
+    "information.npz",
+    "estimate.npz",
+    "estimate.json",
+    "validation.json",
+}
+
+
+def test_identify_a_study(armid: Armid, small: Path, tmp_path: Path):
+    done = armid("identify", small / "study.toml")
+    assert (done.code, done.err) == (0, "")
+    assert {path.name for path in (tmp_path / "runs" / "small").iterdir()} == RUN_FILES
+    assert done.out.endswith(f"run written to {Path('runs') / 'small'}\n")
+    for words in ("small: 24 base parameters, wls", "95 % interval", "N·m·s/rad", "unseen", "in band", "pass"):
+        assert words in done.out
+    assert "\x1b" not in done.out
+
+
+def test_identify_json_is_one_object_with_the_contract(armid: Armid, small: Path):
+    done = armid("identify", small / "study.toml", "--json")
+    assert (done.code, done.err) == (0, "")
+    found = done.json
+    keys_of(found, "robot", "method", "terms", "base_parameters", "parameters", "residual", "condition")
+    keys_of(found, "scaled_condition", "samples", "covariance", "certificate", "seconds", "warnings", "run")
+    for each in found["base_parameters"]:
+        keys_of(each, "name", "value", "unit", "deviation", "relative_deviation_percent", "interval95", "formula")
+        assert each["interval95"][0] < each["value"] < each["interval95"][1]
+    for each in found["parameters"]:
+        keys_of(each, "name", "value", "unit", "interval95", "status")
+    joints = ["joint_1", "joint_2", "joint_3"]
+    assert found["terms"][2] == {"name": "coulomb", "joints": joints, "shapes": {"width": 0.02}}
+    assert len(found["residual"]["rms"]) == 3 and found["robot"] == "small"
+    kept = json.loads((Path(found["run"]) / "estimate.json").read_text(encoding="utf-8"))
+    assert kept == {name: value for name, value in found.items() if name not in ("run", "validation")}
+
+
+def test_identify_leaves_the_validation_of_the_contract(armid: Armid, small: Path):
+    found = armid("identify", small / "study.toml", "--json").json
+    kept = json.loads((Path(found["run"]) / "validation.json").read_text(encoding="utf-8"))
+    assert kept == found["validation"]
+    keys_of(kept, "joints", "recordings", "verdict", "checks")
+    (each,) = kept["recordings"]
+    keys_of(each, "path", "sha256", "rms", "rms_raw", "relative", "peak", "coverage95", "prior_rms")
+    assert all(len(each[name]) == 3 for name in ("rms", "rms_raw", "relative", "peak", "coverage95", "prior_rms"))
+    for check in kept["checks"]:
+        keys_of(check, "name", "value", "bound", "ok")
+    assert (each["path"], kept["verdict"]) == ("run2.csv", "pass")
+
+
+@pytest.mark.parametrize("suffixes", [(".csv", ".npz"), (".parquet", ".parquet")])
+def test_identify_an_arm_and_recordings(armid: Armid, iiwa: Path, suffixes: tuple[str, str]):
+    train, unseen = iiwa / f"thesis-a1{suffixes[0]}", iiwa / f"thesis-a2{suffixes[1]}"
+    done = armid("identify", "iiwa14-r820", train, "--validate", unseen, *HANGING, "--json", "--out", "today")
+    found = done.json
+    assert (done.code, found["run"], len(found["base_parameters"])) == (0, "today", 64)
+    values = {each["name"]: each["value"] for each in found["base_parameters"]}
+    assert values["MYR_2"] == pytest.approx(3.9695, abs=0.05)
+    assert values["FV_1"] == pytest.approx(28.404, rel=0.05)
+    assert found["validation"]["verdict"] == "pass"
+
+
+def test_several_recordings_validate_behind_one_option(armid: Armid, small: Path):
+    write_recording(small_recording(3), Path("run3.csv"))
+    done = armid(
+        "identify", small / "small.urdf", small / "run1.csv", "--validate", small / "run2.csv", "run3.csv", "--json"
+    )
+    assert [Path(each["path"]).name for each in done.json["validation"]["recordings"]] == ["run2.csv", "run3.csv"]
+
+
+def test_without_unseen_motion_nothing_is_judged(armid: Armid, small: Path):
+    done = armid("identify", small / "small.urdf", small / "run1.csv")
+    assert done.code == 0 and "not judged" in done.out and "--validate RECORDING" in done.out
+
+
+def test_options_of_reading_and_processing_arrive(armid: Armid, small: Path):
+    log = small_recording(1)
+    assert log.effort is not None
+    turned = replace(log, q=np.degrees(log.q), effort=-log.effort)
+    write_recording(turned, Path("run.csv"), clock=False)
+    plain = armid("identify", small / "small.urdf", small / "run1.csv", "--cutoff", 4, "--json").json
+    done = armid(
+        "identify", small / "small.urdf", "run.csv", "--rate", 100, "--units", "deg", "--torque-sign", -1,
+        "--period", 8, "--cutoff", 4, "--edges", "drop", "--method", "ols", "--terms", "rigid-body,viscous,coulomb",
+        "--threads", 2, "--json", "--out", "here",
+    )  # fmt: skip
+    assert done.code == 0
+    assert [each["name"] for each in done.json["terms"]] == ["rigid-body", "viscous", "coulomb"]
+    kept = json.loads(Path("here/study.json").read_text())
+    assert kept["processing"]["cutoff"] == 4.0 and done.json["method"] == "ols"
+    value = {each["name"]: each["value"] for each in plain["base_parameters"]}
+    found = {each["name"]: each["value"] for each in done.json["base_parameters"]}
+    assert found["MZ_3"] == pytest.approx(value["MZ_3"], rel=0.01)
+    assert found["FV_2"] == pytest.approx(value["FV_2"], rel=0.05)
+
+
+def test_the_preset_processes_and_estimates_as_the_thesis_does(armid: Armid, small: Path):
+    done = armid("identify", small / "small.urdf", small / "run1.csv", "--preset", "thesis", "--period", 8, "--json")
+    assert done.code == 0 and done.json["method"] == "ols"
+    assert [(each["name"], each["shapes"]) for each in done.json["terms"]] == [
+        ("rigid-body", {}),
+        ("viscous", {}),
+        ("coulomb", {"width": 0.0}),
+    ]
+    kept = json.loads(Path("runs/small/study.json").read_text())["processing"]
+    assert (kept["order"], kept["columns"], kept["average"]) == (THESIS.order, False, True)
+    done = armid("identify", small / "small.urdf", small / "run1.csv", "--preset", "thesis", "--edges", "pad")
+    kept = json.loads(Path("runs/small/study.json").read_text())["processing"]
+    assert done.code == 0 and (kept["edges"], kept["average"]) == ("pad", False)
+
+
+def test_what_the_command_line_says_of_a_study_holds(armid: Armid, small: Path):
+    write_recording(small_recording(3), Path("run3.csv"))
+    done = armid(
+        "identify", small / "study.toml", "--terms", "rigid-body,viscous,coulomb", "--gravity", 0, 0, -9.8,
+        "--validate", "run3.csv", "--json",
+    )  # fmt: skip
+    assert done.code == 0
+    assert [each["name"] for each in done.json["terms"]] == ["rigid-body", "viscous", "coulomb"]
+    assert [Path(each["path"]).name for each in done.json["validation"]["recordings"]] == ["run2.csv", "run3.csv"]
+    assert json.loads(Path("runs/small/study.json").read_text())["robot"]["gravity"] == [0.0, 0.0, -9.8]
+
+
+def test_friction_of_each_recording_has_rows_of_its_own(armid: Armid, small: Path):
+    text = STUDY.replace('role = "validate"', "") + "[estimation]\nfriction_per_recording = true\n"
+    for name in ("small.urdf", "run1.csv", "run2.csv"):
+        shutil.copy(small / name, name)
+    done = armid("identify", write_study(Path("."), text))
+    assert done.code == 0 and "FV_1[1]" in done.out and "FS_3[2]" in done.out and "\\[" not in done.out
+
+
+def test_a_failed_verdict_is_exit_code_1_and_the_run_is_there(armid: Armid, small: Path):
+    log = small_recording(2)
+    assert log.effort is not None
+    write_recording(replace(log, effort=3.0 * log.effort), Path("heavy.csv"))
+    done = armid("identify", small / "small.urdf", small / "run1.csv", "--validate", "heavy.csv")
+    assert done.code == 1 and "verdict on unseen motion: fail" in done.out
+    assert {path.name for path in Path("runs/small").iterdir()} == RUN_FILES
+    found = armid("identify", small / "small.urdf", small / "run1.csv", "--validate", "heavy.csv", "--json")
+    assert found.code == 1 and found.json["validation"]["verdict"] == "fail"
+
+
+def test_findings_go_to_standard_error(armid: Armid, small: Path):
+    log = small_recording(1)
+    assert log.time is not None
+    write_recording(replace(log, time=log.time + 2e-3 * np.sin(log.time)), Path("jittered.csv"))
+    for more in ((), ("--json",)):
+        done = armid("identify", small / "small.urdf", "jittered.csv", *more)
+        assert done.code == 0 and done.err.startswith("clock-jitter ") and "clock-jitter " not in done.out[:20]
+
+
+def test_an_arm_with_an_unruly_name_writes_where_it_should(armid: Armid, small: Path, tmp_path: Path):
+    text = (small / "small.urdf").read_text().replace('name="small"', 'name="../my arm"')
+    Path("arm.urdf").write_text(text)
+    done = armid("identify", "arm.urdf", small / "run1.csv")
+    assert done.code == 0 and (tmp_path / "runs" / "my-arm" / "estimate.json").is_file()
+
+
+# validate and predict --------------------------------------------------------------------------------------------
+
+
+def test_validate_a_run(armid: Armid, run: Path, small: Path):
+    done = armid("validate", run, small / "run2.csv")
+    assert (done.code, done.err) == (0, "") and "unseen" in done.out and "train" not in done.out.splitlines()[2]
+    found = armid("validate", run, small / "run2.csv", "--json").json
+    keys_of(found, "joints", "recordings", "verdict", "checks")
+    kept = json.loads((run / "validation.json").read_text(encoding="utf-8"))
+    assert found["recordings"][0]["rms"] == pytest.approx(kept["recordings"][0]["rms"], rel=1e-12)
+
+
+def test_validate_with_another_sign_fails(armid: Armid, run: Path, small: Path):
+    done = armid("validate", run, small / "run2.csv", "--torque-sign", -1)
+    assert done.code == 1 and "fail" in done.out
+
+
+def test_validate_refuses_what_trained_the_run(armid: Armid, run: Path, small: Path):
+    copy = shutil.copy(small / "run1.csv", "copy.csv")
+    assert_refused(armid("validate", run, copy), "the same data trained", "has not seen")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_predict_along_a_plan(armid: Armid, run: Path, suffix: str):
+    plan = small_plan(4)
+    save_plan(plan, "plan.json")
+    done = armid("predict", run, "plan.json", "--out", f"torque{suffix}", "--plan-rate", 50)
+    assert (done.code, done.out) == (0, f"400 samples of 3 joints written to torque{suffix}\n")
+    expected = predict(load_run(run), plan.sample(50.0))
+    if suffix == ".csv":
+        found = np.loadtxt("torque.csv", delimiter=",", skiprows=1)[:, 1:]
+    else:
+        with np.load("torque.npz") as archive:
+            found = archive["torque"]
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_predict_along_a_recording(armid: Armid, run: Path, small: Path):
+    found = armid("predict", run, small / "run2.csv", "--json").json
+    assert found["samples"] == 1600 and found["path"] == "torque.csv"
+    measured = small_recording(2).effort
+    assert measured is not None
+    torque = np.loadtxt("torque.csv", delimiter=",", skiprows=1)[:, 1:]
+    inner = slice(100, -100)
+    error = np.sqrt(np.mean((torque[inner] - measured[inner]) ** 2, axis=0))
+    assert (error < 0.1).all()  # a fiftieth of the torque: the sensor's noise and what the filter rounds off
+
+
+def test_predict_does_not_overwrite_the_motion(armid: Armid, run: Path, small: Path):
+    shutil.copy(small / "run2.csv", "torque.csv")
+    before = Path("torque.csv").read_bytes()
+    assert_refused(armid("predict", run, "torque.csv"), "is the motion itself", "--out")
+    assert Path("torque.csv").read_bytes() == before
+
+
+# demo and bench --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def slow_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sensors of 400 Hz instead of 8 kHz: the same demo in a twentieth of the time."""
+    monkeypatch.setattr("armid.study.demo.Sensors", lambda: Sensors(rate=400.0))
+
+
+@pytest.mark.usefixtures("slow_sensors")
+def test_demo(armid: Armid):
+    done = armid("demo", "--json", "--seed", 3)
+    found = done.json
+    assert (done.code, found["run"], found["validation"]["verdict"]) == (0, str(Path("runs") / "demo"), "pass")
+    keys_of(found, "base_parameters", "residual", "condition", "warnings", "truth")
+    keys_of(found["truth"], "base_parameters", "relative_error", "torque_error")
+    assert len(found["truth"]["base_parameters"]) == len(found["base_parameters"]) == 57
+    assert found["truth"]["relative_error"] < 0.01
+    shown = armid("demo", "--seed", 3, "--out", "there")
+    assert shown.code == 0 and "against the truth: base parameters off by" in shown.out
+    assert {path.name for path in Path("there").iterdir()} == RUN_FILES
+
+
+@pytest.mark.usefixtures("slow_sensors")
+def test_demo_as_the_thesis_does_it(armid: Armid):
+    found = armid("demo", "--json", "--preset", "thesis").json
+    assert found["method"] == "ols" and 0.04 < found["truth"]["relative_error"] < 0.06
+
+
+# Bad input -------------------------------------------------------------------------------------------------------
+
+
+def assert_refused(done: Done, problem: str, help: str = "") -> None:
+    """Exit code 2 and one message on standard error, nothing on standard output."""
+    err = " ".join(done.err.split())
+    assert (done.code, done.out) == (2, "")
+    assert err.startswith("error ") and err.count("error ") == 1
+    assert problem in err and help in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem", "help"),
+    [
+        (("base", "iwa14-r820"), "no robot description 'iwa14-r820'", "did you mean 'iiwa14-r820'?"),
+        (("base", "iiwa14-r820", "--lock", "A9"), "has no joint 'A9' to lock", "A1, A2, A3, A4, A5, A6, A7"),
+        (("base", "iiwa14-r820", "--lock", "A1=up"), "'up' is no number", "--lock JOINT=VALUE"),
+        (("base", "iiwa14-r820", "--terms", "magic"), "Unknown torque term 'magic'", "viscous"),
+        (("base", "iiwa14-r820", "--terms", ","), "--terms names no term", "rigid-body"),
+        (("identify", "nowhere.toml"), "nowhere.toml cannot be read", "give the path of a study.toml"),
+        (("identify", "{small}/run1.csv"), "alone is no study", "an arm followed by its recordings"),
+        (("identify", "iiwa14-r820", "nowhere.csv"), "nowhere.csv does not exist", "check the path"),
+        (("identify", "iiwa14-r820", "{small}/run1.csv"), "3 channels; iiwa14-r820 has 7 joints", "joints = ["),
+        (("identify", "{small}/study.toml", "--rate", "3"), "found --rate", "[[recording]]"),
+        (("identify", "{small}/study.toml", "--edges", "cut"), "edges = 'cut' is not known", "drop, periodic, pad"),
+        (("identify", "{small}/study.toml", "--cutoff", "low"), "--cutoff low is no frequency", "auto"),
+        (("identify", "{small}/study.toml", "--method", "magic"), "Unknown estimation method 'magic'", "ols, wls"),
+        (("identify", "{small}/study.toml", "--validate", "{small}/run1.csv"), "hold the same data", "part = [0.0"),
+        (("identify", "{small}/study.toml", "--validate", "no.csv"), "no.csv does not exist", ""),
+        (("identify", "{small}/study.toml", "--out", "{small}"), "is no run of armid", "--out"),
+        (("identify", "{small}/study.toml", "--out", "{small}/run1.csv/x"), "is a file", "--out"),
+        (("identify", "{small}/small.urdf", "{small}/run1.csv", "--units", "grad"), "units = 'grad'", "rad, deg"),
+        (("identify", "{small}/small.urdf", "{small}/run1.csv", "--torque-sign", "3"), "torque_sign = 3", "1, -1"),
+        (("validate", "nowhere", "{small}/run2.csv"), "nowhere is no run of armid", "armid identify"),
+        (("validate", "{run}", "nowhere.csv"), "nowhere.csv does not exist", ""),
+        (("predict", "{run}", "thesis-a1"), "thesis-a1 moves 7 joints; small has 3", ""),
+        (("predict", "{run}", "nowhere.json"), "nowhere.json is no plan", ""),
+        (("predict", "{run}", "{small}/run2.csv", "--out", "torque.xls"), "written as .csv or .npz", "suffixes"),
+        (("predict", "{run}", "{small}/run2.csv", "--out", "{small}/run1.csv/t.csv"), "could not be written", ""),
+        (("demo", "--edges", "cut", "--preset", "thesis"), "edges = 'cut' is not known", "pad"),
+    ],
+)
+def test_bad_input_is_one_message(
+    armid: Armid, small: Path, run: Path, tmp_path: Path, arguments: tuple[str, ...], problem: str, help: str
+):
+    for more in ((), ("--json",)):
+        done = armid(*(argument.format(small=small, run=run) for argument in arguments), *more)
+        assert_refused(done, problem, help)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("identify",), ("nonsense",), ("base", "--nonsense"), ("base", "x", "--gravity", "1"), ("bench", "7")],
+)
+def test_a_wrong_command_line_is_exit_code_2(armid: Armid, arguments: tuple[str, ...]):
+    done = armid(*arguments)
+    assert (done.code, done.out) == (2, "") and done.err and "Traceback" not in done.err
+
+
+def test_data_that_do_not_determine_the_parameters_are_refused(armid: Armid, small: Path):
+    """The last joint stands still all along."""
+    log = small_recording(1)
+    q = log.q.copy()
+    q[:, 2] = 0.5
+    write_recording(replace(log, q=q), Path("still.csv"))
+    done = armid("identify", small / "small.urdf", "still.csv")
+    assert_refused(done, "they do not see", "moves the joints")
+    assert "FV_3, FS_3" in done.err and not Path("runs").exists()
+
+
+def test_one_sample_is_refused(armid: Armid, small: Path):
+    Path("one.csv").write_text("t,q1,q2,q3,tau1,tau2,tau3\n0,1,2,3,4,5,6\n")
+    assert_refused(armid("identify", small / "small.urdf", "one.csv"), "one.csv")
+
+
+def test_ctrl_c_leaves_nothing_behind(armid: Armid, small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def stopped(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    for where in ("armid.study.identify.inform", "armid.study.identify.validate", "armid.study.run.replace_file"):
+        with monkeypatch.context() as patch:
+            patch.setattr(where, stopped)
+            done = armid("identify", small / "study.toml", "--out", "run")
+        assert (done.code, done.out, done.err) == (130, "", "interrupted; nothing was written\n"), where
+        assert list(tmp_path.iterdir()) == []
+
+
+# How it looks ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(armid: Armid, command: str):
+    for flag in ("--help", "-h"):
+        done = armid(command, flag)
+        assert (done.code, done.err) == (0, "")
+        assert "Example" in done.out and f"armid {command}" in done.out
+        assert not re.search(r"[a-z] [.,] ", done.out)  # a unit in brackets would be taken for markup
+
+
+def test_help_lists_every_command(armid: Armid):
+    done = armid("--help")
+    assert done.code == 0 and {"base", "identify", "validate", "predict", "demo", "bench"} <= set(COMMANDS)
+    for command in COMMANDS:
+        assert f" {command} " in done.out
+    bare = armid()
+    assert "Usage: armid" in bare.out + bare.err
+
+
+def test_tables_fit_a_narrow_terminal(run: Path):
+    loaded = load_run(run)
+    screen = StringIO()
+    console = Console(file=screen, width=80, highlight=False)
+    console.print(estimate_table(loaded.estimate))
+    for count in (1, 2, 9):
+        scores = [Score("unseen.csv", "", *(np.array([12.3456, 0.1, 1.0]),) * 6) for _ in range(count)]
+        judged = judge(loaded.robot.joint_names, scores, loaded.estimate)
+        console.print(validation_table(judged, scores[:1], ["N·m"] * 3))
+        print_verdict(console, judged)
+    text = screen.getvalue()
+    assert "…" not in text.replace(" … ", "")  # between the ends of intervals, and nowhere cut off
+    assert all(text.count(word) >= 3 for word in ("unseen", "nominal", "torque", "peak", "band")) and "runs" in text
+
+
+def test_values_are_shown_as_finely_as_they_are_known(armid: Armid, run: Path, small: Path):
+    """Two digits of the interval's half width, three decimals at least."""
+    out = armid("identify", small / "study.toml").out
+    rows = {line.split()[1]: line.replace("│", " ").split() for line in out.splitlines() if line.startswith("│")}
+    estimate = load_run(run).estimate
+    for k, name in enumerate(estimate.fit.names):
+        shown = rows[name]
+        decimals = len(shown[1].split(".")[1])
+        low, high = estimate.intervals[k]
+        digits = 0.5 * (high - low) * 10.0**decimals
+        assert 9.4 <= digits < 100 or (decimals == 3 and digits >= 10), name
+        assert float(shown[1]) == round(float(estimate.fit.values[k]), decimals)
+        assert (float(shown[4]), float(shown[6])) == (round(low, decimals), round(high, decimals))
+        assert shown[3].endswith("*") == bool(estimate.fit.poorly_identified[k])
+
+
+def test_the_command_line_starts_without_heavy_packages():
+    script = "import armid.cli.main, sys; print(*sorted({'numpy', 'scipy', 'rich', 'pinocchio'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+# As a program ----------------------------------------------------------------------------------------------------
+
+
+def program(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from armid.cli.main import main; main()", *map(str, arguments)]
+    clean = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "COLUMNS")}
+    return subprocess.run(
+        command, capture_output=True, encoding="utf-8", cwd=cwd, env=clean | environment, timeout=120, check=False
+    )
+
+
+def test_in_a_pipe_there_are_neither_colours_nor_bars(small: Path, tmp_path: Path):
+    done = program("identify", small / "study.toml", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "\x1b" not in done.stdout and "\r" not in done.stdout and "run written to" in done.stdout
+
+
+def test_the_program_ends_with_the_code_of_its_verdict_or_error(run: Path, small: Path, tmp_path: Path):
+    assert program("validate", run, small / "run2.csv", "--json", cwd=tmp_path).returncode == 0
+    assert program("validate", run, small / "run2.csv", "--torque-sign", -1, cwd=tmp_path).returncode == 1
+    done = program("validate", run, "nowhere.csv", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "") and done.stderr.startswith("error nowhere.csv does not exist.")
+
+
+def test_a_terminal_without_greek_letters_is_no_reason_to_fail(run: Path, small: Path, tmp_path: Path):
+    done = program("identify", small / "study.toml", cwd=tmp_path, PYTHONIOENCODING="ascii")
+    assert done.returncode == 0 and "run written to" in done.stdout
+
+
+def test_the_arm_of_a_study_may_be_anywhere(small: Path, tmp_path: Path):
+    """A study beside its data, called from another folder by a relative path."""
+    write_arm(tmp_path)
+    done = program("identify", os.path.relpath(small / "study.toml", tmp_path), "--json", cwd=tmp_path)
+    assert done.returncode == 0 and json.loads(done.stdout)["validation"]["verdict"] == "pass"

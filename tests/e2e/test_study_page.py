@@ -1,0 +1,24 @@
+"""The study on the page that explains it is one: every key is known, and every key that is known is there."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import tomllib
+from pathlib import Path
+
+from armid.measurement.processing import Processing
+from armid.measurement.reading import Reading
+from armid.study.study import EstimationChoice, RecordingChoice, RobotChoice, parse_study
+
+PAGE = Path(__file__).parents[2] / "docs" / "study.md"
+
+
+def test_the_study_on_the_page_is_understood_and_complete():
+    (text,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    study = parse_study(tomllib.loads(text))
+    assert len(study.recordings) == 2
+    whole = re.sub(r"^# (?=\w+ = )", "", text, flags=re.MULTILINE)
+    written = set(re.findall(r"^(\w+) = ", whole, re.MULTILINE))
+    for kind in (RobotChoice, RecordingChoice, Reading, Processing, EstimationChoice):
+        assert {field.name for field in dataclasses.fields(kind)} - {"reading"} <= written
