@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, RecordingError, StudyError
+from armid.estimation.estimate import standard_parameters
 from armid.measurement.processing import Processing
 from armid.model.terms import TERMS, Coulomb
 from armid.study.cut import cut
@@ -376,8 +377,13 @@ def test_friction_for_each_recording_needs_two(tmp_path: Path):
     with pytest.raises(StudyError, match="at least two training recordings"):
         identify(load_study(write_study(tmp_path, own)))
     both = own.replace('role = "validate"\n', "")
-    names = identify(load_study(write_study(tmp_path, both))).estimate.fit.names
-    assert {"FV_1[1]", "FV_1[2]", "FO_3[2]", "ZZR_1"} <= set(names)
+    estimate = identify(load_study(write_study(tmp_path, both))).estimate
+    assert {"FV_1[1]", "FV_1[2]", "FO_3[2]", "ZZR_1"} <= set(estimate.fit.names)
+    assert not any("[" in name for name in estimate.fit.names if not name.startswith(("FV", "FS", "FO")))
+    alone = {each["name"]: each for each in standard_parameters(estimate)}
+    values = dict(zip(estimate.fit.names, estimate.fit.values, strict=True))
+    assert alone["FV_1"]["status"] == "identified"
+    assert alone["FV_1"]["value"] == pytest.approx((values["FV_1[1]"] + values["FV_1[2]"]) / 2)
 
 
 # The result ----------------------------------------------------------------------------------------------------
