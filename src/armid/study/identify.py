@@ -29,7 +29,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.study.cut import cut, refuse_shared
-from armid.study.plausibility import gravity_finding, torque_finding
+from armid.study.plausibility import excitation_finding, gravity_finding, torque_finding
 from armid.study.study import RecordingChoice, Study, build_model, load_choice, resolve_model
 from armid.validation.predict import Score, Validation, score, validate
 from armid.values import Array, digest
@@ -131,7 +131,7 @@ def identify(
     information = replace(information, scale_deviation=_scale_deviation(train, robot))
     tell("estimation", 0.0)
     estimate = _estimate(study, model, base, information, recordings)
-    findings += _doubts(model, observations, estimate)
+    findings += _doubts(model, observations, information, estimate)
     tell("validation", 0.0)
     training, _ = score_recordings(model, estimate, train, processing)
     held_out = [(choice, recording) for choice, recording in recordings if choice.role == "validate"]
@@ -224,9 +224,15 @@ def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: 
     return np.max([np.zeros(robot.n), *said], axis=0)
 
 
-def _doubts(model: DynamicsModel, observations: Observations, estimate: Estimate) -> list[Finding]:
+def _doubts(
+    model: DynamicsModel, observations: Observations, information: Information, estimate: Estimate
+) -> list[Finding]:
     """What speaks against taking the estimate at its word."""
-    found = [gravity_finding(model.robot), torque_finding(model, observations)]
+    found = [
+        gravity_finding(model.robot),
+        torque_finding(model, observations),
+        excitation_finding(information),
+    ]
     if estimate.fit.covariance_kind == "white":
         found.append(
             Finding(

@@ -5,17 +5,44 @@ from __future__ import annotations
 import numpy as np
 
 from armid.errors import Finding
+from armid.information.information import Information, stack, total
 from armid.information.observations import Observations
+from armid.maths.linalg import unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 
-__all__ = ["gravity_finding", "torque_finding"]
+__all__ = ["excitation_finding", "gravity_finding", "torque_finding"]
 
 AGAINST = -0.5
 """Correlation of measured with predicted torque on the most loaded joint below which their senses disagree."""
 
 STRONGEST_GRAVITY = 15.0
 """Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
+
+
+WEAK_CONDITION = 100.0
+"""Condition number with columns of unit length above which an estimate holds for the motion that it was made from
+and hardly for another: arms that were recorded well have 8 to 42, those whose estimates fail elsewhere 200 and more."""
+
+NAMED = 4
+
+
+def excitation_finding(information: Information) -> Finding | None:
+    """A motion that hardly tells some parameters apart, with their names, or `None`."""
+    _, values, directions = np.linalg.svd(unit_columns(stack(total(information))[0])[0], full_matrices=False)
+    condition = float(values[0] / values[-1])
+    if condition <= WEAK_CONDITION:
+        return None
+    worst = np.argsort(-np.abs(directions[-1]))[:NAMED]
+    names = ", ".join(information.names[k] for k in worst)
+    return Finding(
+        "excitation-weak",
+        "warning",
+        "",
+        f"The motion hardly tells {names} apart (condition number {condition:.0f} with columns of unit length, where "
+        f"{WEAK_CONDITION:.0f} is much).",
+        "record a motion that moves all joints together, fast and wide; on other motion the estimate may fail.",
+    )
 
 
 def torque_finding(model: DynamicsModel, observations: Observations) -> Finding | None:
