@@ -22,7 +22,7 @@ STRONGEST_GRAVITY = 15.0
 
 WEAK_CONDITION = 100.0
 """Condition number with columns of unit length above which an estimate holds for the motion that it was made from
-and hardly for another: arms that were recorded well have 8 to 42, those whose estimates fail elsewhere 200 and more."""
+and hardly for another: well recorded arms have 8 to 42, those whose estimates fail elsewhere 200 and more."""
 
 NAMED = 4
 
