@@ -1,7 +1,6 @@
 """Every published recording reads, and means what its description says."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from armid.errors import RecordingError
 from armid.measurement.interpret import interpret
 from armid.measurement.readers import load_recording
 from armid.measurement.reading import Reading
-from armid.measurement.recording import check_roles
 from armid.robot import load_robot
 
 pytestmark = pytest.mark.real
@@ -144,11 +142,3 @@ def test_the_loaded_run_weighs_more(shared_data):
     free = read(shared_data, "ur10e_innopolis/ur-20_02_19_14harm50sec")[0].recording
     loaded = read(shared_data, "ur10e_innopolis/ur-20_02_19_14harm50secLoad")[0].recording
     assert loaded.effort[:, 1].std() > 1.2 * free.effort[:, 1].std()
-
-
-def test_a_copy_of_a_training_file_is_no_validation_file(shared_data, tmp_path):
-    first = load_recording(shared_data / "kuka_lwr4plus/measurements_1.parquet")
-    second = load_recording(shared_data / "kuka_lwr4plus/measurements_3.parquet")
-    check_roles([first], [second])
-    with pytest.raises(RecordingError, match="training file"):
-        check_roles([first, second], [replace(second, source="other.parquet")])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.recording import Recording, check_roles
+from armid.measurement.recording import Recording
 from armid.values import load, save
 
 TIME = np.arange(12) / 100
@@ -76,17 +76,3 @@ def test_shapes_that_disagree_are_refused(change, words):
 def test_channels_without_names_are_called_by_their_numbers():
     assert Recording(time=TIME, q=Q).channels == ("1", "2")
     assert Recording(time=TIME, q=Q, joint_names=("a", "b")).channels == ("a", "b")
-
-
-def test_a_validation_file_that_is_a_training_file_is_refused_by_content():
-    one = Recording(time=TIME, q=Q, source="one.csv", sha256="1")
-    copy_of_one = Recording(time=TIME, q=Q, source="copy.csv", sha256="1")
-    two = Recording(time=TIME, q=Q, source="two.csv", sha256="2")
-    check_roles([one], [two])
-    with pytest.raises(RecordingError, match=r"copy\.csv is to validate.*training file one\.csv"):
-        check_roles([two, one], [copy_of_one])
-
-
-def test_recordings_without_a_file_are_never_taken_for_the_same():
-    made = Recording(time=TIME, q=Q)
-    check_roles([made], [made])

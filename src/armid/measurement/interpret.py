@@ -180,24 +180,29 @@ def _on_joint_side(recording: Recording, reading: Reading, robot: Robot) -> tupl
     q, findings = _unwrapped(
         recording.q * unit, turns if recording.consecutive else np.zeros(robot.n, dtype=np.bool_), robot
     )
-    gear = np.eye(robot.n) if reading.transmission is None else np.asarray(reading.transmission)
+    gear = np.eye(robot.n) if reading.transmission is None else np.asarray(reading.transmission, dtype=np.float64)
     offset = np.zeros(robot.n) if reading.joint_offset is None else np.asarray(reading.joint_offset)
     gain = np.ones(robot.n) if reading.drive_gain is None else np.asarray(reading.drive_gain)
-    to_joint = np.linalg.inv(gear).T
-    # A joint counts where every motor does that its position or torque is made from.
-    needed = (gear != 0) | (to_joint != 0)
-    valid = ~((~recording.valid).astype(np.int64) @ needed.astype(np.int64)).astype(np.bool_)
+    to_joint = np.asarray(np.linalg.inv(gear).T, dtype=np.float64)
+    valid = recording.valid
+    if reading.transmission is not None and not valid.all():
+        # A joint counts where every motor does that its position or torque is made from.
+        needed = (gear != 0) | (to_joint != 0)
+        valid = ~((~valid).astype(np.float64) @ needed.astype(np.float64)).astype(np.bool_)
+
+    def through(values: Array, matrix: Array) -> Array:
+        return values if reading.transmission is None else values @ matrix
 
     def moved(values: Array | None) -> Array | None:
-        return None if values is None else (values * unit) @ to_joint
+        return None if values is None else through(values * unit, to_joint)
 
     effort = recording.effort
     return replace(
         recording,
-        q=q @ to_joint + offset,
+        q=through(q, to_joint) + offset,
         dq=moved(recording.dq),
         ddq=moved(recording.ddq),
-        effort=None if effort is None else (effort * gain) @ gear * np.asarray(reading.torque_sign),
+        effort=None if effort is None else through(effort * gain, gear) * np.asarray(reading.torque_sign),
         valid=valid,
         effort_is_current=False,
     ), findings

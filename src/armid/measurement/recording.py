@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from armid.errors import RecordingError
 from armid.values import Array, array
 
-__all__ = ["Recording", "check_roles"]
+__all__ = ["Recording"]
 
 
 def _all_valid() -> NDArray[np.bool_]:
@@ -99,24 +98,3 @@ class Recording:
     def channels(self) -> tuple[str, ...]:
         """Names of the channels; their numbers, counted from 1, where the file has no names."""
         return self.joint_names or tuple(str(i + 1) for i in range(self.n))
-
-
-def check_roles(train: Sequence[Recording], validate: Sequence[Recording]) -> None:
-    """Refuse a validation file that is also a training file, by content.
-
-    Args:
-        train: Recordings to identify from.
-        validate: Recordings to judge by.
-
-    Raises:
-        RecordingError: Some file stands on both sides, under whatever name.
-    """
-    seen = {recording.sha256: recording.source for recording in train if recording.sha256}
-    for recording in validate:
-        if recording.sha256 in seen:
-            raise RecordingError(
-                f"{recording.source} is to validate, but its content is that of the training file "
-                f"{seen[recording.sha256]} (sha256 {recording.sha256[:12]}…).",
-                possible="a recording of another motion, or another part of the run saved as its own file",
-                remedy="validate on motion that the model has not seen.",
-            )
