@@ -47,7 +47,7 @@ class Solution:
             rows, side = joint.R[0, :, :-1], joint.R[0, :, -1]
             self.squares[j] = np.sum((side - rows @ self.values[joint.parameters]) ** 2)
             inner = self.inverse[np.ix_(joint.parameters, joint.parameters)]
-            self.spent[j] = weights[j] ** 2 * np.einsum("ri,ij,rj->", rows, inner, rows)
+            self.spent[j] = weights[j] ** 2 * np.sum((rows @ inner) * rows)
 
 
 def solve(information: Information, weights: Array) -> Solution:

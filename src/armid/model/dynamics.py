@@ -151,10 +151,10 @@ class DynamicsModel:
         entries = self.entries if kept is None else [self.entries[e] for e in kept]
         values = np.empty((len(entries), motion.samples))
         by_joint = _by_joint(motion, {name for _, _, law, _ in entries for name in symbols(law.expression)})
-        for row, (_, _, law, weight) in enumerate(entries):
-            values[row] = evaluate(law.expression, _environment(law, by_joint))
+        for row, (_, _, law, weight) in zip(values, entries, strict=True):
+            row[:] = evaluate(law.expression, _environment(law, by_joint))
             if weight != 1.0:
-                values[row] *= weight
+                row *= weight
         joint = np.array([e[0] for e in entries], dtype=np.int32)
         parameter = np.array([e[1] for e in entries], dtype=np.int32)
         return TermColumns(joint, parameter, values)

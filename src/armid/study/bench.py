@@ -73,15 +73,19 @@ def measure(samples: int) -> dict[str, Any]:
 def _result(
     name: str, peer: str, armid: Callable[[], object], other: Callable[[], object], rounds: int
 ) -> dict[str, Any]:
-    """Medians of both in turn, so that whatever else the machine does meets both alike."""
+    """Medians of both in turn, so that whatever else the machine does meets both alike.
+
+    A peer of seconds runs fewer rounds than armid, whose milliseconds are easily disturbed.
+    """
     mine: list[float] = []
     theirs: list[float] = []
     armid()
     for _ in range(rounds):
-        for run, times in ((armid, mine), (other, theirs)):
-            began = time.process_time()
-            run()
-            times.append(time.process_time() - began)
+        for run, times, many in ((armid, mine, max(1, ROUNDS // rounds)), (other, theirs, 1)):
+            for _ in range(many):
+                began = time.process_time()
+                run()
+                times.append(time.process_time() - began)
     a, b = statistics.median(mine), statistics.median(theirs)
     return {"name": name, "peer": peer, "armid_seconds": a, "peer_seconds": b, "ratio": b / a}
 
