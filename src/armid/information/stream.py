@@ -31,8 +31,8 @@ __all__ = ["Progress", "inform"]
 Progress = Callable[[int, int], None]
 """Told how many samples are done, and of how many."""
 
-CHUNK = 16384
-"""Samples whose term columns are held at a time: 2 MB for a seven-joint arm."""
+CHUNK = 8192
+"""Samples whose term columns are held at a time: 1 MB for a seven-joint arm."""
 
 GRAM_ROWS = 20_000
 """Below so many rows a QR takes milliseconds, and the faster way is not worth a thought."""
