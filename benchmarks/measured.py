@@ -25,6 +25,7 @@ import numpy as np
 
 from armid import kernel
 from armid.estimation.estimators import OrdinaryLeastSquares
+from armid.estimation.problem import Problem
 from armid.excitation.plans import builtin_plan
 from armid.information.band import Band
 from armid.information.observations import Observations, ObservedRun
@@ -71,7 +72,7 @@ class Arm:
 
     def deviations(self, observations: Observations) -> object:
         """Least squares with standard deviations."""
-        return OrdinaryLeastSquares().estimate(inform(self.model, self.base, observations)).deviation
+        return OrdinaryLeastSquares().estimate(Problem(inform(self.model, self.base, observations))).deviation
 
 
 def cpu(work: Callable[[], object]) -> float:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from armid.errors import ArmidError
     from armid.estimation.estimate import Estimate
     from armid.estimation.estimators import WeightedLeastSquares
+    from armid.estimation.problem import Problem
     from armid.estimation.uncertainty import cover
     from armid.excitation.fourier import Excitation
     from armid.information.information import Information
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from armid.model.motion import Motion
     from armid.robot import Robot, load_robot
     from armid.study.identify import identify
-    from armid.study.run import Run, load_run, save_run
+    from armid.study.run import load_run, save_run
     from armid.study.study import Study, load_study
 
 _HOMES = {
@@ -38,11 +39,11 @@ _HOMES = {
     "Excitation": "excitation.fourier",
     "Information": "information.information",
     "Motion": "model.motion",
+    "Problem": "estimation.problem",
     "Processing": "measurement.processing",
     "Reading": "measurement.reading",
     "Recording": "measurement.recording",
     "Robot": "robot",
-    "Run": "study.run",
     "Study": "study.study",
     "WeightedLeastSquares": "estimation.estimators",
     "cover": "estimation.uncertainty",
@@ -66,11 +67,11 @@ __all__ = [
     "Excitation",
     "Information",
     "Motion",
+    "Problem",
     "Processing",
     "Reading",
     "Recording",
     "Robot",
-    "Run",
     "Study",
     "WeightedLeastSquares",
     "cover",

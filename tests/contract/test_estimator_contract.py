@@ -11,6 +11,7 @@ import armid.estimation.estimators
 from armid.errors import EstimationError
 from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.fit import Fit
+from armid.estimation.problem import Problem
 from armid.information.information import Information, merge, stack
 from armid.information.stream import inform
 from armid.model.base import BaseParameters, find_base_parameters
@@ -79,7 +80,7 @@ def test_is_a_frozen_value(name: str):
 
 @METHOD
 def test_noise_free_data_give_the_truth_back(name: str, model, base, truth):
-    fit = ESTIMATORS[name]().estimate(information_of(model, base, truth, 0.0))
+    fit = ESTIMATORS[name]().estimate(Problem(information_of(model, base, truth, 0.0)))
     exact = base.values_of(truth)
     np.testing.assert_allclose(fit.values, exact, rtol=0, atol=EXACT * np.abs(exact).max())
 
@@ -87,7 +88,7 @@ def test_noise_free_data_give_the_truth_back(name: str, model, base, truth):
 @METHOD
 def test_a_fit_is_whole(name: str, model, base, truth):
     information = information_of(model, base, truth, NOISE)
-    fit = ESTIMATORS[name]().estimate(information)
+    fit = ESTIMATORS[name]().estimate(Problem(information))
     assert isinstance(fit, Fit) and fit.names == base.names
     for field in dataclasses.fields(Fit):
         value = getattr(fit, field.name)
@@ -107,14 +108,14 @@ def test_deviations_are_those_of_white_noise(name: str, model, base, truth):
     information = information_of(model, base, truth, NOISE)
     rows, _ = stack(information)
     best = NOISE * np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
-    np.testing.assert_allclose(ESTIMATORS[name]().estimate(information).deviation, best, rtol=0.1)
+    np.testing.assert_allclose(ESTIMATORS[name]().estimate(Problem(information)).deviation, best, rtol=0.1)
 
 
 @METHOD
 def test_same_in_same_out_and_nothing_changed(name: str, model, base, truth):
     information = information_of(model, base, truth, NOISE)
     before = bytes_of(information)
-    first, second = (ESTIMATORS[name]().estimate(information) for _ in range(2))
+    first, second = (ESTIMATORS[name]().estimate(Problem(information)) for _ in range(2))
     assert first.values.tobytes() == second.values.tobytes()
     assert first.covariance.tobytes() == second.covariance.tobytes()
     assert bytes_of(information) == before
@@ -123,7 +124,7 @@ def test_same_in_same_out_and_nothing_changed(name: str, model, base, truth):
 @METHOD
 def test_more_of_the_same_is_surer(name: str, model, base, truth):
     once = information_of(model, base, truth, NOISE)
-    one, two = (ESTIMATORS[name]().estimate(x) for x in (once, merge([once, once])))
+    one, two = (ESTIMATORS[name]().estimate(Problem(x)) for x in (once, merge([once, once])))
     # Twice the rows have relatively more degrees of freedom, which moves weights and deviations a little.
     assert (np.abs(two.values - one.values) < 0.01 * one.deviation).all()
     np.testing.assert_allclose(two.deviation, one.deviation / np.sqrt(2.0), rtol=0.02)
@@ -132,5 +133,5 @@ def test_more_of_the_same_is_surer(name: str, model, base, truth):
 @METHOD
 def test_data_that_do_not_determine_it_are_refused(name: str, model, base, truth):
     with pytest.raises(EstimationError) as caught:
-        ESTIMATORS[name]().estimate(information_of(model, base, truth, NOISE, moving=False))
+        ESTIMATORS[name]().estimate(Problem(information_of(model, base, truth, NOISE, moving=False)))
     assert caught.value.remedy and any(parameter in caught.value.problem for parameter in base.names)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit import Fit
+from armid.estimation.problem import Problem
 from armid.estimation.uncertainty import FEWEST_BLOCKS, cover
 from armid.information.information import Information, JointFactors, merge, select, total
 from armid.information.stream import inform
@@ -82,7 +83,7 @@ def assert_close(a: Fit, b: Fit, tolerance: float) -> None:
 @given(seed=SEEDS)
 def test_noise_free_data_give_the_truth_back(method: Method, seed: int):
     (_, _, truth), information = random_information(seed, noise=0.0)
-    fit = method.estimate(information)
+    fit = method.estimate(Problem(information))
     assert np.linalg.norm(fit.values - truth) <= EXACT * np.linalg.norm(truth)
 
 
@@ -91,7 +92,7 @@ def test_noise_free_data_give_the_truth_back(method: Method, seed: int):
 def test_weights_settle_on_data_that_were_only_rounded(seed: int, digits: int):
     """Exact torques in so many digits: residuals not far above the rounding of the solution."""
     (_, _, truth), information = random_information(seed, noise=10.0**-digits)
-    fit = WLS.estimate(information)
+    fit = WLS.estimate(Problem(information))
     assert np.linalg.norm(fit.values - truth) <= 10.0 ** (4 - digits) * np.linalg.norm(truth)
 
 
@@ -100,13 +101,13 @@ def test_weights_settle_on_data_that_were_only_rounded(seed: int, digits: int):
 @given(seed=SEEDS)
 def test_merging_in_any_order_and_chunking_is_one_estimate(method: Method, seed: int):
     _, information = random_information(seed, noise=0.2)
-    expected = method.estimate(information)
+    expected = method.estimate(Problem(information))
     rng = np.random.default_rng(seed)
     order = rng.permutation(information.blocks)
     cuts = np.sort(rng.choice(np.arange(1, information.blocks), FEWEST_BLOCKS - 2, replace=False))
     chunks = [total(select(information, part)) for part in np.split(order, cuts)]
     expected = cover(expected, information)
-    shuffled, chunked = (cover(method.estimate(x), x) for x in (select(information, order), merge(chunks)))
+    shuffled, chunked = (cover(method.estimate(Problem(x)), x) for x in (select(information, order), merge(chunks)))
     tolerance = MERGED * EPS * expected.condition if method is OLS else SETTLED
     assert_close(shuffled, expected, tolerance)
     assert_close(chunked, expected, tolerance)
@@ -121,7 +122,7 @@ def test_weighted_estimates_do_not_know_the_scale_of_a_joint(seed: int):
     """Measured with a gain that differs from joint to joint, on both sides, the estimate is the same."""
     (model, _, _), information = random_information(seed, noise=0.2)
     factor = 10.0 ** np.random.default_rng(seed).uniform(-2.0, 2.0, model.n)
-    plain, scaled = WLS.estimate(information), WLS.estimate(weighed(information, factor))
+    plain, scaled = WLS.estimate(Problem(information)), WLS.estimate(Problem(weighed(information, factor)))
     assert_close(scaled, plain, SETTLED)
     np.testing.assert_allclose(scaled.residual_rms, factor * plain.residual_rms, rtol=SETTLED)
 
@@ -131,7 +132,7 @@ def test_weighted_estimates_do_not_know_the_scale_of_a_joint(seed: int):
 @given(seed=SEEDS, unit=st.floats(1e-3, 1e3))
 def test_the_unit_of_torque_does_not_matter(method: Method, seed: int, unit: float):
     _, information = random_information(seed, noise=0.2)
-    plain, other = method.estimate(information), method.estimate(measured_in(information, unit))
+    plain, other = method.estimate(Problem(information)), method.estimate(Problem(measured_in(information, unit)))
     np.testing.assert_allclose(other.values * unit, plain.values, rtol=0, atol=SETTLED * np.abs(plain.values).max())
     np.testing.assert_allclose(other.relative_deviation, plain.relative_deviation, rtol=1e-4)
     assert (other.poorly_identified == plain.poorly_identified).mean() > 0.9  # but for ties at the mark
@@ -144,7 +145,7 @@ def test_the_unit_of_torque_does_not_matter(method: Method, seed: int, unit: flo
 def test_residuals_are_what_the_estimate_leaves(method: Method, seed: int):
     """Rows, residuals and the degrees of freedom that the parameters spend."""
     (model, base, truth), information = random_information(seed, noise=0.3)
-    fit = method.estimate(information)
+    fit = method.estimate(Problem(information))
     squares = (fit.residual_rms**2 * fit.rows).sum()
     assert squares == pytest.approx(0.09 * (fit.rows.sum() - base.count), rel=0.2)  # 1000 rows and more
     assert fit.rows.tolist() == [500] * model.n

@@ -12,6 +12,7 @@ import pytest
 
 from armid.errors import ArmidError, RecordingError, StudyError
 from armid.estimation.estimate import standard_parameters
+from armid.estimation.estimators import WeightedLeastSquares
 from armid.measurement.processing import Processing
 from armid.model.terms import TERMS, Coulomb
 from armid.study.cut import cut
@@ -22,6 +23,7 @@ from armid.study.study import (
     RecordingChoice,
     RobotChoice,
     Study,
+    build_estimator,
     build_model,
     load_choice,
     load_study,
@@ -82,6 +84,7 @@ saturation = 0.9
 [estimation]
 method = "ols"
 friction_per_recording = true
+wls = { iterations = 7 }
 """
 """Every key that a study knows, the example of the design among them."""
 
@@ -138,15 +141,24 @@ def test_every_key_arrives():
     assert study.processing == Processing(
         3.0, 2, "fir", False, 20.0, "filter", "pad", 0.25, 0.1, 4.0, False, 0.9
     )  # in the order of its fields
-    assert study.estimation == EstimationChoice("ols", friction_per_recording=True)
+    assert study.estimation == EstimationChoice(
+        "ols", friction_per_recording=True, options={"wls": {"iterations": 7}}
+    )
 
 
 def test_no_key_is_missing_above():
     """Each field of the dataclasses stands in the text, so that a new one is thought of here."""
     study = every_key()
     for value in (study.robot, study.recordings[0].reading, study.processing, study.estimation):
-        for name in asdict(value):
+        for name in asdict(value).keys() - {"options"}:  # these stand under the names of estimators
             assert f"\n{name} = " in EVERY_KEY, name
+
+
+def test_options_of_an_estimator_stand_under_its_name():
+    study = plain(estimation={"wls": {"iterations": 7}})
+    assert build_estimator(study.estimation) == WeightedLeastSquares(iterations=7)
+    with pytest.raises(StudyError, match=r"\[estimation.wls\].*'iteration'.*did you mean 'iterations'"):
+        plain(estimation={"method": "ols", "wls": {"iteration": 7}})
 
 
 def test_defaults():

@@ -13,6 +13,7 @@ from armid.estimation.estimate import Estimate
 from armid.estimation.estimators import OrdinaryLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.problem import Problem
 from armid.information.band import Band
 from armid.information.observations import Observations, ObservedRun
 from armid.information.residuals import compare
@@ -50,7 +51,7 @@ def estimate_from(*runs: ObservedRun, band: Band | None = None, own_friction: bo
     if own_friction:
         kinds = np.array([small_model().parameters[k].kind != RigidBody.name for k in base.kept])
         information = separate_by_recording(information, kinds)
-    return Estimate("small", "ols", (), base, OrdinaryLeastSquares().estimate(information))
+    return Estimate("small", "ols", (), base, OrdinaryLeastSquares().estimate(Problem(information)))
 
 
 @cache
@@ -165,13 +166,13 @@ def test_bands_of_long_recordings_are_looked_at_every_so_many_rows(monkeypatch: 
     every_row = score(small_model(), estimate, Observations(runs, band)).coverage95
     monkeypatch.setattr(predict, "COVERED_ROWS", 300)
     seen: list[int] = []
-    columns = predict.columns_on_grid
+    columns = predict.all_rows
 
     def counted(source: object, run: ObservedRun, band: Band) -> Array:
         seen.append(len(run.rows))
         return columns(source, run, band)  # pyright: ignore[reportArgumentType]
 
-    monkeypatch.setattr(predict, "columns_on_grid", counted)
+    monkeypatch.setattr(predict, "all_rows", counted)
     some = score(small_model(), estimate, Observations(runs, band)).coverage95
     np.testing.assert_allclose(some, every_row, atol=0.05)
     assert seen == [150, 150]  # columns of the other rows are never made

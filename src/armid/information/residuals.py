@@ -7,15 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid import kernel
 from armid.information.band import Band
-from armid.information.filtering import filtered_columns, in_band
+from armid.information.filtering import in_band
 from armid.information.observations import ObservedRun
-from armid.information.setup import ColumnSource
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array
 
-__all__ = ["Comparison", "columns_on_grid", "compare"]
+__all__ = ["Comparison", "compare"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,13 +61,3 @@ def compare(model: DynamicsModel, standard: Array, run: ObservedRun, band: Band)
     measured = in_band(run.torque, run.rate, band)
     smooth = in_band(predicted, run.rate, band) if band.columns else predicted
     return Comparison(measured[rows], smooth[rows], run.torque[rows], predicted[rows], run.mask)
-
-
-def columns_on_grid(source: ColumnSource, run: ObservedRun, band: Band) -> Array:
-    """Columns of every joint on the output grid in the band, torque last, shape (columns, M)."""
-    if band.is_open or not run.consecutive or not band.columns:
-        motion = run.motion[slice(run.offset, None, run.step)]
-        terms = source.term_rows(motion)
-        torque = run.torque[run.rows]
-        return kernel.columns(source.tree, source.layout, motion.q, motion.dq, motion.ddq, torque, terms)
-    return np.concatenate([x for _, x in filtered_columns(source, run, band)], axis=1)

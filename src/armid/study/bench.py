@@ -20,6 +20,7 @@ import numpy as np
 from armid import kernel
 from armid.errors import ArmidError
 from armid.estimation.estimators import OrdinaryLeastSquares
+from armid.estimation.problem import Problem
 from armid.excitation.plans import builtin_plan
 from armid.information.band import Band
 from armid.information.observations import Observations, ObservedRun
@@ -143,10 +144,10 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
     smooth = observations(step, Band("butterworth", 5.0, 4, "periodic"))
 
     def armid() -> Array:
-        return OrdinaryLeastSquares().estimate(inform(model, base, raw)).deviation
+        return OrdinaryLeastSquares().estimate(Problem(inform(model, base, raw))).deviation
 
     def filtered() -> Array:
-        return OrdinaryLeastSquares().estimate(inform(model, base, smooth)).deviation
+        return OrdinaryLeastSquares().estimate(Problem(inform(model, base, smooth))).deviation
 
     inertial = np.isin(base.kept, model.inertial_columns)
     standard = np.searchsorted(model.inertial_columns, base.kept[inertial])

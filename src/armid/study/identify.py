@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, StudyError
 from armid.estimation.estimate import Estimate, TermUse
-from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.problem import Problem, standard_of
 from armid.estimation.uncertainty import FEWEST_BLOCKS, cover
 from armid.information.information import Information
 from armid.information.observations import Observations
@@ -30,7 +30,7 @@ from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.study.cut import cut, refuse_shared
 from armid.study.plausibility import excitation_finding, gravity_finding, torque_finding
-from armid.study.study import RecordingChoice, Study, build_model, load_choice, resolve_model
+from armid.study.study import RecordingChoice, Study, build_estimator, build_model, load_choice, resolve_model
 from armid.validation.predict import Score, Validation, score, validate
 from armid.values import Array, digest
 
@@ -130,7 +130,7 @@ def identify(
     )
     information = replace(information, scale_deviation=_scale_deviation(train, robot))
     tell("estimation", 0.0)
-    estimate = _estimate(study, model, base, information, recordings)
+    estimate = _estimate(study, model, base, information, observations, recordings)
     findings += _doubts(model, observations, information, estimate)
     tell("validation", 0.0)
     training, _ = score_recordings(model, estimate, train, processing)
@@ -192,6 +192,7 @@ def _estimate(
     model: DynamicsModel,
     base: BaseParameters,
     information: Information,
+    observations: Observations,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
 ) -> Estimate:
     """Estimate with what it was made from."""
@@ -199,7 +200,8 @@ def _estimate(
         if len(np.unique(information.recording)) < 2:
             raise StudyError("friction_per_recording needs at least two training recordings.")
         information = separate_by_recording(information, _changing(model)[base.kept])
-    fit = cover(ESTIMATORS[study.estimation.method]().estimate(information), information)
+    problem = Problem(information, standard_of(model, base), model, base, observations)
+    fit = cover(build_estimator(study.estimation).estimate(problem), information)
     options = digest(repr((study.model, study.processing, study.estimation)))
     made_from = (
         f"robot {model.robot.sha256}",

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from armid.errors import ArmidError, StudyError
-from armid.estimation.estimators import ESTIMATORS
+from armid.estimation.estimators import ESTIMATORS, Estimator
 from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
 from armid.model.dynamics import DynamicsModel
@@ -30,6 +30,7 @@ __all__ = [
     "RecordingChoice",
     "RobotChoice",
     "Study",
+    "build_estimator",
     "build_model",
     "load_choice",
     "load_study",
@@ -122,10 +123,12 @@ class EstimationChoice:
     Attributes:
         method: Name of the estimator.
         friction_per_recording: Every recording has its own friction and offsets; the links are shared.
+        options: Options of estimators, by the estimator's name and the option's.
     """
 
     method: str = "wls"
     friction_per_recording: bool = False
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {})
 
     def __post_init__(self) -> None:
         if self.method not in ESTIMATORS:
@@ -195,7 +198,7 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
         _model_choice(table.get("model", {})),
         tuple(_recording_choice(each) for each in recordings),
         _make(Processing, table.get("processing", {}), "[processing]"),
-        _make(EstimationChoice, table.get("estimation", {}), "[estimation]"),
+        _estimation_choice(table.get("estimation", {})),
         folder,
     )
 
@@ -204,6 +207,11 @@ def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
     """The arm that a study or a command line names; a description that is a file is looked for in `folder`."""
     name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
     return load_robot(name, gravity=choice.gravity, locked=choice.locked, tip=choice.tip)
+
+
+def build_estimator(choice: EstimationChoice) -> Estimator:
+    """The estimator that a study chooses, with its options."""
+    return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
 
 
 def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
@@ -248,6 +256,19 @@ def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
     for name, value in shapes.items():
         _require(isinstance(value, Mapping), f"[model] {name}", "a table of options", value)
     return _make(ModelChoice, {"terms": terms, "shapes": shapes}, "[model]")
+
+
+def _estimation_choice(table: Mapping[str, Any]) -> EstimationChoice:
+    """Method and options; each estimator's options stand under its name."""
+    _known(table, ("method", "friction_per_recording", *ESTIMATORS), "[estimation]")
+    options = {name: value for name, value in table.items() if name in ESTIMATORS}
+    for name, value in options.items():
+        _require(isinstance(value, Mapping), f"[estimation] {name}", "a table of options", value)
+    own = {name: value for name, value in table.items() if name not in ESTIMATORS}
+    choice = _make(EstimationChoice, {**own, "options": options}, "[estimation]")
+    for name in options:
+        build_estimator(dataclasses.replace(choice, method=name))  # wrong options are refused where they stand
+    return choice
 
 
 def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:

@@ -10,7 +10,8 @@ import numpy as np
 
 from armid.estimation.estimate import Estimate, torque_parameters
 from armid.information.observations import Observations
-from armid.information.residuals import Comparison, columns_on_grid, compare
+from armid.information.residuals import Comparison, compare
+from armid.information.rows import all_rows
 from armid.information.setup import column_source
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
@@ -199,7 +200,7 @@ def _parameter_variance(
         replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every])
         for run in observations.runs
     ]
-    x = np.concatenate([columns_on_grid(source, run, observations.band) for run in sparse], axis=1)
+    x = np.concatenate([all_rows(source, run, observations.band) for run in sparse], axis=1)
     variance = np.empty((x.shape[1], model.n))
     for j, parameters in enumerate(source.layout.parameters):
         y = x[source.layout.offset[j] : source.layout.offset[j + 1] - 1]

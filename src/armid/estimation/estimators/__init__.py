@@ -5,7 +5,7 @@ from typing import ClassVar, Protocol
 from armid.estimation.estimators.ols import OrdinaryLeastSquares
 from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.information.information import Information
+from armid.estimation.problem import Problem
 
 __all__ = ["ESTIMATORS", "Estimator", "OrdinaryLeastSquares", "WeightedLeastSquares"]
 
@@ -19,8 +19,8 @@ class Estimator(Protocol):
 
     name: ClassVar[str]
 
-    def estimate(self, information: Information) -> Fit:
-        """Estimate the base parameters from information alone."""
+    def estimate(self, problem: Problem) -> Fit:
+        """Estimate the base parameters."""
         ...
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import fit_of, solve
-from armid.information.information import Information
+from armid.estimation.problem import Problem
 
 __all__ = ["OrdinaryLeastSquares"]
 
@@ -23,12 +23,13 @@ class OrdinaryLeastSquares:
 
     name: ClassVar[str] = "ols"
 
-    def estimate(self, information: Information) -> Fit:
+    def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.
 
         Raises:
             EstimationError: The data do not determine them.
         """
+        information = problem.information
         weights = np.ones(information.n)
         solution = solve(information, weights)
         freedom = max(float(information.rows.sum()) - information.count, 1.0)

@@ -14,7 +14,8 @@ import numpy as np
 from armid.errors import EstimationError
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import fit_of, residual_deviation, solve
-from armid.information.information import Information, total
+from armid.estimation.problem import Problem
+from armid.information.information import total
 
 __all__ = ["WeightedLeastSquares"]
 
@@ -37,17 +38,17 @@ class WeightedLeastSquares:
     iterations: int = 100
     name: ClassVar[str] = "wls"
 
-    def estimate(self, information: Information) -> Fit:
+    def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.
 
         Raises:
             EstimationError: The data do not determine them, or the weights do not settle.
         """
-        whole = total(information)
+        whole = total(problem.information)
         torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
         floor = RESOLUTION * torque / np.sqrt(np.maximum(whole.rows[0], 1))
         floor[torque == 0.0] = 1.0  # a joint of which no row counts; any weight will do
-        deviation = np.ones(information.n)
+        deviation = np.ones(whole.n)
         for _ in range(self.iterations):
             weights = 1.0 / deviation
             solution = solve(whole, weights)

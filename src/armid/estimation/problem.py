@@ -1,0 +1,105 @@
+"""What an estimator is given: the information, and as far as a method needs it, what lies behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import EstimationError
+from armid.information.information import Information
+from armid.information.observations import Observations
+from armid.model.base import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.values import Array, array
+
+__all__ = ["Problem", "Standard", "standard_of"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Standard:
+    """The p standard parameters that stand behind b base parameters.
+
+    Attributes:
+        names: Their names, p of them.
+        units: Their units.
+        regrouping: Base values = regrouping · standard values, shape (b, p).
+        inertial: Positions of the links' inertial parameters in the order of the model, link by link,
+            shape (links, 10).
+        nonnegative: Which of them physics forbids to be negative, the inertial ones aside, shape (p,).
+        nominal: Values that the robot's description gives, other terms zero, shape (p,); `None` where it gives none.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    regrouping: Array
+    inertial: NDArray[np.intp]
+    nonnegative: NDArray[np.bool_]
+    nominal: Array | None = None
+
+    def __post_init__(self) -> None:
+        p = len(self.names)
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "units", tuple(self.units))
+        object.__setattr__(self, "regrouping", array(self.regrouping, (None, p), "regrouping"))
+        if self.nominal is not None:
+            object.__setattr__(self, "nominal", array(self.nominal, (p,), "nominal"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Problem:
+    """What is to be estimated and from what.
+
+    Attributes:
+        information: Factors of the recordings, block by block.
+        standard: The standard parameters behind the base parameters, for methods that estimate these.
+        model: The model, for methods that go through the samples a second time.
+        base: The model's base parameters, for the same.
+        observations: The samples, for the same.
+    """
+
+    information: Information
+    standard: Standard | None = None
+    model: DynamicsModel | None = None
+    base: BaseParameters | None = None
+    observations: Observations | None = field(default=None, repr=False)
+
+    def require_standard(self, method: str) -> Standard:
+        """The standard parameters.
+
+        Raises:
+            EstimationError: The problem has none.
+        """
+        if self.standard is None:
+            raise EstimationError(
+                f"The method {method} needs the standard parameters behind the base parameters.",
+                remedy="give Problem(information, standard_of(model, base)).",
+            )
+        return self.standard
+
+    def require_samples(self, method: str) -> tuple[DynamicsModel, BaseParameters, Observations]:
+        """Model, base parameters and observations.
+
+        Raises:
+            EstimationError: The problem lacks one of them.
+        """
+        if self.model is None or self.base is None or self.observations is None:
+            raise EstimationError(
+                f"The method {method} goes through the samples a second time and has none.",
+                remedy="give Problem(information, standard, model, base, observations).",
+            )
+        return self.model, self.base, self.observations
+
+
+def standard_of(model: DynamicsModel, base: BaseParameters) -> Standard:
+    """The standard parameters of a model."""
+    parameters = model.parameters
+    return Standard(
+        tuple(parameter.name for parameter in parameters),
+        tuple(parameter.unit for parameter in parameters),
+        base.regrouping,
+        model.inertial_columns.reshape(-1, 10),
+        np.array([parameter.nonnegative for parameter in parameters], dtype=np.bool_),
+        model.nominal_parameters(),
+    )
