@@ -157,8 +157,9 @@ def test_no_key_is_missing_above():
 def test_options_of_an_estimator_stand_under_its_name():
     study = plain(estimation={"wls": {"iterations": 7}})
     assert build_estimator(study.estimation) == WeightedLeastSquares(iterations=7)
-    with pytest.raises(StudyError, match=r"\[estimation.wls\].*'iteration'.*did you mean 'iterations'"):
+    with pytest.raises(StudyError, match=r"\[estimation.wls\].*'iteration'") as caught:
         plain(estimation={"method": "ols", "wls": {"iteration": 7}})
+    assert caught.value.remedy == "did you mean 'iterations'?"
 
 
 def test_defaults():
