@@ -16,7 +16,7 @@ from armid.study.study import Study
 STUDIES = Path(__file__).parent / "studies"
 
 # RMS in N·m that plain weighted least squares with these terms and this processing leaves on all open runs of an arm,
-# as measured independently and printed with two digits.
+# as measured independently and printed with one or two digits.
 FIGURES = {
     "kuka_iiwa14_lasa": (0.63, 0.66, 0.25, 0.39, 0.15, 0.15, 0.11),
     "kuka_lbr_med7": (0.47, 0.37, 0.22, 0.38, 0.09, 0.09, 0.13),
@@ -26,7 +26,8 @@ FIGURES = {
     "ur10e_innopolis": (2.9, 4.7, 1.6, 0.54, 0.71, 0.60),
     "kinova_gen3_raptor": (0.29, 0.18, 0.15, 0.18, 0.06, 0.11, 0.07),
 }
-ALLOWANCE = 1.05  # the figures' rounding and differences in resampling
+ALLOWANCE = 1.05  # differences in resampling
+ROUNDING = {True: 0.05, False: 0.005}  # half a unit of the last digit printed, of figures from 1 on and below
 
 # Total RMS over all joints on unseen motion that must not be exceeded: what was measured when the study was written,
 # and a tenth. The Med 7 and the LWR4+ are recorded with too little excitation for an estimate without a prior.
@@ -63,7 +64,8 @@ def test_every_arm_has_a_study(shared_data: Path):
 @pytest.mark.parametrize("name", FIGURES)
 def test_training_residuals_reach_the_known_figures(shared_data: Path, name: str):
     found = identify(all_for_training(load_study(STUDIES / f"{name}.toml"))).estimate.fit.residual_rms
-    assert (found <= ALLOWANCE * np.array(FIGURES[name])).all(), found
+    largest = np.array([figure + ROUNDING[figure >= 1.0] for figure in FIGURES[name]])
+    assert (found <= ALLOWANCE * largest).all(), found
 
 
 @pytest.mark.parametrize("name", UNSEEN)
