@@ -299,6 +299,25 @@ void decimate(const std::string& isa, const ArmData& data, In<std::int32_t> offs
   k.decimate(data.arm, layout, in, 0, N, h, length, step, first, rows, to);
 }
 
+void play(const std::string& isa, In<double> x, In<std::int32_t> column, In<double> width, Out<double> out,
+          Out<std::int64_t> known) {
+  require(x.ndim() == 2, "x must be (N, coordinates)");
+  const std::ptrdiff_t N = static_cast<std::ptrdiff_t>(x.shape(0)), across = static_cast<std::ptrdiff_t>(x.shape(1));
+  const int nodes = static_cast<int>(column.size());
+  for (int k = 0; k < nodes; ++k) {
+    require(0 <= column.data()[k] && column.data()[k] < across, "a node follows a coordinate that is not there");
+  }
+  require(width.size() == column.size() && known.size() == column.size(), "width and known need one entry a node");
+  require(out.size() == column.size() * static_cast<std::size_t>(N), "out must be (N, nodes)");
+  const Kernel& k = kernel(isa);
+  const double *from = x.data(), *r = width.data();
+  const std::int32_t* follows = column.data();
+  double* to = out.data();
+  std::int64_t* since = known.data();
+  nb::gil_scoped_release release;
+  k.play(from, N, across, follows, r, nodes, to, since);
+}
+
 }  // namespace
 
 NB_MODULE(_native, m) {
@@ -313,4 +332,5 @@ NB_MODULE(_native, m) {
   m.def("factor", &factor);
   m.def("factor_columns", &factor_columns);
   m.def("decimate", &decimate);
+  m.def("play", &play);
 }

@@ -5,6 +5,7 @@
 #include "dynamics.hpp"
 #include "factor.hpp"
 #include "gram.hpp"
+#include "play.hpp"
 
 namespace armid {
 namespace ARMID_ISA {
@@ -62,7 +63,7 @@ void decimate_columns(const Arm& arm, const Layout& layout, const Samples& in, s
 const Kernel ARMID_TABLE(ARMID_ISA) = {
     ARMID_STRING(ARMID_ISA),     ARMID_ISA::W,           ARMID_ISA::regressor, ARMID_ISA::columns,
     ARMID_ISA::inverse_dynamics, ARMID_ISA::mass_matrix, ARMID_ISA::factor,    ARMID_ISA::factor_all_columns,
-    ARMID_ISA::decimate_columns,
+    ARMID_ISA::decimate_columns, ARMID_ISA::play,
 };
 
 }  // namespace armid

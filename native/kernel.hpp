@@ -21,6 +21,8 @@ struct Kernel {
   void (*decimate)(const Arm&, const Layout&, const Samples&, std::ptrdiff_t begin, std::ptrdiff_t end,
                    const double* taps, std::ptrdiff_t length, std::ptrdiff_t step, std::ptrdiff_t first,
                    std::ptrdiff_t rows, double* out);
+  void (*play)(const double* x, std::ptrdiff_t N, std::ptrdiff_t width, const std::int32_t* column, const double* r,
+               int nodes, double* out, std::int64_t* known);
 };
 
 // Linked where the build makes them; the bindings ask only for those.

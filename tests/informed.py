@@ -6,8 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid.information.band import Band
 from armid.information.information import Information, stack, total
 from armid.information.observations import ObservedRun
+from armid.maths.signals import (
+    coarsest_step,
+    decimate,
+    decimation_filter,
+    decimation_step,
+    interpolate,
+    low_pass,
+    periodic_filter,
+    zero_phase,
+)
 from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
@@ -50,6 +61,30 @@ def dense(arm: Arm, run: ObservedRun) -> Array:
     """Columns and torque (N, n, b + 1) of a run."""
     model, base, _ = arm
     return np.concatenate([model.regressor(run.motion)[:, :, base.kept], run.torque[:, :, None]], axis=2)
+
+
+def rows_between(run: ObservedRun, band: Band) -> int:
+    """Rows of the output grid for each that the band needs; whole periods must stay whole."""
+    periodic = band.edges == "periodic"
+    wanted = coarsest_step(run.rate, band.cutoff) // run.step
+    fitting = [f for f in range(2, wanted + 1) if not periodic or run.motion.samples % (f * run.step) == 0]
+    return max(fitting, default=1)
+
+
+def filtered(arm: Arm, run: ObservedRun, band: Band) -> Array:
+    """Dense rows (M, n, b + 1) through the band on the run's output grid, in the steps that the stream takes."""
+    early = decimation_step(run.rate, band.cutoff, run.step)
+    factor = rows_between(run, band) if early == run.step else 1
+    early *= factor
+    periodic = band.edges == "periodic"
+    first = run.offset if factor > 1 else run.offset % early
+    x = decimate(dense(arm, run), decimation_filter(early), early, first, periodic=periodic)
+    sharp = low_pass(band.family, band.order, band.cutoff, run.rate / early)
+    whole = run.motion.samples % early == 0
+    y = periodic_filter(sharp, x) if periodic and whole else zero_phase(sharp, x)
+    if factor > 1:
+        return np.moveaxis(interpolate(np.moveaxis(y, 0, -1), factor, periodic=periodic), -1, 0)[: len(run.rows)]
+    return y[(run.offset - first) // early :: run.step // early][: len(run.rows)]
 
 
 def solved(information: Information, weights: Array | None = None) -> Array:

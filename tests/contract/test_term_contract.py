@@ -10,11 +10,22 @@ import pytest
 
 import armid.model.terms
 from armid.errors import ArmidError
+from armid.information import filtering, stream
+from armid.information.band import Band
+from armid.information.memory import remember
+from armid.information.observations import Observations
+from armid.information.stream import inform
+from armid.maths.signals import edge_samples, low_pass
+from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import derivative, evaluate, latex, symbols, text
 from armid.model.motion import Motion
 from armid.model.terms import TERMS, Term
 from armid.robot import Robot, builtin_arms, load_robot
+from informed import assert_says, dense, filtered
+from memories import joints_known_from, with_any_past
+from problems import lively_motion, one_run
+from trees import random_inertial, random_tree, robot_of
 
 MADE: dict[str, Callable[[Robot], Term]] = {
     "coupling": lambda robot: TERMS["coupling"](joints=dict(zip(last_two(robot), (1.0, -2.0), strict=True))),
@@ -23,17 +34,31 @@ MADE: dict[str, Callable[[Robot], Term]] = {
 
 SHAPED: dict[str, Callable[[Robot], Term]] = {
     "coulomb with a width": lambda robot: TERMS["coulomb"](width=0.05),
+    "asymmetric-coulomb with a width": lambda robot: TERMS["asymmetric-coulomb"](width=0.05),
+    "stribeck that falls like an exponential": lambda robot: TERMS["stribeck"](velocity=0.3, shape=1.0, width=0.05),
+    "power-viscous above one": lambda robot: TERMS["power-viscous"](exponent=1.7),
+    "sigmoid without a shift": lambda robot: TERMS["sigmoid"](shift=0.0),
+    "piecewise-viscous with one knot": lambda robot: TERMS["piecewise-viscous"](knots=(0.5,)),
+    "hysteresis of one element": lambda robot: TERMS["hysteresis"](widths=(0.2,)),
+    "ripple of the motor": lambda robot: TERMS["ripple"](harmonics=(), motor_harmonics=(1, 2), gear_ratio=50.0),
+    "load-coulomb with a width": lambda robot: TERMS["load-coulomb"](width=0.05),
 }
 """Terms whose shapes make another law than the default ones do."""
 
 ARMS = {name: load_robot(name) for name in builtin_arms()}
-SYMBOLS = {"q", "dq", "ddq"}
+SYMBOLS = {"q", "dq", "ddq", "load", "state"}
 
 LINEAR = 1e-12
 """Torque and regressor take different ways to the same sum; the terms of the sum are of the order of a hundred."""
 
 SLOPE = 1e-6
 """Central differences with a step of 1e-6 resolve so much of a derivative of the order of one."""
+
+DEPENDENT = 1e-9
+"""A regrouped regressor over its largest entry: rounding times coefficients of up to 1e5."""
+
+SETTLED = 1e-7
+"""Filtered in segments: the filter has settled to 1e-9 of a jump where segments meet."""
 
 EACH = pytest.mark.parametrize("arm", ARMS)
 TERM = pytest.mark.parametrize("name", TERMS)
@@ -57,6 +82,17 @@ def motion_of(robot: Robot, samples: int = 40) -> Motion:
     q, dq, ddq = rng.uniform(-2.0, 2.0, (3, samples, robot.n))
     dq[:2] = 0.0
     return Motion.of_states(q, dq, ddq)
+
+
+def model_of(robot: Robot, *terms: Term) -> DynamicsModel:
+    """A model that knows a load, whatever its terms."""
+    return DynamicsModel(robot, terms, random_inertial(np.random.default_rng(7), robot.n))
+
+
+def bodies_and(term: Term) -> tuple[Term, ...]:
+    """Rigid bodies and a term, which may be the same."""
+    bodies = TERMS["rigid-body"]()
+    return (bodies,) if term == bodies else (bodies, term)
 
 
 @TERM
@@ -87,6 +123,7 @@ def test_laws(name: str, arm: str):
         assert 0 <= law.joint < robot.n and law.joint in dict(law.coordinate)
         assert all(0 <= j < robot.n and weight for j, weight in law.coordinate)
         assert symbols(law.expression) <= SYMBOLS
+        assert ("state" in symbols(law.expression)) == (law.memory is not None)
         assert text(law.expression) and latex(law.expression)
 
 
@@ -96,6 +133,7 @@ def test_derivatives_are_slopes(name: str, arm: str):
     """Away from rest, where a sign has none."""
     robot, step = ARMS[arm], 1e-6
     state = {"q": np.array([0.3, -1.1]), "dq": np.array([0.7, -0.2]), "ddq": np.array([1.3, -0.4])}
+    state |= {"load": np.array([2.0, -30.0]), "state": np.array([0.301, -1.102])}
     for law in make(name, robot).laws(robot):
         for by in SYMBOLS:
             up, down = ({**state, by: state[by] + h} for h in (step, -step))
@@ -110,7 +148,7 @@ def test_columns(name: str, arm: str):
     """Finite, the same each time, in the rows that the laws name, and linear in the parameters."""
     robot, motion = ARMS[arm], motion_of(ARMS[arm])
     before = [x.tobytes() for x in (motion.time, motion.q, motion.dq, motion.ddq)]
-    model = DynamicsModel(robot, (make(name, robot),))
+    model = model_of(robot, make(name, robot))
     Y = model.regressor(motion)
     assert Y.shape == (motion.samples, robot.n, len(model.parameters)) and np.isfinite(Y).all()
     assert Y.tobytes() == model.regressor(motion).tobytes()
@@ -120,6 +158,60 @@ def test_columns(name: str, arm: str):
     theta = np.random.default_rng(6).normal(size=len(model.parameters))
     np.testing.assert_allclose(model.torque(motion, theta), Y @ theta, rtol=0, atol=LINEAR * 100.0)
     assert [x.tobytes() for x in (motion.time, motion.q, motion.dq, motion.ddq)] == before
+
+
+@MADE_TERM
+def test_base_parameters(name: str):
+    """With rigid bodies: columns that depend on others are found, whatever the motion has been before."""
+    rng = np.random.default_rng(8)
+    robot = ARMS["panda"]
+    model = model_of(robot, *bodies_and(make(name, robot)))
+    base = find_base_parameters(model)
+    Y = model.regressor(with_any_past(model, motion_of(robot, 100), rng))
+    scale = np.abs(Y).max()
+    assert np.abs(Y - Y[:, :, base.kept] @ base.regrouping).max() <= DEPENDENT * scale
+
+
+@pytest.fixture(scope="module")
+def short_arm() -> Robot:
+    """Three joints, the first of them sliding."""
+    tree = random_tree(np.random.default_rng(3), 3, prismatic=0.0)
+    return robot_of(dataclasses.replace(tree, prismatic=[1, 0, 0]))
+
+
+BANDS = {"open": Band(), "filtered": Band("butterworth", 4.0, 4, "pad"), "periodic": Band("fir", 4.0, 4, "periodic")}
+
+
+@pytest.mark.parametrize("band", BANDS)
+@MADE_TERM
+def test_streamed_in_pieces(name: str, band: str, short_arm: Robot, monkeypatch: pytest.MonkeyPatch):
+    """What the stream makes of a term, chunk by chunk, is what dense columns through the same filter are; and rows
+    before its memory is known do not count."""
+    model = model_of(short_arm, *bodies_and(make(name, short_arm)))
+    base = find_base_parameters(model)
+    rng = np.random.default_rng(9)
+    motion = lively_motion(rng, 3, 200.0, 10.0)
+    torque = rng.normal(size=(motion.samples, 3))
+    run = one_run(motion, torque, 200.0, step=4, offset=1, block_rows=60)
+    for module, sizes in ((stream, (97, None)), (filtering, (301, 130))):
+        monkeypatch.setattr(module, "CHUNK", sizes[0])
+        if sizes[1]:
+            monkeypatch.setattr(module, "SEGMENT", sizes[1])
+    information = inform(model, base, Observations((run,), BANDS[band]))
+    counted = remember(model, run, BANDS[band]).mask
+    rows = (
+        dense((model, base, torque), run)[run.rows]
+        if band == "open"
+        else filtered((model, base, torque), run, BANDS[band])
+    )
+    assert_says(information, rows * counted[:, :, None], SETTLED)
+    assert np.array_equal(information.rows.sum(axis=0), counted.sum(axis=0))
+    since = joints_known_from(model, motion)
+    low = low_pass(BANDS[band].family, 4, 4.0, 200.0)
+    reach = 0 if low is None else edge_samples(low)
+    last = motion.samples - (reach if band == "periodic" else 0)
+    sure = (run.rows[:, None] >= since + reach) & (run.rows[:, None] < last) & (since < motion.samples)
+    assert np.array_equal(counted, np.where(since > 0, sure, True))
 
 
 @pytest.mark.parametrize("name", OF_JOINTS)

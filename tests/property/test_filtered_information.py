@@ -12,18 +12,9 @@ from armid.information.band import Band
 from armid.information.information import select
 from armid.information.observations import Observations
 from armid.information.stream import inform
-from armid.maths.signals import (
-    coarsest_step,
-    decimate,
-    decimation_filter,
-    decimation_step,
-    interpolate,
-    low_pass,
-    periodic_filter,
-    zero_phase,
-)
+from armid.maths.signals import low_pass, periodic_filter, zero_phase
 from armid.model.motion import Motion
-from informed import RATE, assert_says, branching_arm, dense, recorded, solved
+from informed import RATE, assert_says, branching_arm, dense, filtered, recorded, rows_between, solved
 from problems import one_run
 
 SETTLED = 1e-7
@@ -51,30 +42,6 @@ BANDS = [
 GRIDS = [(1, 0), (2, 1), (1, 17), (3, 2), (10, 0), (10, 7), (25, 13)]
 """Steps and offsets of the output grid at 200 Hz. The first three are denser than the bands need; a step of 3 does
 not divide the period of 2000 samples."""
-
-
-def rows_between(run, band):
-    """Rows of the output grid for each that the band needs; whole periods must stay whole."""
-    periodic = band.edges == "periodic"
-    wanted = coarsest_step(run.rate, band.cutoff) // run.step
-    fitting = [f for f in range(2, wanted + 1) if not periodic or run.motion.samples % (f * run.step) == 0]
-    return max(fitting, default=1)
-
-
-def filtered(arm, run, band):
-    """Dense rows (M, n, b + 1) through the band on the run's output grid, in the steps that the stream takes."""
-    early = decimation_step(run.rate, band.cutoff, run.step)
-    factor = rows_between(run, band) if early == run.step else 1
-    early *= factor
-    periodic = band.edges == "periodic"
-    first = run.offset if factor > 1 else run.offset % early
-    x = decimate(dense(arm, run), decimation_filter(early), early, first, periodic=periodic)
-    sharp = low_pass(band.family, band.order, band.cutoff, run.rate / early)
-    whole = run.motion.samples % early == 0
-    y = periodic_filter(sharp, x) if periodic and whole else zero_phase(sharp, x)
-    if factor > 1:
-        return np.moveaxis(interpolate(np.moveaxis(y, 0, -1), factor, periodic=periodic), -1, 0)[: len(run.rows)]
-    return y[(run.offset - first) // early :: run.step // early][: len(run.rows)]
 
 
 @pytest.mark.parametrize("band", BANDS)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,27 @@ from armid.model import base as base_module
 from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
-from armid.model.terms import TERMS, Coulomb, Coupling, Offset, RigidBody, RotorInertia, Viscous
+from armid.model.terms import (
+    TERMS,
+    AsymmetricCoulomb,
+    Coulomb,
+    Coupling,
+    Hysteresis,
+    LoadCoulomb,
+    LoadViscous,
+    Offset,
+    PiecewiseViscous,
+    PowerViscous,
+    RigidBody,
+    Ripple,
+    RotorInertia,
+    Sigmoid,
+    Stribeck,
+    Viscous,
+)
 from armid.values import load, save
-from trees import chain, iiwa_tree, random_states, random_tree, robot_of, structured_tree
+from memories import with_any_past
+from trees import chain, iiwa_tree, random_inertial, random_states, random_tree, robot_of, structured_tree
 
 EVERY_TERM = tuple(term() for name, term in TERMS.items() if name != "coupling")
 
@@ -37,7 +57,10 @@ def test_regrouped_columns_make_the_whole_regressor(seed):
     make = structured_tree if seed % 2 else random_tree
     model = DynamicsModel(robot_of(make(rng, 1 + seed % 7)), EVERY_TERM)
     base = find_base_parameters(model)
-    Y = model.regressor(Motion.of_states(*random_states(rng, 50, model.n)))
+    model = replace(model, load_parameters=random_inertial(rng, model.n))
+    q, dq, ddq = random_states(rng, 100, model.n)
+    dq[50:] *= 0.03  # where friction turns
+    Y = model.regressor(with_any_past(model, Motion.of_states(q, dq, ddq), rng))
     assert np.abs(Y - Y[:, :, base.kept] @ base.regrouping).max() <= REGROUPING * np.abs(Y).max()
     stacked = Y.reshape(-1, Y.shape[2])[:, base.kept]
     assert np.linalg.matrix_rank(stacked / np.linalg.norm(stacked, axis=0)) == base.count
@@ -83,6 +106,51 @@ def test_couplings_that_say_the_same():
     names = {base.standard_names[k] for k in base.kept}
     # A shared motor's damping differs from that of each joint; columns that touch two rows are kept apart.
     assert {"FV_2", "FV_3", "FVM_3", "FSM_3"} <= names
+
+
+def test_the_first_harmonic_of_a_joint_is_its_weight():
+    """Joint 2 of the hanging iiwa is the only one to which the moments of its link are nothing but weight."""
+    model = DynamicsModel(robot_of(iiwa_tree()), (RigidBody(), Ripple((1.0, 2.0))))
+    base = find_base_parameters(model)
+    gone = {base.standard_names[k] for k in base.removed}
+    assert {name for name in gone if name.startswith("R")} == {"RS1_2", "RC1_2"}
+    grouped = groupings(base)
+    moments = [abs(grouped["MXR_2"]["RC1_2"]), abs(grouped["MYR_2"]["RS1_2"])]
+    assert moments == pytest.approx([1.0 / 9.81] * 2, abs=1e-12)
+
+
+def test_without_gravity_every_harmonic_is_its_own():
+    model = DynamicsModel(robot_of(iiwa_tree((0, 0, 0))), (RigidBody(), Ripple((1.0,))))
+    assert {"RS1_2", "RC1_2"} <= set(find_base_parameters(model).names)
+
+
+def test_an_asymmetric_sign_is_an_offset_and_a_soft_one_is_not():
+    robot = robot_of(iiwa_tree())
+    hard = find_base_parameters(DynamicsModel(robot, (Coulomb(), Offset(), AsymmetricCoulomb())))
+    soft = find_base_parameters(DynamicsModel(robot, (Coulomb(0.02), Offset(), AsymmetricCoulomb(0.02))))
+    assert groupings(hard)["FOR_1"] == pytest.approx({"FO_1": 1.0, "FSA_1": 1.0}, abs=1e-12)
+    assert (hard.count, soft.count) == (14, 21)
+
+
+def test_laws_of_any_scale_are_seen():
+    """Knots faster than the usual random states, friction that is gone at a thousandth of their speed, loads of an
+    estimate to come: all are parameters of their own."""
+    terms = (
+        RigidBody(),
+        Viscous(),
+        Coulomb(0.001),
+        PiecewiseViscous((0.001, 2.5, 4.0)),
+        Stribeck(velocity=0.003, width=0.001),
+        PowerViscous(width=1e-3),
+        Sigmoid(slope=500.0, shift=0.002),
+        Hysteresis((1e-4, 0.5)),
+        Ripple((7.0,), (1.0,), 160.0),
+        LoadCoulomb(0.02),
+        LoadViscous(),
+    )
+    model = DynamicsModel(robot_of(iiwa_tree()), terms)
+    base = find_base_parameters(model)
+    assert base.count == 43 + 7 * (2 + 3 + 3 + 2 + 4 + 2)
 
 
 def test_gravity_decides():

@@ -9,13 +9,19 @@ import pytest
 
 from armid.errors import ModelError
 from armid.model.expression import (
+    FUNCTIONS,
+    cosine,
     derivative,
     evaluate,
     exponential,
+    functions,
     latex,
     magnitude,
+    maximum,
+    minimum,
     number,
     sign,
+    sine,
     symbol,
     symbols,
     tanh,
@@ -44,6 +50,9 @@ EXPRESSIONS = [
     exponential(-((DQ / 0.8) ** 2.0)) * sign(DQ),
     tanh(Q * DQ) ** 2.0 / (1.0 + magnitude(LOAD)),
     LOAD ** (-2.0) + Q**0.5,
+    sine(3.0 * Q) + cosine(Q * DQ),
+    maximum(-DQ - 0.5, 0.0) - maximum(DQ, Q),
+    minimum(maximum(LOAD, Q - 0.1), Q + 0.1) * minimum(DQ, 2.0),
 ]
 
 
@@ -61,6 +70,7 @@ def test_values_are_those_of_the_text_in_python(expression):
     plain = re.sub(r"\|([^|]*)\|", r"abs(\1)", text(expression)).replace("^", "**")
     plain = re.sub(r"(?<=[\w)]) (?=[\w(-])", " * ", plain)
     scope = POINT | {"tanh": np.tanh, "sign": np.sign, "exp": np.exp, "abs": abs}
+    scope |= {"sin": np.sin, "cos": np.cos, "max": max, "min": min}
     # Numbers are written with six digits.
     assert eval(plain, scope) == pytest.approx(float(evaluate(expression, POINT)), rel=1e-5)
 
@@ -86,6 +96,17 @@ def test_symbols():
     assert symbols(number(1.0)) == frozenset()
 
 
+def test_functions():
+    assert functions(maximum(DQ, 0.0) * tanh(Q)) == {"max", "mul", "tanh"}
+    assert functions(Q) == functions(number(2.0)) == frozenset()
+    assert frozenset().union(*(functions(e) for e in EXPRESSIONS)) == set(FUNCTIONS)
+
+
+def test_slopes_at_a_kink_are_the_mean_of_both_sides():
+    for one, other in ((maximum(DQ, 0.0), 0.5), (minimum(DQ, 0.0), 0.5), (magnitude(DQ), 0.0)):
+        assert evaluate(derivative(one, "dq"), {"dq": 0.0}) == other
+
+
 def test_printed_forms():
     assert str(2.0 * tanh(50.0 * DQ)) == "2 tanh(50 dq)"
     assert text(tanh(DQ / 0.02)) == "tanh(50 dq)"
@@ -95,6 +116,8 @@ def test_printed_forms():
     assert latex(2.0 * tanh(50.0 * DQ)) == r"2 \, \tanh(50 \, \dot{q})"
     assert latex(magnitude(symbol("ddq")) + symbol("width")) == r"(|\ddot{q}| + \mathrm{width})"
     assert latex(DQ**2.0) == r"{\dot{q}}^{2}"
+    assert text(maximum(sine(2.0 * Q), 0.0)) == "max(sin(2 q), 0)"
+    assert latex(minimum(symbol("state"), cosine(Q))) == r"\min(z, \cos(q))"
     assert latex(sign(LOAD)) == r"\operatorname{sgn}(\tau_{\mathrm{load}})"
 
 

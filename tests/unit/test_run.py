@@ -18,8 +18,8 @@ from armid.study import run as run_module
 from armid.study.apply import motion_of, predict, validate_run, write_torque
 from armid.study.identify import Result, identify
 from armid.study.run import load_run, refuse_folder, save_run
-from armid.study.study import load_study
-from labs import small_plan, small_recording, write_recordings, write_study
+from armid.study.study import ModelChoice, load_study
+from labs import small_plan, small_recording, write_recording, write_recordings, write_study
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +97,48 @@ def test_everything_of_a_reading_survives(result: Result, tmp_path: Path):
     found = load_run(save_run(changed, tmp_path / "run")).reading
     for name, value in asdict(reading).items():
         np.testing.assert_array_equal(getattr(found, name), value, err_msg=name)
+
+
+def test_shapes_memory_and_load_survive(folder: Path, tmp_path: Path):
+    """Tuples of numbers, the bodies of the load to the last bit, and what prediction makes of them."""
+    terms = ("rigid-body", "viscous", "coulomb", "offset", "hysteresis", "ripple")
+    shapes = {"coulomb": {"width": 0.02}, "hysteresis": {"widths": [0.01, 0.05]}, "ripple": {"harmonics": [2, 3]}}
+    result = identify(replace(load_study(folder / "study.toml"), model=ModelChoice(terms, shapes)))
+    bodies = np.random.default_rng(0).normal(size=(3, 10))
+    result = replace(result, model=replace(result.model, load_parameters=bodies))
+    run = load_run(save_run(result, tmp_path / "run"))
+    assert run.model.terms == result.model.terms
+    assert np.array_equal(run.model.load_parameters, bodies)
+    assert run.estimate.terms == result.estimate.terms
+    assert {use.name: use.shapes for use in run.estimate.terms} == {
+        "rigid-body": {},
+        "viscous": {},
+        "coulomb": {"width": 0.02},
+        "offset": {},
+        "hysteresis": {"widths": (0.01, 0.05)},
+        "ripple": {"harmonics": (2, 3), "motor_harmonics": ()},
+    }
+    found, _ = validate_run(run, [str(folder / "run2.csv")], {})
+    np.testing.assert_allclose(found.recordings[0].rms, result.validation.recordings[0].rms, rtol=1e-12)
+    moved = motion_of(run, str(folder / "run2.csv"), rate=40.0, reading={})
+    assert moved.memory is not None and np.array_equal(moved.memory, run.model.remember(moved).memory)
+    unloaded = replace(result, model=replace(result.model, load_parameters=None))
+    assert load_run(save_run(unloaded, tmp_path / "unloaded")).model.load_parameters is None
+
+
+def test_memory_begins_anew_after_a_gap(folder: Path, tmp_path: Path):
+    chosen = ModelChoice(("rigid-body", "viscous", "coulomb", "hysteresis"), {"hysteresis": {"widths": [0.05]}})
+    result = identify(replace(load_study(folder / "study.toml"), model=chosen))
+    run = load_run(save_run(result, tmp_path / "run"))
+    log = small_recording(2)
+    there = np.delete(np.arange(log.samples), np.s_[600:700])
+    rows = {name: getattr(log, name)[there] for name in ("time", "q", "effort", "valid")}
+    moved = motion_of(run, str(write_recording(replace(log, **rows), tmp_path / "gap.csv")), rate=40.0, reading={})
+    gap = int(np.argmax(np.diff(moved.time))) + 1
+    assert gap == 600 and moved.memory is not None
+    for part in (moved[:gap], moved[gap:]):
+        assert np.array_equal(part.memory, run.model.remember(part).memory)
+    assert not np.array_equal(moved.memory, run.model.remember(moved).memory)
 
 
 def test_a_run_is_replaced_by_another(result: Result, tmp_path: Path):

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.errors import ArmidError, RecordingError, StudyError
+from armid.errors import ArmidError, ModelError, RecordingError, StudyError
 from armid.estimation.estimate import standard_parameters
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.measurement.processing import Processing
-from armid.model.terms import TERMS, Coulomb
+from armid.model.terms import TERMS, Coulomb, Stribeck, Viscous
 from armid.study.cut import cut
 from armid.study.identify import Result, identify
 from armid.study.study import (
@@ -305,11 +305,45 @@ def test_a_resolved_choice_makes_the_same_model(motor_side: bool):
     chosen = ModelChoice(
         ("rigid-body", "viscous", "coupling"), {"coupling": coupling, "viscous": {"joints": ["joint_1"]}}
     )
-    for choice in (ModelChoice(), chosen):
+    shaped = ModelChoice(
+        ("rigid-body", "coulomb", "hysteresis", "coulomb", "ripple"),
+        {
+            "coulomb": [{"width": 0.1, "joints": ["joint_1"]}, {"joints": ("joint_2", "joint_3")}],
+            "hysteresis": {"widths": [0.01, 0.1], "joints": ["joint_2"]},
+            "ripple": {"harmonics": [], "motor_harmonics": [1, 2], "gear_ratio": 100},
+        },
+    )
+    for choice in (ModelChoice(), chosen, shaped):
         model = build_model(robot, choice, motor_side=motor_side)
         resolved = resolve_model(model)
         assert build_model(robot, resolved).terms == model.terms
         assert build_model(robot, ModelChoice(**json.loads(json.dumps(asdict(resolved))))).terms == model.terms
+
+
+def test_a_term_with_other_shapes_on_other_joints(tmp_path: Path):
+    """Tables of one name make a term each; a name that stands several times takes them one by one."""
+    write_arm(tmp_path)
+    text = (
+        STUDY
+        + """
+[model]
+terms = ["rigid-body", "stribeck", "viscous"]
+stribeck = [{ velocity = 0.1, joints = ["joint_1"] }, { velocity = 0.3, joints = ["joint_2", "joint_3"] }]
+"""
+    )
+    study = load_study(write_study(tmp_path, text))
+    model = build_model(load_choice(study.robot, tmp_path), study.model)
+    assert model.terms[1:] == (
+        Stribeck(0.1, joints=("joint_1",)),
+        Stribeck(0.3, joints=("joint_2", "joint_3")),
+        Viscous(),
+    )
+    again = ModelChoice(("stribeck", "viscous", "stribeck"), study.model.shapes)
+    assert [term.name for term in build_model(model.robot, again).terms] == list(again.terms)
+    with pytest.raises(ModelError, match="bring the same parameters: FT_1"):
+        build_model(model.robot, ModelChoice(("stribeck", "stribeck"), {"stribeck": {"velocity": 0.1}}))
+    with pytest.raises(StudyError, match=r"\[model\] stribeck must be a table of options, or a list of such"):
+        plain(model={"terms": ["rigid-body"], "stribeck": [0.1]})
 
 
 # Recordings ----------------------------------------------------------------------------------------------------

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
 from armid.estimation.fit import Fit
+from armid.estimation.standard_fit import StandardFit, Status
 from armid.model.base import BaseParameters
 from armid.values import Array
 
 __all__ = ["Estimate", "Status", "TermUse", "standard_parameters", "torque_parameters"]
-
-Status = Literal["identified", "prior-dominated", "not identifiable"]
-
 
 @dataclass(frozen=True, slots=True)
 class TermUse:
@@ -31,7 +29,12 @@ class TermUse:
 
     name: str
     joints: tuple[str, ...]
-    shapes: dict[str, float]
+    shapes: dict[str, float | tuple[float, ...]]
+
+    def __post_init__(self) -> None:
+        # A file gives lists where tuples were.
+        shapes = {key: tuple(value) if isinstance(value, list) else value for key, value in self.shapes.items()}
+        object.__setattr__(self, "shapes", shapes)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,15 +73,17 @@ def torque_parameters(base: BaseParameters, fit: Fit) -> Array:
     """Standard parameters (p,) that give the estimate's torque: base values on kept columns, zero elsewhere.
 
     They are no body's parameters, but Y θ = Y_base π holds. Where friction was estimated once for each recording,
-    its mean is taken.
+    its mean is taken. Where the method estimates standard parameters, these are a body's.
     """
+    if fit.standard is not None:
+        return collapse(base.standard_names, fit.standard)
     theta = np.zeros(len(base.standard_names))
     theta[base.kept] = collapse(base.names, fit)
     return theta
 
 
-def collapse(names: Sequence[str], fit: Fit) -> Array:
-    """Values (b,) of base parameters by name; the mean where there is one for each recording, `FV_1[2]`."""
+def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
+    """Values of parameters by name; the mean where there is one for each recording, `FV_1[2]`."""
     groups: dict[str, list[float]] = {}
     for name, value in zip(fit.names, fit.values, strict=True):
         groups.setdefault(name.split("[", 1)[0], []).append(float(value))
@@ -88,8 +93,11 @@ def collapse(names: Sequence[str], fit: Fit) -> Array:
 def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
     """Each standard parameter with its value where the data determine it by itself.
 
-    A parameter stands alone where it is kept and no other joins it; one that is grouped has no value of its own.
+    A parameter stands alone where it is kept and no other joins it; one that is grouped has no value of its own, unless
+    the method estimates standard parameters and says of each what the data know of it.
     """
+    if estimate.fit.standard is not None:
+        return _estimated(estimate.fit.standard)
     base, fit = estimate.base, estimate.fit
     alone = np.count_nonzero(base.regrouping, axis=1) == 1
     copies = [name.split("[", 1)[0] for name in fit.names]  # one for each recording, where friction has them
@@ -101,6 +109,8 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
         values=mean @ fit.values,
         deviation=np.sqrt(np.diag(mean @ np.diag(fit.deviation**2) @ mean.T)),
         covariance=mean @ fit.covariance @ mean.T,
+        freedom=mean @ fit.freedom,
+        prior_precision=None,
     )
     ends = fit.intervals
     position: dict[str, int] = {base.standard_names[k]: row for row, k in enumerate(base.kept)}
@@ -120,3 +130,13 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
             }
         )
     return result
+
+
+def _estimated(fit: StandardFit) -> list[dict[str, Any]]:
+    """Records of a method that estimates standard parameters."""
+    return [
+        {"name": name, "value": float(value), "unit": unit, "interval95": ends.tolist(), "status": status}
+        for name, value, unit, ends, status in zip(
+            fit.names, fit.values, fit.units, fit.intervals, fit.status, strict=True
+        )
+    ]

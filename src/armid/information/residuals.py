@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armid.information.band import Band
 from armid.information.filtering import in_band
+from armid.information.memory import remember
 from armid.information.observations import ObservedRun
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array
@@ -53,7 +54,14 @@ def compare(model: DynamicsModel, standard: Array, run: ObservedRun, band: Band)
         standard: Standard parameters, or any with the same torque, shape (p,).
         run: The run.
         band: Filter of both sides; of the torque alone where the band says so.
+
+    Returns:
+        Both torques; where the model has a memory, rows before it is known do not count.
+
+    Raises:
+        ArmidError: The model has a memory, and the run's samples do not follow each other in time.
     """
+    run = remember(model, run, band)
     predicted = model.torque(run.motion, standard)
     rows = run.rows
     if band.is_open or not run.consecutive:

@@ -13,6 +13,7 @@ import numpy as np
 from armid import kernel
 from armid.information.band import Band
 from armid.information.filtering import filtered_columns, filtered_torque
+from armid.information.memory import remember
 from armid.information.observations import ObservedRun
 from armid.information.setup import ColumnSource
 from armid.values import Array
@@ -26,14 +27,21 @@ SEGMENT = 8192
 def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
     """Columns and torque of every joint on the output grid in the band, a segment at a time.
 
+    Which rows count is not said here, and where the model has a memory it is fewer than the run's own mask says:
+    give a run that has passed `armid.information.memory.remember`, and use its mask.
+
     Args:
         source: Makes the columns; joint j has rows `layout.offset[j]` to `layout.offset[j + 1] - 1`, torque last.
-        run: The run.
+        run: The run; what the model remembers of it is followed here where that has not been done.
         band: Filter of both sides, or of the torque alone where the band says so.
 
     Yields:
         First row of the segment, and its columns, shape (columns, M).
+
+    Raises:
+        ArmidError: The model has a memory, and the run's samples do not follow each other in time.
     """
+    run = remember(source.model, run, band)
     if not band.is_open and run.consecutive and band.columns:
         yield from filtered_columns(source, run, band)
         return

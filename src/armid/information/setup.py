@@ -40,7 +40,7 @@ def column_source(model: DynamicsModel, base: BaseParameters) -> ColumnSource:
     """The columns of a model's base parameters, joint by joint."""
     number = np.full(len(model.parameters), -1, dtype=np.int32)
     number[base.kept] = np.arange(base.count)
-    empty = np.zeros((0, model.n))
-    entries = model.term_columns(Motion(np.zeros(0), empty, empty, empty))
-    layout = make_layout(model.tree, number[model.inertial_columns], entries.joint, number[entries.parameter])
+    joint = np.array([entry[0] for entry in model.entries], dtype=np.int32)
+    parameter = np.array([entry[1] for entry in model.entries], dtype=np.int32)
+    layout = make_layout(model.tree, number[model.inertial_columns], joint, number[parameter])
     return ColumnSource(model, model.tree, layout, base.names)

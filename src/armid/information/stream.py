@@ -2,7 +2,8 @@
 
 Where the band is open, samples go straight into the factors. Where it filters, every column of the regressor and
 the torque pass the same filter: first a linear-phase decimation inside the kernel's stream, then the sharp filter on
-what is left, a segment at a time, so that memory does not grow with the length of the recording.
+what is left, a segment at a time, so that memory does not grow with the length of the recording. What a model
+remembers of a run is followed once, over the whole run at full rate, before any of it is filtered.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from armid.errors import ArmidError
 from armid.information.band import Band
 from armid.information.filtering import filtered_columns, filtered_torque
 from armid.information.information import Information, JointFactors, merge, stack, total
+from armid.information.memory import refuse_forgotten, remember
 from armid.information.observations import Observations, ObservedRun
 from armid.information.setup import ColumnSource, column_source
 from armid.maths.linalg import scaled_condition
@@ -66,7 +68,8 @@ def inform(
         progress: Told of samples done.
 
     Raises:
-        ArmidError: The observations have other joints than the model, or no row counts.
+        ArmidError: The observations have other joints than the model, or no row counts; or a model with memory
+            meets samples that do not follow each other, or a motion that never decides what it remembers.
     """
     if not any(run.mask.any() for run in observations.runs):
         raise ArmidError(
@@ -115,7 +118,8 @@ def _inform(
     samples = sum(run.motion.samples for run in observations.runs)
     done = 0
     parts: list[Information] = []
-    for index, run in enumerate(observations.runs):
+    for index, given in enumerate(observations.runs):
+        run = remember(source.model, given, observations.band)
         raw = _is_raw(run, observations.band)
         pieces = (
             _raw_blocks(source, run, observations.band, threads, by_gram=by_gram)
@@ -132,7 +136,9 @@ def _inform(
         done += run.motion.samples
         method = "products" if raw and by_gram else "qr"
         parts.append(_of_run(source, run, index, factors, method))
-    return merge(parts)
+    whole = merge(parts)
+    refuse_forgotten(source.model, observations, whole.rows.sum(axis=0))
+    return whole
 
 
 def _collect(

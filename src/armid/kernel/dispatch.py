@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import ArmidError
-from armid.kernel import _native, reference, reference_factor
+from armid.kernel import _native, reference, reference_factor, reference_memory
 from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
@@ -28,6 +28,7 @@ __all__ = [
     "instruction_sets",
     "inverse_dynamics",
     "mass_matrix",
+    "play",
     "potential_energy",
     "regressor",
     "unpack_factors",
@@ -304,3 +305,29 @@ def decimate(
         chosen, _arm(tree), layout.offset, layout.target, layout.term,
         q, dq, ddq, torque, terms, taps, step, first, out,
     )  # fmt: skip
+
+
+def play(
+    x: ArrayLike, column: ArrayLike, width: ArrayLike, *, chosen: str | None = None
+) -> tuple[Array, NDArray[np.int64]]:
+    """States of play operators along one contiguous run: z ← min(max(z, q - r), q + r).
+
+    Args:
+        x: Coordinates, shape (N, k).
+        column: Coordinate that each operator follows, shape (m,).
+        width: Half-width r of each, shape (m,).
+        chosen: Build of the kernel.
+
+    Returns:
+        States (N, m), and the first sample at which each is known, whatever the run began with, shape (m,); N where
+        it never is. Before that, the state is the middle of what it may be.
+    """
+    x = np.ascontiguousarray(x, dtype=np.float64)
+    column = np.ascontiguousarray(column, dtype=np.int32)
+    width = np.ascontiguousarray(width, dtype=np.float64)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference_memory.play(x, column, width)
+    out, known = np.empty((len(x), len(column))), np.empty(len(column), dtype=np.int64)
+    _native.play(chosen, x, column, width, out, known)
+    return out, known

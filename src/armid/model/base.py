@@ -1,18 +1,20 @@
 """Base parameters: what of a model the torques can show, and how the standard parameters group into it.
 
 The rigid bodies are grouped by the geometry of the tree (`structure`); the columns of other terms, whose laws only
-the terms know, are compared with them on random states. All of it is then checked on other random states.
+the terms know, are compared with them on random states, those of their memory included. All of it is then checked on
+other random states.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import ModelError
 from armid.model.dynamics import DynamicsModel
+from armid.model.expression import functions, symbols
 from armid.model.motion import Motion
 from armid.model.structure import SPAN_TOLERANCE, echelon, parameter_units, structural_base
 from armid.values import Array, array
@@ -37,6 +39,13 @@ ZERO_COLUMN = 1e-13
 RANDOM_BOUNDS = (np.pi, 2.0, 4.0)
 """Random states reach to these positions [rad or m], velocities and accelerations, so that gravity, centrifugal and
 inertial torques are of one size."""
+
+RANDOM_SPEEDS = (1e-4, 10.0)
+"""Where a law turns, saturates or falls off somewhere along the velocity, as many states again have velocities spread
+evenly over these decades [rad/s or m/s]: knots of ten and Stribeck velocities of a thousandth are then both seen."""
+
+LINEAR = frozenset({"add", "mul", "sign", "abs"})
+"""Functions without a scale of their own."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -137,11 +146,27 @@ def find_base_parameters(model: DynamicsModel) -> BaseParameters:
 
 
 def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
-    """Columns (rows, p) on enough random states to tell `count` of them apart."""
+    """Columns (rows, p) on enough random states to tell `count` of them apart.
+
+    The load, where a law asks for one and the model has none yet, is that of random bodies: whether columns depend on
+    each other does not hang on its values.
+    """
     rng = np.random.default_rng(seed)
     shape = (10 + 3 * count // model.n, model.n)
     q, dq, ddq = (bound * rng.uniform(-1.0, 1.0, shape) for bound in RANDOM_BOUNDS)
-    return model.regressor(Motion.of_states(q, dq, ddq)).reshape(-1, len(model.parameters))
+    if any("dq" in symbols(law.expression) and functions(law.expression) - LINEAR for _, law in model.laws):
+        low, high = np.log(RANDOM_SPEEDS)
+        spread = np.exp(rng.uniform(low, high, shape)) * rng.choice([-1.0, 1.0], shape)
+        more = [bound * rng.uniform(-1.0, 1.0, shape) for bound in RANDOM_BOUNDS]
+        q, dq, ddq = np.vstack([q, more[0]]), np.vstack([dq, spread]), np.vstack([ddq, more[2]])
+    motion = Motion.of_states(q, dq, ddq)
+    if model.nodes:
+        drives = np.column_stack([sum(w * q[:, j] for j, w in node.coordinate) for node in model.nodes])
+        widths = np.array([node.memory.width for node in model.nodes])
+        motion = motion.with_memory(drives - widths * rng.uniform(-1.0, 1.0, drives.shape))
+    if model.load_parameters is None and any("load" in symbols(law.expression) for _, law in model.laws):
+        model = replace(model, load_parameters=rng.uniform(0.5, 1.5, (model.n, 10)))
+    return model.regressor(motion).reshape(-1, len(model.parameters))
 
 
 def _dependence(columns: Array) -> tuple[NDArray[np.intp], Array]:

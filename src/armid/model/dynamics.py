@@ -2,7 +2,8 @@
 
     τ = Y(q, q̇, q̈) θ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction
 
-Parameters stand link by link: the ten inertial ones in Pinocchio's order, then those of the other terms.
+Parameters stand link by link: the ten inertial ones in Pinocchio's order, then those of the other terms. Laws with
+memory need what happened before: `remember` follows their states along a contiguous run, once, at full rate.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from armid import kernel
 from armid.errors import ModelError
 from armid.kernel.tree import Tree
-from armid.model.expression import derivative, evaluate, symbols
+from armid.model.expression import derivative, evaluate, number, symbols
+from armid.model.memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.terms import Law, RigidBody, Term
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
@@ -73,14 +75,21 @@ class DynamicsModel:
 
     Attributes:
         robot: The arm.
-        terms: Torque terms; names must differ, except that there may be several couplings.
+        terms: Torque terms. A term may stand here several times, for instance with other shapes on other joints, as
+            long as its parameters differ.
+        load_parameters: Inertial parameters (n, 10) of an earlier estimate, or any with the same torque: what laws
+            mean by `load` is the torque of these rigid bodies, never a measured one. `None` where none is known.
     """
 
     robot: Robot
     terms: tuple[Term, ...]
+    load_parameters: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
+        if self.load_parameters is not None:
+            given = array(self.load_parameters, (self.n, 10), "load_parameters")
+            object.__setattr__(self, "load_parameters", given)
         if not self.terms:
             raise ModelError("A model needs at least one torque term.", remedy="add RigidBody().")
         names = [p.name for p in self.parameters]
@@ -146,22 +155,106 @@ class DynamicsModel:
             for j, weight in law.coordinate
         )
 
+    @cached_property
+    def nodes(self) -> tuple[MemoryNode, ...]:
+        """States that the laws remember, m of them, in the order of the laws."""
+        found: dict[tuple[Coordinate, object], MemoryNode] = {}
+        for name, law in self.laws:
+            if law.memory is not None:
+                found.setdefault((law.coordinate, law.memory), MemoryNode(law.coordinate, law.memory, name))
+        return tuple(found.values())
+
+    def remember(self, motion: Motion) -> Motion:
+        """The motion with the states of all memory nodes along it, as one contiguous run at full rate."""
+        return self.remembered(motion)[0] if self.nodes else motion
+
+    def remembered(self, motion: Motion) -> tuple[Motion, NDArray[np.int64]]:
+        """The motion with its states, and the first sample at which each node's state is known, shape (m,).
+
+        A state is known from where the motion alone decides it, whatever was before; N where that never happens.
+        Before that it is the middle of what it may be.
+        """
+        self._check(motion)
+        states, known = kernel.play(*self._driven(motion.q), np.array([node.memory.width for node in self.nodes]))
+        return motion.with_memory(states), known
+
+    def _driven(self, q: Array) -> tuple[Array, NDArray[np.int32]]:
+        """Coordinates (N, k) that drive the nodes, and which one drives each: joints, then combinations."""
+        columns = {((j, 1.0),): j for j in range(self.n)}
+        combined = [node.coordinate for node in self.nodes if node.coordinate not in columns]
+        columns |= {coordinate: self.n + k for k, coordinate in enumerate(dict.fromkeys(combined))}
+        more = [sum(w * q[:, j] for j, w in coordinate) for coordinate in dict.fromkeys(combined)]
+        follows = np.array([columns[node.coordinate] for node in self.nodes], dtype=np.int32)
+        return np.column_stack([q, *more]) if more else q, follows
+
     def term_columns(self, motion: Motion, kept: NDArray[np.integer] | None = None) -> TermColumns:
-        """Columns of all terms but the rigid bodies along a motion; of some of them where `kept` says which."""
+        """Columns of all terms but the rigid bodies along a motion; of some of them where `kept` says which.
+
+        Raises:
+            ModelError: A law has a memory, but the motion none; or it depends on the load, but none is known.
+        """
         entries = self.entries if kept is None else [self.entries[e] for e in kept]
         values = np.empty((len(entries), motion.samples))
-        by_joint = _by_joint(motion, {name for _, _, law, _ in entries for name in symbols(law.expression)})
+        of_joints = self._of_joints(motion, {name for _, _, law, _ in entries for name in symbols(law.expression)})
         for row, (_, _, law, weight) in zip(values, entries, strict=True):
-            row[:] = evaluate(law.expression, _environment(law, by_joint))
+            row[:] = evaluate(law.expression, self._environment(law, of_joints))
             if weight != 1.0:
                 row *= weight
         joint = np.array([e[0] for e in entries], dtype=np.int32)
         parameter = np.array([e[1] for e in entries], dtype=np.int32)
         return TermColumns(joint, parameter, values)
 
+    def _of_joints(self, motion: Motion, names: set[str]) -> dict[str, Array]:
+        """What the symbols that are asked for stand for, joint by joint or node by node: shape (n or m, N)."""
+        found = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
+        if "load" in names:
+            found["load"] = self._load(motion)
+        if "state" in names:
+            found["state"] = self._states(motion)
+        return {name: np.ascontiguousarray(x.T) for name, x in found.items() if name in names}
+
+    def _load(self, motion: Motion) -> Array:
+        """Torque (N, n) of the rigid bodies of `load_parameters`."""
+        if self.load_parameters is None:
+            term = next(name for name, law in self.laws if "load" in symbols(law.expression))
+            raise ModelError(
+                f"The term {term!r} depends on the load of the joints, and no estimate of it is known.",
+                remedy=f"identify once without {term!r}, and give the model the inertial parameters of that estimate "
+                "as load_parameters.",
+            )
+        return kernel.inverse_dynamics(self.tree, self.load_parameters, motion.q, motion.dq, motion.ddq)
+
+    def _states(self, motion: Motion) -> Array:
+        """States (N, m) of the memory nodes."""
+        if motion.memory is None or motion.memory.shape[1] != len(self.nodes):
+            found = "none" if motion.memory is None else f"{motion.memory.shape[1]}"
+            raise ModelError(
+                f"The term {self.nodes[0].term!r} remembers the motion in {len(self.nodes)} states; the motion has "
+                f"{found}.",
+                remedy="call remember on the whole contiguous run first.",
+            )
+        return motion.memory
+
+    def _environment(self, law: Law, of_joints: dict[str, Array]) -> dict[str, Array]:
+        """Values of a law's symbols: those of the coordinate that it acts on, and of its own memory."""
+
+        def combined(x: Array) -> Array:
+            parts = [x[j] if w == 1.0 else w * x[j] for j, w in law.coordinate]
+            return parts[0] if len(parts) == 1 else np.sum(parts, axis=0)
+
+        names = symbols(law.expression)
+        values = {name: combined(of_joints[name]) for name in names if name in of_joints and name != "state"}
+        if "state" in names and "state" in of_joints:
+            values["state"] = of_joints["state"][self._node_of[law.coordinate, law.memory]]
+        return values
+
+    @cached_property
+    def _node_of(self) -> dict[tuple[Coordinate, object], int]:
+        return {(node.coordinate, node.memory): k for k, node in enumerate(self.nodes)}
+
     def regressor(self, motion: Motion) -> Array:
-        """Y with τ = Y θ, shape (N, n, p)."""
-        self._check(motion)
+        """Y with τ = Y θ, shape (N, n, p). A motion without memory counts as one contiguous run."""
+        motion = self._prepared(motion)
         Y = np.zeros((motion.samples, self.n, len(self.parameters)))
         if self.has_rigid_bodies:
             Y[:, :, self.inertial_columns] = kernel.regressor(self.tree, motion.q, motion.dq, motion.ddq)
@@ -171,8 +264,11 @@ class DynamicsModel:
         return Y
 
     def torque(self, motion: Motion, parameters: ArrayLike) -> Array:
-        """Joint torque (N, n) [N·m or N] for standard parameters (p,)."""
-        self._check(motion)
+        """Joint torque (N, n) [N·m or N] for standard parameters (p,).
+
+        A motion without memory counts as one contiguous run.
+        """
+        motion = self._prepared(motion)
         theta = self._standard(parameters)
         tau = np.zeros((motion.samples, self.n))
         if self.has_rigid_bodies:
@@ -192,7 +288,9 @@ class DynamicsModel:
         still = {"q": q.T, "dq": np.zeros_like(q.T), "ddq": np.zeros_like(q.T)}
         for column, (_, law) in zip(self.law_columns, self.laws, strict=True):
             per_acceleration = derivative(law.expression, "ddq")
-            inertia = theta[column] * evaluate(per_acceleration, _environment(law, still))
+            if per_acceleration == number(0.0):
+                continue
+            inertia = theta[column] * evaluate(per_acceleration, self._environment(law, still))
             for i, w_i in law.coordinate:
                 for j, w_j in law.coordinate:
                     M[:, i, j] += w_i * w_j * inertia
@@ -238,22 +336,11 @@ class DynamicsModel:
     def _positions(self, q: ArrayLike) -> Array:
         return array(q, (None, self.n), "joint positions or velocities")
 
+    def _prepared(self, motion: Motion) -> Motion:
+        """A motion that fits, with memory where the laws need one."""
+        self._check(motion)
+        return motion if motion.memory is not None else self.remember(motion)
+
     def _check(self, motion: Motion) -> None:
         if motion.n != self.n:
             raise ModelError(f"The motion has {motion.n} joints; {self.robot.name} has {self.n}.")
-
-
-def _by_joint(motion: Motion, names: set[str]) -> dict[str, Array]:
-    """The states that are asked for, each joint's samples side by side: shape (n, N)."""
-    states = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
-    return {name: np.ascontiguousarray(x.T) for name, x in states.items() if name in names}
-
-
-def _environment(law: Law, by_joint: dict[str, Array]) -> dict[str, Array]:
-    """Position, velocity and acceleration, as far as needed, of the coordinate that a law acts on."""
-
-    def combined(x: Array) -> Array:
-        parts = [x[j] if w == 1.0 else w * x[j] for j, w in law.coordinate]
-        return parts[0] if len(parts) == 1 else np.sum(parts, axis=0)
-
-    return {name: combined(by_joint[name]) for name in symbols(law.expression) if name in by_joint}

@@ -19,13 +19,18 @@ from armid.values import Array
 __all__ = [
     "FUNCTIONS",
     "Expression",
+    "cosine",
     "derivative",
     "evaluate",
     "exponential",
+    "functions",
     "latex",
     "magnitude",
+    "maximum",
+    "minimum",
     "number",
     "sign",
+    "sine",
     "symbol",
     "symbols",
     "tanh",
@@ -74,7 +79,7 @@ def number(value: Expression | float) -> Expression:
 
 
 def symbol(name: str) -> Expression:
-    """A variable: `q`, `dq`, `ddq` of the coordinate that a law acts on, `load`, or a shape."""
+    """A variable: `q`, `dq`, `ddq`, `load` or `state` of the coordinate that a law acts on, or a shape."""
     return Expression(name)
 
 
@@ -96,6 +101,26 @@ def magnitude(x: Expression) -> Expression:
 def exponential(x: Expression) -> Expression:
     """Exponential function."""
     return Expression("exp", (x,))
+
+
+def sine(x: Expression) -> Expression:
+    """Sine of an angle [rad]."""
+    return Expression("sin", (x,))
+
+
+def cosine(x: Expression) -> Expression:
+    """Cosine of an angle [rad]."""
+    return Expression("cos", (x,))
+
+
+def maximum(x: Expression, y: Expression | float) -> Expression:
+    """The larger of two."""
+    return Expression("max", (x, number(y)))
+
+
+def minimum(x: Expression, y: Expression | float) -> Expression:
+    """The smaller of two."""
+    return Expression("min", (x, number(y)))
 
 
 def _is(x: Expression, value: float) -> bool:
@@ -159,6 +184,11 @@ class Function:
     latex: str
 
 
+def _step(x: Expression) -> Expression:
+    """0 below zero, ½ at zero, 1 above."""
+    return 0.5 * (1.0 + sign(x))
+
+
 _ZERO = Expression(0.0)
 _ONE = Expression(1.0)
 
@@ -175,10 +205,18 @@ FUNCTIONS: dict[str, Function] = {
     "tanh": Function(np.tanh, (lambda x: _ONE - tanh(x[0]) ** 2.0,), "tanh({})", r"\tanh({})"),
     "abs": Function(np.abs, (lambda x: sign(x[0]),), "|{}|", r"|{}|"),
     "exp": Function(np.exp, (lambda x: exponential(x[0]),), "exp({})", r"\exp({})"),
+    "sin": Function(np.sin, (lambda x: cosine(x[0]),), "sin({})", r"\sin({})"),
+    "cos": Function(np.cos, (lambda x: -sine(x[0]),), "cos({})", r"\cos({})"),
+    "max": Function(
+        np.maximum, (lambda x: _step(x[0] - x[1]), lambda x: _step(x[1] - x[0])), "max({}, {})", r"\max({}, {})"
+    ),
+    "min": Function(
+        np.minimum, (lambda x: _step(x[1] - x[0]), lambda x: _step(x[0] - x[1])), "min({}, {})", r"\min({}, {})"
+    ),
 }
 """Every function an expression may use. The exponent of `pow` must not depend on what is differentiated."""
 
-LATEX_SYMBOLS = {"q": "q", "dq": r"\dot{q}", "ddq": r"\ddot{q}", "load": r"\tau_{\mathrm{load}}"}
+LATEX_SYMBOLS = {"q": "q", "dq": r"\dot{q}", "ddq": r"\ddot{q}", "load": r"\tau_{\mathrm{load}}", "state": "z"}
 
 
 def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -> Array:
@@ -198,7 +236,7 @@ def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -
 
 
 def derivative(expression: Expression, by: str) -> Expression:
-    """Derivative with respect to a symbol; that of `sign` counts as zero everywhere."""
+    """Derivative with respect to a symbol; that of `sign` counts as zero everywhere, at a kink it is the mean."""
     head, arguments = expression.head, expression.arguments
     if not isinstance(head, str) or not arguments:
         return _ONE if head == by else _ZERO
@@ -215,6 +253,13 @@ def symbols(expression: Expression) -> frozenset[str]:
     if isinstance(expression.head, str) and not expression.arguments:
         return frozenset({expression.head})
     return frozenset().union(*(symbols(a) for a in expression.arguments))
+
+
+def functions(expression: Expression) -> frozenset[str]:
+    """Names of the functions in an expression, rows of `FUNCTIONS`."""
+    if not isinstance(expression.head, str) or not expression.arguments:
+        return frozenset()
+    return frozenset({expression.head}).union(*(functions(a) for a in expression.arguments))
 
 
 def text(expression: Expression) -> str:

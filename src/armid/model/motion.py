@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from armid.errors import ArmidError
 from armid.values import Array, array
 
 __all__ = ["Motion"]
@@ -20,12 +22,15 @@ class Motion:
         q: Joint positions, shape (N, n) [rad or m].
         dq: Joint velocities, shape (N, n) [rad/s or m/s].
         ddq: Joint accelerations, shape (N, n) [rad/s² or m/s²].
+        memory: States of the m memory nodes of a model along the run that this is a part of, shape (N, m);
+            `DynamicsModel.remember` makes them. `None` where nothing is remembered.
     """
 
     time: Array
     q: Array
     dq: Array
     ddq: Array
+    memory: Array | None = None
 
     def __post_init__(self) -> None:
         q = array(self.q, (None, None), "q")
@@ -33,6 +38,8 @@ class Motion:
         object.__setattr__(self, "time", array(self.time, (len(q),), "time"))
         object.__setattr__(self, "dq", array(self.dq, q.shape, "dq"))
         object.__setattr__(self, "ddq", array(self.ddq, q.shape, "ddq"))
+        if self.memory is not None:
+            object.__setattr__(self, "memory", array(self.memory, (len(q), None), "memory"))
 
     @classmethod
     def of_states(cls, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Motion:
@@ -51,8 +58,18 @@ class Motion:
         return self.q.shape[1]
 
     def __getitem__(self, rows: slice) -> Motion:
-        """Some of the samples, without copying them."""
+        """Some of the samples with what is remembered at them, without copying them."""
         part = object.__new__(Motion)
-        for name in ("time", "q", "dq", "ddq"):
-            object.__setattr__(part, name, getattr(self, name)[rows])
+        for name in ("time", "q", "dq", "ddq", "memory"):
+            values = getattr(self, name)
+            object.__setattr__(part, name, None if values is None else values[rows])
         return part
+
+    def with_memory(self, memory: Array) -> Motion:
+        """The same motion with states of memory nodes (N, m), which are made read-only; nothing is copied."""
+        if memory.ndim != 2 or len(memory) != self.samples or memory.dtype != np.float64:
+            raise ArmidError(f"memory must have shape ({self.samples}, any); found {memory.shape} of {memory.dtype}.")
+        memory.setflags(write=False)
+        whole = self[:]
+        object.__setattr__(whole, "memory", memory)
+        return whole

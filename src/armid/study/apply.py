@@ -14,6 +14,7 @@ from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import torque_parameters
 from armid.excitation.fourier import load_plan
 from armid.excitation.plans import PLANS, builtin_plan
+from armid.information.memory import remember
 from armid.measurement.process import observe
 from armid.measurement.readers import load_recording
 from armid.measurement.reading import Reading
@@ -91,8 +92,10 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
         recording = replace(recording, effort=np.zeros_like(recording.q))
     every_row = replace(run.processing, slow=0.0, saturation=None)
     observations, _ = observe([recording], every_row, periods=[how.period], starts=[how.start])
-    motions = [observed.motion for observed in observations.runs]
-    joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in ("time", "q", "dq", "ddq")]
+    # What the model remembers begins anew in each run.
+    motions = [remember(run.model, observed, observations.band).motion for observed in observations.runs]
+    names = ("time", "q", "dq", "ddq", *(["memory"] if run.model.nodes else []))
+    joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in names]
     return Motion(*joined)
 
 

@@ -12,6 +12,7 @@ import json
 import os
 import shutil
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,8 +56,13 @@ class Run:
     trained_on: tuple[str, ...]
 
 
-def save_run(result: Result, folder: Path | str) -> Path:
+def save_run(result: Result, folder: Path | str, *, beside: Mapping[str, Any] | None = None) -> Path:
     """Write a run's folder. An existing run there is replaced; anything else is left alone.
+
+    Args:
+        result: What an identification gave.
+        folder: Where to.
+        beside: Further records to write as JSON, by the name of their file.
 
     Raises:
         OutputError: The folder cannot be written, or holds something that is no run.
@@ -69,6 +75,8 @@ def save_run(result: Result, folder: Path | str) -> Path:
         target.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
         _write(result, draft)
+        for name, record in (beside or {}).items():
+            replace_file(draft / name, to_json(record) + "\n")
         mask = os.umask(0)
         os.umask(mask)
         draft.chmod(0o777 & ~mask)
@@ -124,7 +132,7 @@ def load_run(folder: Path | str) -> Run:
         return Run(
             str(folder),
             robot,
-            build_model(robot, ModelChoice(tuple(kept["terms"]), kept["shapes"])),
+            _model(robot, kept),
             estimate,
             Processing(**kept["processing"]),
             Reading(**kept["reading"]),
@@ -135,6 +143,12 @@ def load_run(folder: Path | str) -> Run:
             f"{folder / 'model.json'} is damaged or of another version ({type(error).__name__}: {error}).",
             remedy="identify again.",
         ) from error
+
+
+def _model(robot: Robot, kept: Mapping[str, Any]) -> DynamicsModel:
+    """The model as it was used, with the bodies that make its load, where it has one."""
+    model = build_model(robot, ModelChoice(tuple(kept["terms"]), kept["shapes"]))
+    return dataclasses.replace(model, load_parameters=kept.get("load_parameters"))
 
 
 def _put_in_place(draft: Path, folder: Path) -> None:
@@ -158,6 +172,7 @@ def _write(result: Result, draft: Path) -> None:
     model = {
         "terms": study.model.terms,
         "shapes": study.model.shapes,
+        "load_parameters": result.model.load_parameters,
         "processing": dataclasses.asdict(study.processing),
         "reading": _given(next(r.reading for r in study.recordings if r.role == "train")),
         "trained_on": [each.sha256 for each in result.training],

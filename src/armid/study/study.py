@@ -40,6 +40,9 @@ __all__ = [
 
 T = TypeVar("T")
 
+Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
+"""Options of a term, or of several of one name."""
+
 IDENTIFY_TERMS = (RigidBody.name, Viscous.name, Coulomb.name, Offset.name)
 """Terms where a study names none; rotor inertia joins them where the effort is that of the motors."""
 
@@ -78,12 +81,13 @@ class ModelChoice:
     """The torque terms of a study.
 
     Attributes:
-        terms: Their names; chosen by the kind of effort where none are given.
-        shapes: Options of terms, by the term's name.
+        terms: Their names; chosen by the kind of effort where none are given. A name may stand here several times.
+        shapes: Options of terms, by the term's name: one table, or a list of tables where a term has other shapes on
+            other joints.
     """
 
     terms: tuple[str, ...] = ()
-    shapes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, "Mapping[str, Any]"])
+    shapes: Mapping[str, Shapes] = field(default_factory=dict[str, "Shapes"])
 
     def __post_init__(self) -> None:
         _require(_are_texts(self.terms), "terms", "a list of names", self.terms)
@@ -228,22 +232,34 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
             raise StudyError(
                 f"[model] gives options of {name!r}, which is not among its terms.", possible=", ".join(names)
             )
+    tables = {name: _tables(choice.shapes.get(name, {})) for name in names}
     terms: list[Term] = []
-    for name in names:
+    for k, name in enumerate(names):
         if name not in TERMS:
             raise StudyError(f"Unknown torque term {name!r}.", possible=", ".join(TERMS), remedy=_hint(name, TERMS))
-        options = dict(choice.shapes.get(name, {}))
-        if name == Coulomb.name and not choice.terms:
-            options.setdefault("width", IDENTIFY_WIDTH)
-        terms.append(_make(TERMS[name], options, f"[model.{name}]"))
+        # A name that stands several times takes its tables one by one, where it stands last all that are left.
+        taken = tables[name] if name not in names[k + 1 :] else tables[name][:1]
+        tables[name] = tables[name][len(taken) :]
+        for options in taken or [{}]:
+            if name == Coulomb.name and not choice.terms:
+                options.setdefault("width", IDENTIFY_WIDTH)
+            terms.append(_make(TERMS[name], options, f"[model.{name}]"))
     return DynamicsModel(robot, tuple(terms))
+
+
+def _tables(shapes: Shapes) -> list[dict[str, Any]]:
+    """Options of each term of one name."""
+    return [dict(each) for each in ([shapes] if isinstance(shapes, Mapping) else shapes)]
 
 
 def resolve_model(model: DynamicsModel) -> ModelChoice:
     """The choice of a model's terms with nothing left to defaults, so that `build_model` makes it again."""
-    shapes = {term.name: dataclasses.asdict(term) for term in model.terms}  # pyright: ignore[reportArgumentType]
-    given = {name: {k: v for k, v in options.items() if v is not None} for name, options in shapes.items()}
-    return ModelChoice(tuple(shapes), {name: options for name, options in given.items() if options})
+    shapes: dict[str, list[dict[str, Any]]] = {}
+    for term in model.terms:
+        options = dataclasses.asdict(term)  # pyright: ignore[reportArgumentType]
+        shapes.setdefault(term.name, []).append({k: v for k, v in options.items() if v is not None})
+    given = {name: each[0] if len(each) == 1 else tuple(each) for name, each in shapes.items()}
+    return ModelChoice(tuple(term.name for term in model.terms), {k: v for k, v in given.items() if v})
 
 
 def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
@@ -254,7 +270,9 @@ def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
         raise StudyError('terms = "auto" is not known yet.', possible=", ".join(TERMS), remedy="name the terms.")
     shapes = {name: value for name, value in table.items() if name != "terms"}
     for name, value in shapes.items():
-        _require(isinstance(value, Mapping), f"[model] {name}", "a table of options", value)
+        several = isinstance(value, list) and all(isinstance(each, Mapping) for each in value)
+        good = isinstance(value, Mapping) or several
+        _require(good, f"[model] {name}", "a table of options, or a list of such tables", value)
     return _make(ModelChoice, {"terms": terms, "shapes": shapes}, "[model]")
 
 

@@ -1,16 +1,64 @@
 """Torque terms, one a file. `TERMS` is the catalogue: a new term is a new file and one line here."""
 
+from armid.model.terms.asymmetric_coulomb import AsymmetricCoulomb
+from armid.model.terms.asymmetric_viscous import AsymmetricViscous
 from armid.model.terms.coulomb import Coulomb
 from armid.model.terms.coupling import Coupling
+from armid.model.terms.hysteresis import Hysteresis
+from armid.model.terms.load_coulomb import LoadCoulomb
+from armid.model.terms.load_viscous import LoadViscous
 from armid.model.terms.offset import Offset
+from armid.model.terms.piecewise_viscous import PiecewiseViscous
+from armid.model.terms.power_viscous import PowerViscous
 from armid.model.terms.rigid_body import RigidBody
+from armid.model.terms.ripple import Ripple
 from armid.model.terms.rotor_inertia import RotorInertia
+from armid.model.terms.sigmoid import Sigmoid
+from armid.model.terms.stribeck import Stribeck
 from armid.model.terms.term import Law, Term
 from armid.model.terms.viscous import Viscous
 
-__all__ = ["TERMS", "Coulomb", "Coupling", "Law", "Offset", "RigidBody", "RotorInertia", "Term", "Viscous"]
+__all__ = [
+    "TERMS",
+    "AsymmetricCoulomb",
+    "AsymmetricViscous",
+    "Coulomb",
+    "Coupling",
+    "Hysteresis",
+    "Law",
+    "LoadCoulomb",
+    "LoadViscous",
+    "Offset",
+    "PiecewiseViscous",
+    "PowerViscous",
+    "RigidBody",
+    "Ripple",
+    "RotorInertia",
+    "Sigmoid",
+    "Stribeck",
+    "Term",
+    "Viscous",
+]
 
 TERMS: dict[str, type[Term]] = {
-    term.name: term for term in (RigidBody, Viscous, Coulomb, Offset, RotorInertia, Coupling)
+    term.name: term
+    for term in (
+        RigidBody,
+        Viscous,
+        Coulomb,
+        Offset,
+        RotorInertia,
+        Coupling,
+        AsymmetricCoulomb,
+        AsymmetricViscous,
+        Stribeck,
+        PowerViscous,
+        Sigmoid,
+        PiecewiseViscous,
+        Hysteresis,
+        Ripple,
+        LoadCoulomb,
+        LoadViscous,
+    )
 }
 """Terms by their names in a study, in the order in which their parameters stand."""

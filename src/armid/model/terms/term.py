@@ -1,7 +1,8 @@
 """What a torque term is: laws, each stated once as an expression.
 
 A law says τ = parameter · expression, where the expression may use position `q`, velocity `dq` and acceleration
-`ddq` of one coordinate c = Σ w_j q_j. For most laws the coordinate is a single joint (w = 1). A law on a
+`ddq` of one coordinate c = Σ w_j q_j, the torque `load` of the rigid bodies on it, and the `state` of the law's
+memory. For most laws the coordinate is a single joint (w = 1). A law on a
 combination of joints, such as the friction of a motor that drives two of them, acts on each with its weight:
 τ_j = w_j · parameter · expression (virtual work). Columns, derivatives and formulas all follow from the law.
 """
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
 from armid.model.expression import Expression
+from armid.model.memory import Coordinate, Play
 from armid.robot.robot import Joint, Robot
 
 __all__ = ["Law", "Term", "select_joints", "single_joint_laws"]
@@ -27,16 +29,18 @@ class Law:
         joint: Index of the joint whose number the parameter bears.
         unit: Unit of the parameter.
         coordinate: Pairs of joint index and weight w_j.
-        expression: In `q`, `dq`, `ddq` of the coordinate.
+        expression: In `q`, `dq`, `ddq` and `load` of the coordinate, and `state` where there is a memory.
         nonnegative: Whether physics forbids negative values of the parameter.
+        memory: What has to be remembered of the coordinate; its state is the symbol `state`.
     """
 
     symbol: str
     joint: int
     unit: str
-    coordinate: tuple[tuple[int, float], ...]
+    coordinate: Coordinate
     expression: Expression
     nonnegative: bool = False
+    memory: Play | None = None
 
 
 @runtime_checkable
@@ -73,6 +77,7 @@ def single_joint_laws(
     *,
     units: tuple[str, str],
     nonnegative: bool,
+    memory: Play | None = None,
 ) -> tuple[Law, ...]:
     """The same law on each joint by itself.
 
@@ -83,12 +88,13 @@ def single_joint_laws(
         expression: The law.
         units: Unit of the parameter on a revolute and on a prismatic joint.
         nonnegative: Whether the parameter must not be negative.
+        memory: What has to be remembered of the joint's position.
     """
 
     def unit(joint: Joint) -> str:
         return units[1] if joint.is_prismatic else units[0]
 
     return tuple(
-        Law(symbol, j, unit(robot.joints[j]), ((j, 1.0),), expression, nonnegative)
+        Law(symbol, j, unit(robot.joints[j]), ((j, 1.0),), expression, nonnegative, memory)
         for j in select_joints(robot, joints)
     )

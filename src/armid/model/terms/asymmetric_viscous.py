@@ -1,0 +1,32 @@
+"""Viscous friction that differs with the direction: τ = FVA · |q̇|, beside FV · q̇ of `viscous`.
+
+Forward it is FV + FVA, backward FV - FVA. What physics asks is |FVA| ≤ FV, not a sign of FVA by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.model.expression import magnitude, symbol
+from armid.model.terms.term import Law, single_joint_laws
+from armid.robot.robot import Robot
+
+__all__ = ["AsymmetricViscous"]
+
+
+@dataclass(frozen=True, slots=True)
+class AsymmetricViscous:
+    """What viscous friction has more of in the positive direction than in the mean of both.
+
+    Attributes:
+        joints: Names of the joints that have it; `None` for all.
+    """
+
+    joints: tuple[str, ...] | None = None
+    name: ClassVar[str] = "asymmetric-viscous"
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """FVA · |dq| on each joint."""
+        law, units = magnitude(symbol("dq")), ("N·m·s/rad", "N·s/m")
+        return single_joint_laws(robot, self.joints, "FVA", law, units=units, nonnegative=False)

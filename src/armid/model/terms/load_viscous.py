@@ -1,0 +1,32 @@
+"""Viscous friction that grows with the load of the joint: τ = FVL · |load| · q̇.
+
+The load is what it is for `load-coulomb`: the model's own torque of an earlier estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.model.expression import magnitude, symbol
+from armid.model.terms.term import Law, single_joint_laws
+from armid.robot.robot import Robot
+
+__all__ = ["LoadViscous"]
+
+
+@dataclass(frozen=True, slots=True)
+class LoadViscous:
+    """Friction in proportion to the velocity and to the torque that the gear transmits.
+
+    Attributes:
+        joints: Names of the joints that have it; `None` for all.
+    """
+
+    joints: tuple[str, ...] | None = None
+    name: ClassVar[str] = "load-viscous"
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """FVL · |load| · dq on each joint."""
+        law = magnitude(symbol("load")) * symbol("dq")
+        return single_joint_laws(robot, self.joints, "FVL", law, units=("s/rad", "s/m"), nonnegative=True)

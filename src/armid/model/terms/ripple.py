@@ -1,0 +1,60 @@
+"""Torque that repeats with the angle of the joint or of its motor: τ = Σ RS_k sin(k q) + RC_k cos(k q).
+
+Sensors, gears and motors make it. The first harmonic of a joint whose weight is seen looks like its centre of mass,
+and low harmonics imitate gravity where poses are few: choose them by unseen motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.errors import ModelError
+from armid.model.expression import Expression, cosine, sine, symbol
+from armid.model.shapes import require_positive, require_rising
+from armid.model.terms.term import Law, single_joint_laws
+from armid.robot.robot import Robot
+
+__all__ = ["Ripple"]
+
+
+@dataclass(frozen=True, slots=True)
+class Ripple:
+    """Periodic torque in the position.
+
+    Attributes:
+        harmonics: Multiples of the joint's angle, rising; of a sliding joint, rad/m.
+        motor_harmonics: Multiples of the motor's angle, rising.
+        gear_ratio: Angle of the motor over that of the joint; needed for `motor_harmonics`.
+        joints: Names of the joints that have it; `None` for all.
+    """
+
+    harmonics: tuple[float, ...] = (2.0, 3.0, 4.0)
+    motor_harmonics: tuple[float, ...] = ()
+    gear_ratio: float | None = None
+    joints: tuple[str, ...] | None = None
+    name: ClassVar[str] = "ripple"
+
+    def __post_init__(self) -> None:
+        for which in ("harmonics", "motor_harmonics"):
+            if getattr(self, which) != ():
+                object.__setattr__(self, which, require_rising(f"The {which} of ripple", getattr(self, which)))
+        if not self.harmonics and not self.motor_harmonics:
+            raise ModelError("Ripple needs at least one harmonic.", remedy="for instance harmonics = [2.0, 3.0].")
+        if self.motor_harmonics and self.gear_ratio is None:
+            raise ModelError("Harmonics of the motor need its gear ratio.", remedy="give gear_ratio.")
+        if self.gear_ratio is not None:
+            require_positive("The gear ratio of ripple", self.gear_ratio)
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """RS2, RC2, … for harmonics of the joint, RSM1, RCM1, … for those of the motor, on each joint."""
+        angle = symbol("q")
+        waves = [(f"{k:g}", angle * float(k)) for k in self.harmonics]
+        waves += [(f"M{k:g}", angle * (float(k) * float(self.gear_ratio or 1.0))) for k in self.motor_harmonics]
+        laws: list[Law] = []
+        for number, phase in waves:
+            laws += self._law(robot, f"RS{number}", sine(phase)) + self._law(robot, f"RC{number}", cosine(phase))
+        return tuple(laws)
+
+    def _law(self, robot: Robot, symbol: str, wave: Expression) -> tuple[Law, ...]:
+        return single_joint_laws(robot, self.joints, symbol, wave, units=("N·m", "N"), nonnegative=False)
