@@ -21,6 +21,9 @@ struct Kernel {
   void (*decimate)(const Arm&, const Layout&, const Samples&, std::ptrdiff_t begin, std::ptrdiff_t end,
                    const double* taps, std::ptrdiff_t length, std::ptrdiff_t step, std::ptrdiff_t first,
                    std::ptrdiff_t rows, double* out);
+  // Gradients (N, n) of the sum of cotangents (columns, N) times columns; N at least `lanes`.
+  void (*columns_adjoint)(const Arm&, const Layout&, const Samples&, const double* cotangent, std::ptrdiff_t N,
+                          double* q, double* dq, double* ddq);
 };
 
 // Linked where the build makes them; the bindings ask only for those.
