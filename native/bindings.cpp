@@ -318,6 +318,25 @@ void play(const std::string& isa, In<double> x, In<std::int32_t> column, In<doub
   k.play(from, N, across, follows, r, nodes, to, since);
 }
 
+void columns_adjoint(const std::string& isa, const ArmData& data, In<std::int32_t> offset, In<std::int32_t> target,
+                     In<double> q, In<double> dq, In<double> ddq, In<double> cotangent, Out<double> q_bar,
+                     Out<double> dq_bar, Out<double> ddq_bar) {
+  const Layout layout = layout_of(data, offset, target, {});
+  const std::ptrdiff_t N = samples_of(data, q, dq, ddq);
+  const Kernel& k = kernel(isa);
+  require(layout.target != nullptr, "the layout has no rigid bodies");
+  require(N >= k.lanes, "there must be as many samples as lanes");
+  require(cotangent.size() == static_cast<std::size_t>(offset.data()[data.arm.n]) * N,
+          "cotangent must be (columns, N)");
+  require(q_bar.size() == q.size() && dq_bar.size() == q.size() && ddq_bar.size() == q.size(),
+          "gradients must have the shape of q");
+  const Samples in{q.data(), dq.data(), ddq.data(), nullptr, nullptr, 0, nullptr};
+  const double* from = cotangent.data();
+  double *to_q = q_bar.data(), *to_dq = dq_bar.data(), *to_ddq = ddq_bar.data();
+  nb::gil_scoped_release release;
+  k.columns_adjoint(data.arm, layout, in, from, N, to_q, to_dq, to_ddq);
+}
+
 }  // namespace
 
 NB_MODULE(_native, m) {
@@ -333,4 +352,5 @@ NB_MODULE(_native, m) {
   m.def("factor_columns", &factor_columns);
   m.def("decimate", &decimate);
   m.def("play", &play);
+  m.def("columns_adjoint", &columns_adjoint);
 }

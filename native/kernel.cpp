@@ -1,6 +1,7 @@
 // One translation unit, compiled once for each instruction set with ARMID_ISA and ARMID_LANES set by the build.
 #include "kernel.hpp"
 
+#include "adjoint.hpp"
 #include "decimate.hpp"
 #include "dynamics.hpp"
 #include "factor.hpp"
@@ -61,9 +62,9 @@ void decimate_columns(const Arm& arm, const Layout& layout, const Samples& in, s
 #define ARMID_TABLE(isa) ARMID_TABLE2(isa)
 
 const Kernel ARMID_TABLE(ARMID_ISA) = {
-    ARMID_STRING(ARMID_ISA),     ARMID_ISA::W,           ARMID_ISA::regressor, ARMID_ISA::columns,
-    ARMID_ISA::inverse_dynamics, ARMID_ISA::mass_matrix, ARMID_ISA::factor,    ARMID_ISA::factor_all_columns,
-    ARMID_ISA::decimate_columns, ARMID_ISA::play,
+    ARMID_STRING(ARMID_ISA),     ARMID_ISA::W,           ARMID_ISA::regressor,       ARMID_ISA::columns,
+    ARMID_ISA::inverse_dynamics, ARMID_ISA::mass_matrix, ARMID_ISA::factor,          ARMID_ISA::factor_all_columns,
+    ARMID_ISA::decimate_columns, ARMID_ISA::play,        ARMID_ISA::columns_adjoint,
 };
 
 }  // namespace armid

@@ -23,6 +23,9 @@ struct Kernel {
                    std::ptrdiff_t rows, double* out);
   void (*play)(const double* x, std::ptrdiff_t N, std::ptrdiff_t width, const std::int32_t* column, const double* r,
                int nodes, double* out, std::int64_t* known);
+  // Gradients (N, n) of the sum of cotangents (columns, N) times columns; N at least `lanes`.
+  void (*columns_adjoint)(const Arm&, const Layout&, const Samples&, const double* cotangent, std::ptrdiff_t N,
+                          double* q, double* dq, double* ddq);
 };
 
 // Linked where the build makes them; the bindings ask only for those.

@@ -7,6 +7,7 @@ another: `avx512`, `avx2`, `baseline` or `numpy` (the twin). `in_use()` says whi
 
 from armid.kernel.dispatch import (
     columns,
+    columns_adjoint,
     coriolis_matrix,
     decimate,
     factor,
@@ -28,6 +29,7 @@ __all__ = [
     "ColumnLayout",
     "Tree",
     "columns",
+    "columns_adjoint",
     "coriolis_matrix",
     "decimate",
     "factor",

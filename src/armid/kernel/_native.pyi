@@ -62,3 +62,17 @@ def decimate(
     /,
 ) -> None: ...
 def play(isa: str, x: _A, column: _A, width: _A, out: _A, known: _A, /) -> None: ...
+def columns_adjoint(
+    isa: str,
+    arm: Arm,
+    offset: _A,
+    target: _A,
+    q: _A,
+    dq: _A,
+    ddq: _A,
+    cotangent: _A,
+    q_bar: _A,
+    dq_bar: _A,
+    ddq_bar: _A,
+    /,
+) -> None: ...

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import ArmidError
-from armid.kernel import _native, reference, reference_factor, reference_memory
+from armid.kernel import _native, reference, reference_adjoint, reference_factor, reference_memory
 from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 
 __all__ = [
     "columns",
+    "columns_adjoint",
     "coriolis_matrix",
     "decimate",
     "factor",
@@ -36,6 +37,9 @@ __all__ = [
 
 TWIN = "numpy"
 NO_MASK = np.empty(0, dtype=np.uint8)
+
+WIDEST = 8
+"""Samples in the widest register: the adjoint goes through so many at once, and through no fewer."""
 
 coriolis_matrix = reference.coriolis_matrix
 gravity_torque = reference.gravity_torque
@@ -181,6 +185,48 @@ def columns(
         return out
     _native.columns(chosen, _arm(tree), layout.offset, layout.target, layout.term, q, dq, ddq, torque, terms, out)
     return out
+
+
+def columns_adjoint(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    cotangent: ArrayLike,
+    *,
+    chosen: str | None = None,
+) -> tuple[Array, Array, Array]:
+    """Gradient of Σ cotangent · columns by positions, velocities and accelerations, each (N, n).
+
+    The rigid bodies' columns are differentiated; entries of the cotangent for terms and torques do not count.
+
+    Args:
+        tree: The arm.
+        layout: Which columns are kept.
+        q: Joint positions, shape (N, n).
+        dq: Joint velocities, shape (N, n).
+        ddq: Joint accelerations, shape (N, n).
+        cotangent: What each entry of `columns` is worth, shape (columns, N).
+        chosen: Build of the kernel.
+    """
+    q, dq, ddq = _states(tree, q, dq, ddq)
+    samples = len(q)
+    cotangent = np.ascontiguousarray(cotangent, dtype=np.float64)
+    if cotangent.shape != (layout.columns, samples):
+        raise ArmidError(f"cotangent must have shape {(layout.columns, samples)}; found {cotangent.shape}.")
+    if not len(layout.target):
+        return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference_adjoint.columns_adjoint(tree, layout, q, dq, ddq, cotangent)
+    missing = max(0, WIDEST - samples)
+    if missing:
+        q, dq, ddq = (np.pad(x, ((0, missing), (0, 0))) for x in (q, dq, ddq))
+        cotangent = np.pad(cotangent, ((0, 0), (0, missing)))
+    out = np.empty_like(q), np.empty_like(q), np.empty_like(q)
+    _native.columns_adjoint(chosen, _arm(tree), layout.offset, layout.target, q, dq, ddq, cotangent, *out)
+    return (out[0][:samples], out[1][:samples], out[2][:samples]) if missing else out
 
 
 def factor(

@@ -1,0 +1,51 @@
+"""NumPy twin of the adjoint: the derivative of columns by differences that are exact.
+
+By Lagrange's equations every column is linear in q̈, quadratic in q̇, and in the position of one joint a
+trigonometric polynomial of degree two if it turns, a polynomial of degree two if it slides. Central differences of
+quadratics are exact, and for f = Σ_{k ≤ 2} a_k cos kx + b_k sin kx
+
+    f'(x) = (½ - √½) (f(x + π/2) - f(x - π/2)) + f(x + π/4) - f(x - π/4).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armid.kernel import reference_factor
+from armid.kernel.layout import ColumnLayout
+from armid.kernel.tree import Tree
+from armid.values import Array
+
+__all__ = ["columns_adjoint"]
+
+TURNS = ((math.pi / 2.0, 0.5 - math.sqrt(0.5)), (math.pi / 4.0, 1.0))
+STEPS = ((1.0, 0.5),)
+
+
+def columns_adjoint(
+    tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, cotangent: Array
+) -> tuple[Array, Array, Array]:
+    """Gradients (N, n) by q, dq and ddq of the sum of cotangents (columns, N) times columns."""
+    bodies = np.zeros(layout.columns, dtype=np.bool_)
+    pairs = [j for i in range(tree.n) for j in tree.ancestors(i)]
+    for j, targets in zip(pairs, layout.target.reshape(-1, 10), strict=True):
+        bodies[layout.offset[j] + targets[targets >= 0]] = True
+    weights = np.where(bodies[:, None], cotangent, 0.0)
+    no_terms = np.zeros((len(layout.term), len(q)))
+
+    def value(states: list[Array]) -> Array:
+        made = reference_factor.columns(tree, layout, *states, np.zeros_like(q), no_terms)
+        return np.sum(weights * made, axis=0)
+
+    gradients = [np.zeros_like(q) for _ in range(3)]
+    for kind, gradient in enumerate(gradients):
+        for j in range(tree.n):
+            for step, factor in TURNS if kind == 0 and not tree.prismatic[j] else STEPS:
+                for sense in (1.0, -1.0):
+                    states = [q, dq, ddq]
+                    states[kind] = states[kind].copy()
+                    states[kind][:, j] += sense * step
+                    gradient[:, j] += sense * factor * value(states)
+    return gradients[0], gradients[1], gradients[2]
