@@ -1,0 +1,121 @@
+"""`armid payload`: the load or tool of a known arm, or its drive gains from a load that is known."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Json, Out
+from armid.cli.validate import changed_reading
+
+if TYPE_CHECKING:
+    from armid.study.payload import Payload
+    from armid.values import Array
+
+__all__ = ["payload"]
+
+
+def payload(
+    run: Annotated[str, typer.Argument(help="Run of the arm without the load.")],
+    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings with the load.")],
+    mass: Annotated[
+        float | None, typer.Option(metavar="KG", help="The load's mass is known; the drive gains are asked for.")
+    ] = None,
+    com: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(metavar="X Y Z", help="Its centre of mass in the tip frame is known, too, m."),
+    ] = None,
+    gain_deviation: Annotated[
+        float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, as 0.1.")
+    ] = None,
+    same_friction: Annotated[
+        bool, typer.Option("--same-friction", help="Friction is that of the run; by default it may have changed.")
+    ] = False,
+    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
+    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Find the ten parameters of a load, read and processed as the run's own recordings were.
+
+    Examples:
+        armid payload runs/arm with_load.csv
+
+        armid payload runs/arm with_load.csv --mass 2.805
+    """
+    from armid.cli.console import print_findings
+    from armid.study.payload import find_payload, payload_record
+    from armid.study.records import to_json
+    from armid.study.run import load_run
+    from armid.values import replace_file
+
+    found = find_payload(
+        load_run(run),
+        recordings,
+        changed_reading(rate, torque_sign),
+        mass=mass,
+        com=com,
+        gain_deviation=gain_deviation,
+        same_friction=same_friction,
+    )
+    text = to_json(payload_record(found)) + "\n"
+    path = None if out is None else replace_file(out / "payload.json", text)
+    print_findings(found.findings)
+    if json:
+        sys.stdout.write(text)
+        return
+    _report(found)
+    if path is not None:
+        sys.stdout.write(f"\nwritten to {path}\n")
+
+
+def _report(payload: Payload) -> None:
+    """Tables on standard output."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from armid.cli.console import output_console
+    from armid.study.payload import payload_record
+
+    console, record = output_console(), payload_record(payload)
+    table = Table(title=f"{escape(payload.beside.run.robot.name)}: load in the frame {escape(payload.frame)}")
+    for name in ("parameter", "value", "unit", "95 % interval", "by noise alone", "status"):
+        table.add_column(name, justify="left" if name in ("parameter", "unit", "status") else "right")
+    for each in record["parameters"]:
+        table.add_row(
+            each["name"],
+            f"{each['value']:.4f}",
+            each["unit"],
+            _interval(each["interval95"]),
+            _interval(each["statistical95"]),
+            "known" if each["known"] else each["status"],
+        )
+    console.print(table)
+    load = payload.load
+    for name, value, (low, high) in zip("xyz", load.com, load.com_intervals, strict=True):
+        console.print(f"centre of mass {name}: {value:.4f} m ({low:.4f} … {high:.4f})")
+    if load.moved > 0.0:
+        console.print(f"the nearest real body, {load.moved:.2f} standard deviations from what the torques say")
+    if record["gains"] is None:
+        return
+    table = Table(title="Drive gains")
+    for name in ("joint", "given", "found", "correction", "95 % interval"):
+        table.add_column(name, justify="left" if name == "joint" else "right")
+    for each in record["gains"]:
+        seen = each["gain"] is not None
+        table.add_row(
+            escape(each["joint"]),
+            f"{each['given']:.3f}",
+            f"{each['gain']:.3f}" if seen else "-",
+            f"{100 * each['correction']:+.1f} %" if seen else "-",
+            _interval(100 * each["interval95"], 1) if seen else "-",
+        )
+    console.print(table)
+
+
+def _interval(ends: Array, decimals: int = 4) -> str:
+    """Both ends of an interval, or a dash where there is none."""
+    low, high = ends
+    return f"{low:.{decimals}f} … {high:.{decimals}f}" if low == low else "-"

@@ -1,0 +1,98 @@
+"""`armid recalibrate`: a run brought up to date after a change of friction or tool."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Json, Out
+from armid.cli.validate import changed_reading
+from armid.errors import OutputError, StudyError
+
+if TYPE_CHECKING:
+    from armid.study.recalibrate import Changed, Recalibration
+
+__all__ = ["recalibrate"]
+
+
+def recalibrate(
+    run: Annotated[str, typer.Argument(help="The earlier run.")],
+    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="New recordings of the same arm.")],
+    validate: Annotated[
+        list[str] | None, typer.Option("--validate", metavar="RECORDING…", help="Recordings to check the result on.")
+    ] = None,
+    tool: Annotated[bool, typer.Option("--tool", help="The tool has changed, too: the last link.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Everything may have changed: only the new recordings count.")
+    ] = False,
+    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
+    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Estimate friction and offsets anew, with an earlier run for the rest, and say what has changed.
+
+    Examples:
+        armid recalibrate runs/spring autumn.csv --out runs/autumn
+
+        armid recalibrate runs/spring other_tool.csv --tool
+    """
+    from armid.cli.console import print_findings
+    from armid.study.recalibrate import changes_record
+    from armid.study.recalibrate import recalibrate as stage
+    from armid.study.records import estimate_record, to_json, validation_record
+    from armid.study.run import load_run, refuse_folder, save_run
+
+    if tool and everything:
+        raise StudyError("--tool and --all are given.", remedy="give one: --all includes the tool.")
+    changed: Changed = "tool" if tool else "all" if everything else "friction"
+    earlier = load_run(run)
+    name = re.sub(r"[^\w.+-]+", "-", earlier.robot.name).strip(".-") or "robot"
+    folder = out or Path("runs") / f"{name}-recalibrated"
+    if folder.resolve() == Path(run).resolve():
+        raise OutputError(f"{folder} is the earlier run.", remedy="choose another folder with --out.")
+    refuse_folder(folder)
+    found = stage(earlier, recordings, changed_reading(rate, torque_sign), changed=changed, held_out=validate or [])
+    save_run(found.result, folder)
+    print_findings(found.result.estimate.findings)
+    if json:
+        record = estimate_record(found.result.estimate)
+        record["run"] = str(folder)
+        record["validation"] = validation_record(found.result.validation)
+        sys.stdout.write(to_json({**record, **changes_record(found)}) + "\n")
+    else:
+        _report(found, len(recordings))
+        sys.stdout.write(f"\nrun written to {folder}\n")
+    if found.result.validation.verdict == "fail":
+        raise typer.Exit(1)
+
+
+def _report(found: Recalibration, recordings: int) -> None:
+    """What has changed, and the torque error, on standard output."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from armid.cli.console import output_console, print_verdict, validation_table
+
+    console, result = output_console(), found.result
+    base = result.estimate.base
+    units = dict(zip(base.names, base.units, strict=True))
+    beyond = sorted((each for each in found.changes if each.beyond), key=lambda each: -each.ratio)
+    table = Table(title=f"{escape(result.robot.name)}: changed beyond their 95 % intervals since {found.earlier}")
+    for name in ("parameter", "before", "after", "unit", "change / σ"):
+        table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
+    for each in beyond:
+        table.add_row(
+            escape(each.name), f"{each.before:.4f}", f"{each.after:.4f}", units[each.name], f"{each.ratio:.1f}"
+        )
+    console.print(table)
+    console.print(
+        f"{len(found.changes) - len(beyond)} of {len(found.changes)} parameters have not changed beyond them"
+    )
+    of_joints = [joint.effort_unit for joint in result.robot.joints]
+    console.print(validation_table(result.validation, result.training[:recordings], of_joints))
+    print_verdict(console, result.validation)

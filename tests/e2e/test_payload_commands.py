@@ -1,0 +1,265 @@
+"""`armid payload` and `armid recalibrate` as a user meets them, on a small simulated arm."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from armid.cli import main as cli
+from armid.estimation.payload import LOAD_NAMES
+from armid.lab.virtual import record
+from armid.maths.inertia import com_inertia_to_vector
+from armid.measurement.recording import Recording
+from armid.study.identify import identify
+from armid.study.run import load_run, save_run
+from armid.study.study import load_study
+from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
+
+GAIN = np.array([10.0, 12.0, 8.0])
+CORRECTION = np.array([0.06, -0.05, 0.08])
+LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))
+
+STUDY = """
+[robot]
+description = "small.urdf"
+[model]
+terms = ["rigid-body", "viscous", "coulomb"]
+coulomb = {{ width = 0.02 }}
+[[recording]]
+path = "free.npz"
+{how}
+"""
+
+CURRENT = """columns = { effort = "i{}" }
+drive_gain = [10.0, 12.0, 8.0]
+drive_gain_deviation = 0.1"""
+
+Armid = Callable[..., tuple[int, str, str]]
+
+
+def recorded(seed: int, *, load: bool = False, friction: float = 1.0, still: tuple[int, ...] = ()) -> Recording:
+    """The small arm, with a load on its last link and so many times its friction; some joints may stand still."""
+    model, theta = small_model(), small_truth()
+    plan = small_plan(seed)
+    a, b = np.array(plan.a), np.array(plan.b)
+    a[list(still)] = b[list(still)] = 0.0
+    if load:
+        theta[model.inertial_columns[-10:]] += LOAD
+    for k, parameter in enumerate(model.parameters):
+        theta[k] *= friction if parameter.symbol in FRICTION else 1.0
+    return record(model, theta, replace(plan, a=a, b=b), SENSORS, np.random.default_rng(seed), repetitions=2)[0]
+
+
+def write_currents(recording: Recording, path: Path) -> Path:
+    """With what the motors' currents would be, the gains not being what is said of them."""
+    assert recording.time is not None and recording.effort is not None
+    current = recording.effort / (GAIN * (1.0 + CORRECTION))
+    columns = {"t": recording.time}
+    for name, values in (("q", recording.q), ("i", current)):
+        columns |= {f"{name}{j + 1}": values[:, j] for j in range(3)}
+    np.savez(path, **columns)  # pyright: ignore[reportArgumentType]
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The arm, a run from torques, another from currents, and recordings with a load and with less friction."""
+    folder = tmp_path_factory.mktemp("arm")
+    write_arm(folder)
+    write_recording(recorded(1), folder / "free.npz")
+    write_recording(recorded(2, load=True), folder / "loaded.npz")
+    write_recording(recorded(6, load=True, still=(0, 1)), folder / "turning.npz")
+    write_recording(recorded(3, friction=0.6), folder / "warm.npz")
+    write_recording(recorded(4, friction=0.6), folder / "later.npz")
+    write_recording(recorded(5, load=True, friction=0.6), folder / "tool.npz")
+    (folder / "study.toml").write_text(STUDY.format(how=""))
+    currents = folder / "currents"
+    currents.mkdir()
+    write_arm(currents)
+    write_currents(recorded(1), currents / "free.npz")
+    write_currents(recorded(2, load=True), currents / "loaded.npz")
+    (currents / "study.toml").write_text(STUDY.format(how=CURRENT))
+    for place in (folder, currents):
+        save_run(identify(load_study(place / "study.toml")), place / "run")
+    return folder
+
+
+@pytest.fixture
+def armid(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, folder: Path) -> Armid:
+    """Runs the command line in this process, with nobody watching."""
+    monkeypatch.chdir(folder)
+    for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+        monkeypatch.delenv(name, raising=False)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code: int | str | None = 0
+        try:
+            cli.main([str(argument) for argument in arguments])
+        except SystemExit as ended:
+            code = ended.code
+        out, err = capfd.readouterr()
+        return int(code or 0), out, err
+
+    return run
+
+
+def parameters(record: Any) -> dict[str, Any]:
+    return {each["name"]: each for each in record["parameters"]}
+
+
+def test_a_load_as_json(armid: Armid, tmp_path: Path):
+    code, out, _ = armid("payload", "run", "loaded.npz", "--json", "--out", tmp_path / "load")
+    assert code == 0
+    record = json.loads(out)
+    assert record == json.loads((tmp_path / "load" / "payload.json").read_text())
+    assert record["robot"] == "small" and record["link"] == "link_3" and record["gains"] is None
+    found = parameters(record)
+    assert sorted(found) == sorted(LOAD_NAMES)
+    for k, name in enumerate(LOAD_NAMES):
+        each = found[name]
+        assert each["status"] in ("identified", "prior-dominated", "not identifiable")
+        assert each["value"] == pytest.approx(LOAD[k], abs=0.03)
+    held = [low <= LOAD[k] <= high for k in range(10) for low, high in [found[LOAD_NAMES[k]]["interval95"]]]
+    assert sum(held) >= 8  # of ten 95 % intervals
+    assert found["M"]["status"] == "identified"
+    assert found["M"]["value"] == record["mass"]["value"] == pytest.approx(LOAD[0], rel=0.02)
+    np.testing.assert_allclose(record["com"]["value"], LOAD[1:4] / LOAD[0], atol=0.005)
+    inertia = np.array(record["inertia_about_com"])
+    assert np.linalg.eigvalsh(inertia)[0] >= 0.0
+    assert [each["path"] for each in record["recordings"]] == [str((Path("loaded.npz")).absolute())]
+
+
+def test_one_joint_does_not_show_all_of_a_load_and_it_is_said(armid: Armid):
+    code, out, err = armid("payload", "run", "turning.npz")
+    assert code == 0
+    assert "load-weakly-excited" in err and "(prior-dominated)" in err
+    assert "centre of mass z" in out and "identified" in out
+
+
+def test_drive_gains_from_a_known_mass(armid: Armid):
+    code, out, _ = armid("payload", "currents/run", "currents/loaded.npz", "--mass", "0.8", "--json")
+    assert code == 0
+    gains = json.loads(out)["gains"]
+    assert [each["joint"] for each in gains] == ["joint_1", "joint_2", "joint_3"]
+    for j, each in enumerate(gains):
+        low, high = each["interval95"]
+        assert low <= CORRECTION[j] <= high and high - low < 0.2
+        assert each["given"] == GAIN[j]
+        assert each["gain"] == pytest.approx(GAIN[j] * (1.0 + each["correction"]))
+    code, out, _ = armid(
+        "payload", "currents/run", "currents/loaded.npz", "--mass", "0.8", "--com", "0.05", "0.02", "0.1"
+    )
+    assert code == 0 and "Drive gains" in out and "known" in out
+
+
+def test_uncertain_gains_are_in_the_interval_of_the_mass(armid: Armid):
+    masses = {}
+    for deviation in ("0", "0.1"):
+        command = ("payload", "currents/run", "currents/loaded.npz", "--gain-deviation", deviation, "--json")
+        code, out, _ = armid(*command)
+        assert code == 0
+        masses[deviation] = json.loads(out)["mass"]
+    low, high = masses["0.1"]["interval95"]
+    assert low <= LOAD[0] <= high
+    assert masses["0"]["interval95"] == masses["0"]["statistical95"]
+    low, high = masses["0"]["interval95"]
+    assert not low <= LOAD[0] <= high
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("payload", "run", "free.npz"), "stand in run already"),
+        (("payload", "run", "loaded.npz", "loaded.npz"), "each once"),
+        (("payload", "run", "loaded.npz", "--mass", "0.8"), "no drive gains to find"),
+        (("payload", "run", "loaded.npz", "--gain-deviation", "0.1"), "no drive gains that could deviate"),
+        (("payload", "currents/run", "currents/loaded.npz", "--com", "0", "0", "0"), "without a mass"),
+        (("payload", "currents/run", "currents/loaded.npz", "--mass", "-1"), "mass above 0"),
+        (("payload", "currents/run", "loaded.npz"), "for effort"),
+        (("payload", "run", "nowhere.npz"), "nowhere.npz"),
+        (("payload", "loaded.npz", "loaded.npz"), "is no run"),
+        (("recalibrate", "run", "free.npz"), "stand in run already"),
+        (("recalibrate", "run", "warm.npz", "--tool", "--all"), "--tool and --all"),
+        (("recalibrate", "run", "warm.npz", "--out", "run"), "is the earlier run"),
+        (("recalibrate", "run", "warm.npz", "--validate", "warm.npz", "--out", "x"), "the same data are trained on"),
+    ],
+)
+def test_bad_input_is_one_message(armid: Armid, folder: Path, arguments: tuple[str, ...], said: str):
+    before = {path.name for path in folder.iterdir()}
+    code, out, err = armid(*arguments)
+    assert code == 2 and out == ""
+    assert said in " ".join(err.split())
+    assert {path.name for path in folder.iterdir()} == before
+
+
+def test_a_load_in_the_middle_of_an_arm_is_refused(armid: Armid, folder: Path, tmp_path: Path):
+    text = (folder / "study.toml").read_text().replace('"small.urdf"', '"small.urdf"\ntip = "link_2"')
+    (folder / "middle.toml").write_text(text)
+    save_run(identify(load_study(folder / "middle.toml")), tmp_path / "middle")
+    code, _, err = armid("payload", tmp_path / "middle", "loaded.npz")
+    assert code == 2
+    assert "not the last" in err and "joint_3" in err
+
+
+def test_friction_is_recalibrated(armid: Armid, tmp_path: Path):
+    out = tmp_path / "new"
+    command = ("recalibrate", "run", "warm.npz", "--validate", "later.npz", "--out", out, "--json")
+    code, text, _ = armid(*command)
+    assert code == 0
+    record = json.loads(text)
+    assert record["run"] == str(out) and record["let_change"] == "friction"
+    assert record["validation"]["verdict"] == "pass" and record["method"] == "wls, recalibrated"
+    changes = {each["name"]: each for each in record["changes"]}
+    for name, values in FRICTION.items():
+        for j, value in enumerate(values):
+            each = changes[f"{name}_{j + 1}"]
+            assert each["beyond"] and each["ratio"] > 5.0
+            assert each["after"] == pytest.approx(0.6 * value, rel=0.05)
+            assert each["before"] == pytest.approx(value, rel=0.05)
+    assert sum(each["beyond"] for each in record["changes"]) <= 6 + 2
+    run, old = load_run(out), load_run("run")
+    assert set(old.trained_on) < set(run.trained_on) and len(run.trained_on) == 2
+    code, text, _ = armid("validate", out, "later.npz", "--json")
+    new_rms = json.loads(text)["recordings"][0]["rms"]
+    _, text, _ = armid("validate", "run", "later.npz", "--json")
+    assert code == 0
+    assert np.linalg.norm(new_rms) < 0.2 * np.linalg.norm(json.loads(text)["recordings"][0]["rms"])
+    assert armid("predict", out, "later.npz", "--out", tmp_path / "torque.csv")[0] == 0
+    for seen in ("free.npz", "warm.npz"):
+        assert armid("validate", out, seen)[0] == 2
+
+
+def test_a_changed_tool_is_noticed_and_recalibrated(armid: Armid, tmp_path: Path):
+    code, out, err = armid("recalibrate", "run", "tool.npz", "--out", tmp_path / "friction")
+    assert code == 0 and "more-has-changed" in err and "--tool" in err
+    code, out, err = armid("recalibrate", "run", "tool.npz", "--tool", "--out", tmp_path / "tool")
+    assert code == 0 and "more-has-changed" not in err
+    assert "changed beyond their 95 % intervals" in out and "FS_1" in out
+    everything = armid("recalibrate", "run", "tool.npz", "--all", "--out", tmp_path / "all")
+    assert everything[0] == 0
+    known, alone = load_run(tmp_path / "tool").estimate.fit, load_run(tmp_path / "all").estimate.fit
+    span = np.sqrt(np.diag(known.covariance) + np.diag(alone.covariance))
+    assert (np.abs(known.values - alone.values) <= 5.0 * span).all()
+
+
+def test_a_recalibrated_run_carries_a_load(armid: Armid, tmp_path: Path):
+    assert armid("recalibrate", "run", "warm.npz", "--out", tmp_path / "new")[0] == 0
+    code, out, _ = armid("payload", tmp_path / "new", "tool.npz", "--same-friction", "--json")
+    assert code == 0
+    low, high = json.loads(out)["mass"]["interval95"]
+    assert low <= LOAD[0] <= high
+
+
+def test_recalibration_writes_nothing_where_it_fails(armid: Armid, tmp_path: Path):
+    damaged = shutil.copytree("run", tmp_path / "damaged")
+    (damaged / "study.json").write_text("{}")
+    code, _, err = armid("recalibrate", damaged, "warm.npz", "--out", tmp_path / "new")
+    assert code == 2 and "study.json is damaged" in " ".join(err.split())
+    assert not (tmp_path / "new").exists()
