@@ -9,6 +9,7 @@ import typer
 
 from armid.cli.identify import Preset, report_result
 from armid.cli.options import Json, Out, Threads, run_folder
+from armid.cli.report import NoReport, write_page
 
 __all__ = ["demo"]
 
@@ -18,6 +19,7 @@ def demo(
     edges: Annotated[str, typer.Option(help="Treatment of the ends: periodic, pad or drop.")] = "periodic",
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     threads: Threads = 1,
+    no_report: NoReport = False,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -58,5 +60,7 @@ def demo(
             f"torque on Table A.2 by {done.torque_error:.4f} N·m RMS"
         )
         sys.stdout.write(f"\nrun written to {folder}\n")
+    if not no_report:
+        write_page(folder, done.recordings)
     if done.result.validation.verdict == "fail":
         raise typer.Exit(1)

@@ -10,10 +10,11 @@ from armid.excitation.plans import builtin_plan
 from armid.lab.virtual import Sensors, record, thesis_truth
 from armid.measurement.processing import THESIS, Processing
 from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.robot import load_robot
-from armid.study.identify import Progress, Result, identify
+from armid.study.identify import Progress, Result, conclude, prepare
 from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.values import Array
 
@@ -34,12 +35,14 @@ class Demo:
         truth: True base parameters, shape (b,).
         relative_error: Distance of the estimate from the truth over the truth's length.
         torque_error: RMS over all samples and joints of predicted less true torque on Table A.2 [N·m].
+        recordings: What the virtual arm recorded, as the study reads it.
     """
 
     result: Result
     truth: Array
     relative_error: float
     torque_error: float
+    recordings: tuple[tuple[RecordingChoice, Recording], ...]
 
 
 def demo_study(processing: Processing | None = None, method: str = "wls") -> Study:
@@ -85,7 +88,8 @@ def run_demo(
     unseen, motion, torque = record(
         model, truth, builtin_plan("thesis-a2").stretched(SECONDS), Sensors(), rng, repetitions=REPETITIONS
     )
-    result = identify(study, given={TRAIN: train, UNSEEN: unseen}, threads=threads, progress=progress)
+    prepared = prepare(study, given={TRAIN: train, UNSEEN: unseen}, threads=threads, progress=progress)
+    result = conclude(prepared, progress=progress)
     base = find_base_parameters(model)
     values, true_values = result.estimate.fit.values, base.values_of(truth)
     theta = np.zeros(len(truth))
@@ -96,4 +100,5 @@ def run_demo(
         true_values,
         float(np.linalg.norm(values - true_values) / np.linalg.norm(true_values)),
         float(np.sqrt(np.mean(error**2))),
+        prepared.recordings,
     )

@@ -1,0 +1,81 @@
+"""`armid report`: one HTML page about a run, or about what changed between two."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Json
+
+if TYPE_CHECKING:
+    from armid.measurement.recording import Recording
+    from armid.study.study import RecordingChoice
+
+__all__ = ["NoReport", "report", "write_page"]
+
+PAGE = "report.html"
+
+NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE} into the run's folder.")]
+
+
+def report(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify made.")],
+    other: Annotated[
+        str | None, typer.Argument(metavar="[RUN]", help="A later run of the same arm: what changed since the first.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to write the page.")] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="FOLDER", help="Where the recordings are, if they were moved.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Write a page that opens without a network: verdict, torque, residuals, friction, parameters, provenance.
+
+    Pictures are made from the run's recordings, which are read again; without them the page has its tables. Of two
+    runs the page says what changed beyond the intervals.
+
+    Examples:
+        armid report runs/today
+
+        armid report runs/last_year runs/today --out change.html
+    """
+    from armid.report.page import require_extra, write_comparison, write_report
+    from armid.study.records import to_json
+    from armid.study.run import load_run
+
+    require_extra()
+    first = load_run(run)
+    if other is None:
+        page = write_report(first, out or Path(run) / PAGE, data=data)
+    else:
+        page = write_comparison(first, load_run(other), out or Path(other) / "comparison.html")
+    if json:
+        sys.stdout.write(to_json({"report": str(page), "bytes": page.stat().st_size}) + "\n")
+    else:
+        sys.stdout.write(f"page written to {page}\n")
+
+
+def write_page(folder: Path, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> None:
+    """The page of a run that has just been saved; where it cannot be made, a line on standard error says why.
+
+    The results are on the screen by then, so nobody waits for it.
+
+    Args:
+        folder: The run's folder.
+        recordings: What it was made from.
+    """
+    from armid.errors import ArmidError
+    from armid.report.page import write_report
+    from armid.study.run import load_run
+
+    sys.stdout.flush()
+    try:
+        write_report(load_run(folder), folder / PAGE, recordings=recordings)
+    except ArmidError as error:
+        sys.stderr.write(f"no {PAGE}: {error.problem} {error.remedy}".rstrip() + "\n")
+    except KeyboardInterrupt:  # the run is whole without it
+        sys.stderr.write(f"no {PAGE}: interrupted\n")

@@ -1,0 +1,198 @@
+"""Two runs of one arm: what changed beyond the intervals, and how the torque errors compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.model.formulas import base_formulas
+from armid.report.material import Material
+from armid.report.numbers import decimals_of, fixed, short
+from armid.report.section import Section, effort_unit
+from armid.report.tables import Cell, Column, Table
+from armid.values import Array
+
+__all__ = ["COMPARISON", "Change", "Pair", "changes", "pair_of"]
+
+BY_CHANCE = 0.05
+"""Share of unchanged parameters whose change leaves a 95 % interval all the same."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Pair:
+    """Two runs.
+
+    Attributes:
+        before: The earlier one.
+        after: The later one.
+    """
+
+    before: Material
+    after: Material
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A parameter that both runs have, and mean the same by.
+
+    Attributes:
+        name: The parameter.
+        unit: Its unit.
+        before: Its earlier value.
+        after: Its later value.
+        before_half: Half of the earlier 95 % interval.
+        after_half: Half of the later one.
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    before_half: float
+    after_half: float
+
+    @property
+    def difference(self) -> float:
+        """Later less earlier."""
+        return self.after - self.before
+
+    @property
+    def size(self) -> float:
+        """The change over half the interval that it has itself; above 1 it is more than noise."""
+        half = float(np.hypot(self.before_half, self.after_half))
+        return abs(self.difference) / half if half > 0.0 else float(np.inf if self.difference else 0.0)
+
+
+def pair_of(before: Material, after: Material) -> Pair:
+    """Two runs that can be compared.
+
+    Raises:
+        ArmidError: They are of arms with other joints, or share no parameter.
+    """
+    names = [material.run.robot.joint_names for material in (before, after)]
+    if names[0] != names[1]:
+        raise ArmidError(
+            f"{before.run.folder} has joints {', '.join(names[0])}; {after.run.folder} has {', '.join(names[1])}.",
+            remedy="compare two runs of one arm.",
+        )
+    if not changes(pair := Pair(before, after)):
+        raise ArmidError(
+            f"{before.run.folder} and {after.run.folder} have no parameter in common.",
+            remedy="identify both with the same description, gravity and terms.",
+        )
+    return pair
+
+
+def changes(pair: Pair) -> list[Change]:
+    """Parameters of both runs, the largest change first. Those that are grouped otherwise are not the same."""
+    meaning = [
+        dict(zip(m.run.estimate.base.names, base_formulas(m.run.estimate.base), strict=True)) for m in _both(pair)
+    ]
+    found: list[Change] = []
+    values = [_values(m) for m in _both(pair)]
+    units = dict(zip(pair.before.run.estimate.base.names, pair.before.run.estimate.base.units, strict=True))
+    for name, (before, before_half) in values[0].items():
+        plain = name.split("[", 1)[0]
+        if name in values[1] and meaning[0][plain] == meaning[1].get(plain):
+            after, after_half = values[1][name]
+            found.append(Change(name, units[plain], before, after, before_half, after_half))
+    return sorted(found, key=lambda change: -change.size)
+
+
+def _both(pair: Pair) -> tuple[Material, Material]:
+    return pair.before, pair.after
+
+
+def _values(material: Material) -> dict[str, tuple[float, float]]:
+    """Value and half interval of each parameter."""
+    fit = material.run.estimate.fit
+    half = 0.5 * np.ptp(material.run.estimate.intervals, axis=1)
+    return {name: (float(x), float(h)) for name, x, h in zip(fit.names, fit.values, half, strict=True)}
+
+
+def _show_changes(pair: Pair) -> Section:
+    found = changes(pair)
+    beyond = [each.name for each in found if each.size > 1.0]
+    shared = {each.name for each in found}
+    content = {
+        "beyond": beyond,
+        "count": len(found),
+        "chance": round(BY_CHANCE * len(found)),
+        "only": [
+            (material.run.folder, [name for name in material.run.estimate.fit.names if name not in shared])
+            for material in _both(pair)
+        ],
+    }
+    columns = (
+        Column("parameter", words=True),
+        Column("before"),
+        Column("after"),
+        Column("change"),
+        Column("unit", words=True),
+        Column("change over its half interval"),
+    )
+    rows: list[list[Cell]] = []
+    for each in found:
+        decimals = decimals_of(min(each.before_half, each.after_half) or abs(each.difference))
+        mark = " ▲" if each.size > 1.0 else ""
+        rows.append(
+            [
+                Cell(each.name, kind="name"),
+                Cell(f"{fixed(each.before, decimals)} ± {fixed(each.before_half, decimals)}", each.before),
+                Cell(f"{fixed(each.after, decimals)} ± {fixed(each.after_half, decimals)}", each.after),
+                Cell(fixed(each.difference, decimals), each.difference),
+                Cell(each.unit),
+                Cell(fixed(each.size, 2) + mark, each.size, kind="poor" if mark else ""),
+            ]
+        )
+    note = "± half of the 95 % interval. A change has an interval of its own, from both; ▲ marks changes beyond it."
+    return Section(
+        "What changed", content, (Table("changes", "Parameters, the largest change first", columns, rows, note),)
+    )
+
+
+def _show_errors(pair: Pair) -> Section:
+    unit = effort_unit(pair.after)
+    columns = [Column("joint", words=True)]
+    numbers: list[Array] = []
+    for what, of in (("training", Material.training_rms), ("unseen", Material.validation_rms)):
+        for when, material in (("before", pair.before), ("after", pair.after)):
+            columns.append(Column(f"{what}, {when}", unit))
+            numbers.append(of(material))
+    rows = [
+        [Cell(joint.name, kind="name"), *(Cell(short(x), x) for x in (float(column[j]) for column in numbers))]
+        for j, joint in enumerate(pair.after.joints)
+    ]
+    note = "Each run on its own recordings, in its own band: other motions have other errors."
+    return Section("Torque error", {}, (Table("errors", "RMS torque error of each joint", columns, rows, note),))
+
+
+def _show_sources(pair: Pair) -> Section:
+    rows: list[list[Cell]] = []
+    for what, of in SOURCES.items():
+        before, after = (of(material) for material in _both(pair))
+        rows.append([Cell(what), Cell(before), Cell(after), Cell("" if before == after else "differs")])
+    columns = [Column(name, words=True) for name in ("", "before", "after", " ")]
+    return Section("What they were made from", {}, (Table("sources", "The two runs", columns, rows),))
+
+
+SOURCES: Mapping[str, Callable[[Material], str]] = {
+    "folder": lambda m: m.run.folder,
+    "robot": lambda m: m.run.robot.sha256[:12],
+    "recordings": lambda m: ", ".join(f"{each['path']} ({each['role']})" for each in m.study["recordings"]),
+    "method": lambda m: m.run.estimate.method,
+    "terms": lambda m: ", ".join(term.name for term in m.run.estimate.terms),
+    "cut-off": lambda m: f"{m.run.processing.cutoff} Hz",
+    "covariance": lambda m: m.run.estimate.fit.covariance_kind,
+    "verdict": lambda m: str(m.validation["verdict"]),
+}
+
+COMPARISON: Mapping[str, Callable[[Pair], Section]] = {
+    "changes": _show_changes,
+    "errors": _show_errors,
+    "sources": _show_sources,
+}
+"""Sections of a comparison, in order."""

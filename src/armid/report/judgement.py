@@ -1,0 +1,218 @@
+"""What of a run can be trusted, what cannot, and what to record next: sentences made from its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.report.material import Material, velocity_unit
+from armid.report.numbers import share, short
+from armid.report.remains import MUCH, find_remains
+from armid.report.section import effort_unit
+
+__all__ = ["POOR_COVERAGE", "Judgement", "beyond_intervals", "judge"]
+
+GOOD_SHARE = 0.1
+"""Error over the torque's spread up to which a joint is called well predicted: the thesis's lines of Figure 4.3."""
+
+POOR_COVERAGE = 0.85
+"""Share of rows inside a 95 % band below which the band is not believed."""
+
+UNLIKE_TRAINING = 2.0
+"""Error on unseen motion over that in training, from which on more motions are asked for."""
+
+SLOW = 0.3
+"""Share of its velocity limit below which a joint's viscous friction is hard to tell from the rest."""
+
+MOST_NAMES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """The verdict in words.
+
+    Attributes:
+        trusted: What can be relied on.
+        doubted: What cannot.
+        wanted: What to record or to change next.
+    """
+
+    trusted: tuple[str, ...]
+    doubted: tuple[str, ...]
+    wanted: tuple[str, ...]
+
+
+def judge(material: Material) -> Judgement:
+    """Judge a run."""
+    trusted: list[str] = []
+    doubted: list[str] = []
+    wanted: list[str] = []
+    for look in (_torque, _bands, _parameters, _bodies, _findings, _motion, _laws):
+        good, bad, next_ = look(material)
+        trusted += good
+        doubted += bad
+        wanted += next_
+    return Judgement(tuple(trusted), tuple(doubted), tuple(dict.fromkeys(wanted)))
+
+
+Words = tuple[list[str], list[str], list[str]]
+
+
+def _torque(material: Material) -> Words:
+    """Error on unseen motion, all joints together and each."""
+    if not material.validation["recordings"]:
+        return (
+            [],
+            ["Nothing here was checked on motion that the estimate has not seen."],
+            ['Another motion, kept for validation: --validate RECORDING, or role = "validate" in the study.'],
+        )
+    unseen, unit = material.validation_rms(), effort_unit(material)
+    total, training = (float(np.linalg.norm(x[np.isfinite(x)])) for x in (unseen, material.training_rms()))
+    prior = material.validation_column("prior_rms")
+    known = np.isfinite(prior) & np.isfinite(unseen)
+    words = f"Torque on unseen motion: {short(total)} {unit} RMS over all joints"
+    if known.any():
+        left = float(np.linalg.norm(unseen[known]) / np.linalg.norm(prior[known]))
+        words += f", {share(left)} of what the description alone leaves"
+    failed = [
+        f"{c['name']}: {short(c['value'])} > {short(c['bound'])}"
+        for c in material.validation["checks"]
+        if not c["ok"]
+    ]
+    good, bad, next_ = ([], [f"{words}."], []) if failed else ([f"{words}."], [], [])
+    bad += [f"Check failed: {each}." for each in failed]
+    relative = material.validation_column("relative")
+    fine = [j for j, x in enumerate(relative) if x <= GOOD_SHARE]
+    if fine:
+        good.append(f"Error at most {share(GOOD_SHARE)} of the torque's spread on {_joints(material, fine)}.")
+    poor = [j for j, x in enumerate(relative) if x > GOOD_SHARE]
+    if poor:
+        said = _listed(f"{material.joints[j].name} ({share(float(relative[j]))})" for j in poor)
+        bad.append(f"Error above {share(GOOD_SHARE)} of the torque's spread on {said}.")
+    if total > UNLIKE_TRAINING * training:
+        bad.append(f"The error on unseen motion is {short(total / training, 2)} times that of training.")
+        next_.append("More and other motions to train on: unseen ones are predicted worse than those of training.")
+    return good, bad, next_
+
+
+def _bands(material: Material) -> Words:
+    """Whether the 95 % bands hold what they promise."""
+    coverage = material.validation_column("coverage95")
+    poor = [j for j, x in enumerate(coverage) if x < POOR_COVERAGE]
+    if not np.isfinite(coverage).any():
+        return [], [], []
+    if not poor:
+        return (
+            [f"The 95 % bands of the torque: they hold {share(float(np.nanmean(coverage)))} of unseen rows."],
+            [],
+            [],
+        )
+    said = _listed(f"{material.joints[j].name} ({share(float(coverage[j]))})" for j in poor)
+    return (
+        [],
+        [f"The 95 % bands of the torque are too narrow on {said}: so may be the intervals of its parameters."],
+        ["The same motion repeated, or longer: intervals rest on the scatter between blocks, and here on few."],
+    )
+
+
+def _parameters(material: Material) -> Words:
+    """Which parameters are told from zero, and which cannot be what they are."""
+    estimate = material.run.estimate
+    names = estimate.fit.names
+    low, high = estimate.intervals.T
+    clear = (low > 0.0) | (high < 0.0)
+    good = [f"{int(clear.sum())} of {len(names)} parameters: their 95 % intervals stay clear of zero."]
+    unclear = [name for name, sure in zip(names, clear, strict=True) if not sure]
+    bad = [f"{len(unclear)} parameters cannot be told from zero: {_listed(unclear)}."] if unclear else []
+    never = {p.name for p in material.run.model.parameters if p.nonnegative}
+    negative = [name for name, top in zip(names, high, strict=True) if name in never and top < 0.0]
+    next_: list[str] = []
+    if negative:
+        bad.append(f"Negative where physics forbids it, intervals included: {_listed(negative)}.")
+    rotors = [name for name in unclear + negative if name.startswith("IA")]
+    if rotors:
+        next_.append(f"Quick turns of single joints while the others rest: {_listed(rotors)} mix with link inertias.")
+    return good, bad, next_
+
+
+def beyond_intervals(material: Material) -> bool:
+    """Whether the nearest real body lies outside the intervals of some parameters."""
+    if material.verdict is None or material.verdict.certificate.feasible:
+        return False
+    fit = material.run.estimate.fit
+    half = dict(zip((name.split("[", 1)[0] for name in fit.names), 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
+    return any(abs(each.change) > half[each.name] for each in material.verdict.certificate.blame)
+
+
+def _bodies(material: Material) -> Words:
+    """Whether a real body can have the values."""
+    if material.verdict is None:
+        return [], [], []
+    certificate, smallest = material.verdict.certificate, material.verdict.pose.min_eigenvalue
+    bad: list[str] = []
+    if smallest <= 0.0:
+        bad.append("The mass matrix is not positive definite in every pose: do not simulate with these values.")
+    if certificate.feasible:
+        return ["A real body can have these parameters."], bad, []
+    distance = f"the nearest lies {short(certificate.distance)} ({share(certificate.relative_distance)}) away"
+    if beyond_intervals(material):
+        bad.append(
+            f"No real body has these values: {distance}, outside the intervals. Do not simulate or export them."
+        )
+    else:
+        bad.append(f"No real body has exactly these values: {distance}, within the intervals.")
+    return [], bad, []
+
+
+def _findings(material: Material) -> Words:
+    """What was noticed on the way."""
+    serious = [f for f in material.run.estimate.findings if f.severity != "info"]
+    bad = list(dict.fromkeys(f"{f.channel}: {f.evidence}" if f.channel else f.evidence for f in serious))
+    remedies = [f.remedy for f in serious if f.remedy]
+    return [], bad, [text[:1].upper() + text[1:] for text in remedies]
+
+
+def _motion(material: Material) -> Words:
+    """Joints that moved too slowly to show their viscous friction."""
+    train, fit = material.of_role("train"), material.run.estimate.fit
+    relative = dict(zip(fit.names, fit.poorly_identified, strict=True))
+    slow: list[str] = []
+    for j, joint in enumerate(material.joints):
+        fastest = max((float(np.abs(each.dq[:, j]).max()) for each in train), default=np.inf)
+        if fastest < SLOW * joint.velocity_limit < np.inf and relative.get(f"FV_{j + 1}", False):
+            slow.append(
+                f"{joint.name} ({short(fastest, 2)} of {short(joint.velocity_limit, 2)} {velocity_unit(joint)})"
+            )
+    return [], [], [f"Faster motion, to tell viscous friction: {_listed(slow)}."] if slow else []
+
+
+def _laws(material: Material) -> Words:
+    """Structure in the residual that friction laws could take."""
+    found: dict[str, list[int]] = {"position": [], "reversals": []}
+    for j in range(len(material.joints)):
+        remains = find_remains(material.drawn, material.run.processing, j)
+        for what, much in (("position", remains.position), ("reversals", remains.reversal)):
+            if much > MUCH:
+                found[what].append(j)
+    better = {"position": "A richer law of friction", "reversals": "A law of friction with memory"}
+    next_ = [
+        f"{better[what]} rather than more data: what is left follows {what} on {_joints(material, joints)}."
+        for what, joints in found.items()
+        if joints
+    ]
+    return [], [], next_
+
+
+def _joints(material: Material, which: Sequence[int]) -> str:
+    if len(which) == len(material.joints):
+        return "every joint"
+    return _listed(material.joints[j].name for j in which)
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Names after one another, the first few."""
+    every = list(names)
+    more = f" and {len(every) - MOST_NAMES} more" if len(every) > MOST_NAMES + 1 else ""
+    return ", ".join(every if not more else every[:MOST_NAMES]) + more

@@ -1,0 +1,63 @@
+"""Numbers as people read them: as many digits as their interval carries, with a real minus sign."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["decimals_of", "fixed", "percent", "share", "short"]
+
+MOST_DECIMALS = 9
+"""Decimals beyond which a number is noise in any unit that the tables use."""
+
+MISSING = "–"
+
+LARGEST_PLAIN, SMALLEST_PLAIN = 1e6, 1e-4
+"""Sizes between which a number is written without a power of ten."""
+
+SMALLEST_SHARE = 0.001
+"""Shares below it are not told apart."""
+
+
+def fixed(value: float, decimals: int) -> str:
+    """A number with so many decimals; a dash where there is none."""
+    if not math.isfinite(value):
+        return MISSING
+    text = f"{value:.{decimals}f}"
+    return text.replace("-", "−") if float(text) else text.removeprefix("-")
+
+
+def decimals_of(uncertainty: float, digits: int = 2) -> int:
+    """Decimals that show so many digits of an uncertainty."""
+    if not 0.0 < uncertainty < math.inf:
+        return 3
+    return min(max(0, digits - 1 - math.floor(math.log10(uncertainty))), MOST_DECIMALS)
+
+
+def short(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, for instance 0.0839 or 2.4 · 10⁻⁶."""
+    if not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    size = abs(value)
+    if SMALLEST_PLAIN <= size < LARGEST_PLAIN:
+        return fixed(value, max(0, digits - 1 - math.floor(math.log10(size))))
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa.replace('-', '−')} · 10{power}"
+
+
+def share(value: float) -> str:
+    """A share as whole percent; below two percent with one decimal, so that small ones stay apart."""
+    if not math.isfinite(value):
+        return MISSING
+    if 0.0 < abs(value) < SMALLEST_SHARE:
+        return f"less than {100.0 * SMALLEST_SHARE:g}\u00a0%"
+    return f"{fixed(100.0 * value, 1 if 0.0 < abs(value) < 0.02 else 0)}\u00a0%"
+
+
+def percent(value: float) -> str:
+    """A relative deviation that is in percent already; above a thousand it is only large."""
+    if not value < 1000.0:
+        return "> 999"
+    return fixed(value, 1) if value >= 1.0 else short(value, 2)

@@ -1,0 +1,150 @@
+"""A page: every section that has something to say, in one file that opens without a network.
+
+plotly.js is 4.8 MB, and its Python package has no smaller build of it. It goes into the page once and compressed,
+a third of its size; the page's script unpacks it. Plots are four-byte numbers, thinned to what a screen shows.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import version
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from armid.errors import MissingExtraError
+from armid.measurement.recording import Recording
+from armid.report.comparison import COMPARISON, pair_of
+from armid.report.material import Material, gather, records_of
+from armid.report.section import Section
+from armid.report.sections import SECTIONS
+from armid.study.run import Run
+from armid.study.study import RecordingChoice
+from armid.values import replace_file
+
+__all__ = ["assemble", "render", "require_extra", "write_comparison", "write_report"]
+
+PACKAGES = ("jinja2", "plotly")
+
+
+def require_extra() -> None:
+    """Refuse to go on without the packages that a page needs.
+
+    Raises:
+        MissingExtraError: One is not installed.
+    """
+    for name in PACKAGES:
+        if find_spec(name) is None:
+            raise MissingExtraError(name, "A report page", "report")
+
+
+def write_report(
+    run: Run,
+    path: Path | str,
+    *,
+    recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
+    data: Path | str | None = None,
+) -> Path:
+    """Write a run's page.
+
+    Args:
+        run: The run.
+        path: The file; written whole or not at all.
+        recordings: What the run was made from, where it is at hand and need not be read again.
+        data: Folder in which recordings are looked for first.
+
+    Raises:
+        MissingExtraError: jinja2 or plotly is not installed.
+        ArmidError: A record of the run is damaged, or the file cannot be written.
+    """
+    require_extra()
+    return replace_file(path, render(gather(run, recordings=recordings, data=data)))
+
+
+def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
+    """Write a page about what changed from one run to another.
+
+    Args:
+        before: The earlier run.
+        after: The later one.
+        path: The file; written whole or not at all.
+
+    Raises:
+        MissingExtraError: jinja2 or plotly is not installed.
+        ArmidError: The runs are of different arms, or a record is damaged.
+    """
+    require_extra()
+    pair = pair_of(records_of(before), records_of(after))
+    shown = {name: show(pair) for name, show in COMPARISON.items()}
+    title = f"{after.estimate.robot}: what changed"
+    return replace_file(path, assemble(title, f"from {before.folder} to {after.folder}", shown, with_plots=False))
+
+
+def render(material: Material) -> str:
+    """The page of a run as HTML."""
+    shown = {name: section for name, show in SECTIONS.items() if (section := show(material)) is not None}
+    estimate = material.run.estimate
+    subtitle = (
+        f"{len(estimate.fit.names)} base parameters of {len(material.joints)} joints, "
+        f"{estimate.method}, {int(estimate.fit.rows.max())} rows"
+    )
+    return assemble(estimate.robot, subtitle, shown, with_plots=any(section.plots for section in shown.values()))
+
+
+def assemble(title: str, subtitle: str, sections: Mapping[str, Section], *, with_plots: bool) -> str:
+    """HTML of sections, each through the template of its name.
+
+    Args:
+        title: Heading of the page.
+        subtitle: A line below it.
+        sections: Sections by name, in order.
+        with_plots: Whether plotly.js is needed.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("armid.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html").render(
+        title=title,
+        subtitle=subtitle,
+        sections=sections,
+        version=version("armid"),
+        style=_text("page.css"),
+        script=_text("page.js"),
+        data=_embedded(_data(sections.values())),
+        plotly=_plotly() if with_plots else "",
+    )
+
+
+def _data(sections: Iterable[Section]) -> dict[str, Any]:
+    """What the page's script needs: plots and copies of the tables."""
+    sections = list(sections)
+    plots = {plot.key: plot.record() for section in sections for _, row in section.plots for plot in row}
+    tables = {t.key: {"csv": t.csv(), "latex": t.latex()} for section in sections for t in section.tables}
+    return {"plots": plots, "tables": tables}
+
+
+def _embedded(record: Mapping[str, Any]) -> str:
+    """JSON that cannot end the script element it stands in."""
+    text = json.dumps(record, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _plotly() -> str:
+    """plotly.js, compressed, in base 64; the same bytes each time."""
+    from plotly.offline import get_plotlyjs
+
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 6, mtime=0)).decode()
+
+
+def _text(name: str) -> str:
+    return (files("armid.report") / "templates" / name).read_text(encoding="utf-8")

@@ -1,0 +1,159 @@
+"""Plots as plain data: traces with a role, which the page's script draws in the colours of the theme.
+
+A role says what a trace is, never how it looks: colour, dash and symbol stand in the page's style sheet and script,
+so that light, dark and paper show the same plot.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.values import Array
+
+__all__ = ["MOST_POINTS", "Plot", "Trace", "binned", "crest", "envelope", "every", "line", "points", "spread"]
+
+LINE_BUCKETS = 700
+"""Buckets of a line; each shows its smallest and largest value, twice what a plot is wide in pixels."""
+
+MOST_POINTS = 800
+"""Points of a cloud; more of them cover each other."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Trace:
+    """One line or cloud.
+
+    Attributes:
+        role: What it is, for instance `measured`; the page gives the role its look.
+        x: Abscissas (K,).
+        y: Ordinates (K,); NaN is a gap.
+        name: What a pointer resting on it is told.
+        cloud: Whether its points stand by themselves.
+    """
+
+    role: str
+    x: Array
+    y: Array
+    name: str
+    cloud: bool = False
+
+    def record(self) -> dict[str, Any]:
+        """The trace for the page's script."""
+        x, y = _packed(self.x), _packed(self.y)
+        return {"role": self.role, "x": x, "y": y, "name": self.name, "cloud": self.cloud}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Plot:
+    """A figure with its caption.
+
+    Attributes:
+        key: Name of it that no other plot of the page has.
+        title: First words of the caption.
+        caption: The rest of it, numbers included: what the plot says to who cannot see it.
+        x: Title of the abscissa with its unit.
+        y: Title of the ordinate with its unit.
+        traces: What is drawn.
+        group: Plots of one group zoom together along the abscissa.
+        logarithmic: Whether both axes are.
+        levels: Ordinates of thin dotted lines.
+        marks: Abscissas of thin dotted lines.
+    """
+
+    key: str
+    title: str
+    caption: str
+    x: str
+    y: str
+    traces: Sequence[Trace]
+    group: str = ""
+    logarithmic: bool = False
+    levels: Sequence[float] = ()
+    marks: Sequence[float] = ()
+
+    def record(self) -> dict[str, Any]:
+        """The plot for the page's script."""
+        return {
+            "x": self.x,
+            "y": self.y,
+            "traces": [trace.record() for trace in self.traces],
+            "group": self.group,
+            "log": self.logarithmic,
+            "levels": [float(level) for level in self.levels],
+            "marks": [float(mark) for mark in self.marks],
+        }
+
+
+def line(role: str, x: Array, y: Array, name: str) -> Trace:
+    """A line that keeps its extremes where it has more points than a plot can show."""
+    kept = envelope(y, LINE_BUCKETS)
+    return Trace(role, x[kept], y[kept], name)
+
+
+def points(role: str, x: Array, y: Array, name: str, most: int = MOST_POINTS) -> Trace:
+    """A cloud of points without what is not finite, thinned evenly."""
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    kept = known[every(len(known), most)]
+    return Trace(role, x[kept], y[kept], name, cloud=True)
+
+
+def spread(x: Array, low: Array, high: Array, name: str) -> tuple[Trace, Trace]:
+    """A band between two lines, widest where it is thinned."""
+    kept = np.union1d(envelope(low, LINE_BUCKETS // 2), envelope(high, LINE_BUCKETS // 2))
+    return Trace("edge", x[kept], low[kept], name), Trace("band", x[kept], high[kept], name)
+
+
+def crest(role: str, x: Array, y: Array, name: str) -> Trace:
+    """A line on logarithmic axes: the largest value of each of many buckets that are alike on such an axis."""
+    starts = np.unique(np.geomspace(1, len(y), LINE_BUCKETS).astype(np.intp)) - 1
+    stops = [*starts[1:], len(y)]
+    height = np.where(np.isfinite(y), y, -np.inf)
+    kept = np.array([a + int(np.argmax(height[a:b])) for a, b in zip(starts, stops, strict=True)])
+    return Trace(role, x[kept], y[kept], name)
+
+
+def envelope(y: Array, buckets: int) -> NDArray[np.intp]:
+    """Indices of the smallest and largest value of each bucket, in order; all where there are few. Gaps are kept."""
+    if len(y) <= 2 * buckets:
+        return np.arange(len(y))
+    edges = np.linspace(0, len(y), buckets + 1).astype(np.intp)
+    known = np.isfinite(y)
+    low = np.where(known, y, np.inf)
+    high = np.where(known, y, -np.inf)
+    kept = [0, len(y) - 1]
+    for start, stop in pairwise(edges):
+        kept += [start + int(np.argmin(low[start:stop])), start + int(np.argmax(high[start:stop]))]
+        gap = int(np.argmin(known[start:stop]))
+        if not known[start + gap]:
+            kept.append(start + gap)
+    return np.unique(np.array(kept, dtype=np.intp))
+
+
+def every(count: int, most: int) -> NDArray[np.intp]:
+    """Indices of at most so many of a number of points, evenly spread."""
+    return np.linspace(0, count - 1, min(count, most)).astype(np.intp)
+
+
+def binned(x: Array, y: Array, edges: Array, fewest: int) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Mean of x and of y in each bin and how many points it has; NaN in a bin of fewer than `fewest`."""
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    index = np.clip(np.digitize(x, edges) - 1, 0, len(edges) - 2)
+    inside = (x >= edges[0]) & (x <= edges[-1])
+    count = np.bincount(index[inside], minlength=len(edges) - 1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = [np.bincount(index[inside], v[inside], len(edges) - 1) / count for v in (x, y)]
+    mean = [np.where(count < fewest, np.nan, v) for v in mean]
+    return mean[0], mean[1], count
+
+
+def _packed(values: Array) -> dict[str, str]:
+    """Numbers in the binary form that plotly.js reads: four bytes each, in base 64."""
+    return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()}

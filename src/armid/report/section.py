@@ -1,0 +1,42 @@
+"""What a section of a page is: plain data for the template of the same name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from armid.report.material import Material
+from armid.report.plots import Plot
+from armid.report.tables import Table
+
+__all__ = ["Section", "effort_unit", "one_of"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Section:
+    """A section of a page.
+
+    Attributes:
+        title: Its heading.
+        content: What its template asks for, by name.
+        tables: Its tables.
+        plots: Its plots, row by row: a heading for the row and its plots.
+        legend: Roles of the traces, and what they are.
+    """
+
+    title: str
+    content: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    tables: tuple[Table, ...] = ()
+    plots: tuple[tuple[str, tuple[Plot, ...]], ...] = ()
+    legend: tuple[tuple[str, str], ...] = ()
+
+
+def effort_unit(material: Material) -> str:
+    """Unit of the joints' efforts for the head of a column."""
+    return one_of([joint.effort_unit for joint in material.joints])
+
+
+def one_of(units: list[str]) -> str:
+    """The units in a list, each once: `N·m`, or `N·m or N` on an arm that also slides."""
+    return " or ".join(dict.fromkeys(units))

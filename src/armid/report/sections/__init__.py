@@ -1,0 +1,39 @@
+"""The catalogue of sections, in the order of the page.
+
+A section is a function from a run's material to a `Section`, whose data the template of the same name shows; it
+gives `None` where the run has nothing to say on its matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from armid.report.material import Material
+from armid.report.section import Section
+from armid.report.sections.consistency import show_consistency
+from armid.report.sections.excitation import show_excitation
+from armid.report.sections.friction import show_friction
+from armid.report.sections.groupings import show_groupings
+from armid.report.sections.links import show_links
+from armid.report.sections.methods import show_methods
+from armid.report.sections.parameters import show_parameters
+from armid.report.sections.provenance import show_provenance
+from armid.report.sections.residuals import show_residuals
+from armid.report.sections.torque import show_torque
+from armid.report.sections.verdict import show_verdict
+
+__all__ = ["SECTIONS"]
+
+SECTIONS: Mapping[str, Callable[[Material], Section | None]] = {
+    "verdict": show_verdict,
+    "torque": show_torque,
+    "residuals": show_residuals,
+    "friction": show_friction,
+    "parameters": show_parameters,
+    "links": show_links,
+    "groupings": show_groupings,
+    "consistency": show_consistency,
+    "methods": show_methods,
+    "excitation": show_excitation,
+    "provenance": show_provenance,
+}

@@ -1,0 +1,96 @@
+"""Can a real body have these parameters, how far is the nearest, and does the mass matrix stay positive definite."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.report.judgement import beyond_intervals
+from armid.report.material import Material
+from armid.report.numbers import decimals_of, fixed, share, short
+from armid.report.section import Section, one_of
+from armid.report.sections.parameters import plain_name
+from armid.report.tables import Cell, Column, Table
+
+__all__ = ["show_consistency"]
+
+MOST_BLAMED = 10
+"""Values listed; further ones hardly move."""
+
+
+def show_consistency(material: Material) -> Section | None:
+    """The certificate; nothing where the model has no links."""
+    if material.verdict is None:
+        return None
+    verdict, certificate = material.verdict, material.verdict.certificate
+    content = {
+        "feasible": certificate.feasible,
+        "distance": short(certificate.distance),
+        "relative": share(certificate.relative_distance),
+        "beyond": beyond_intervals(material),
+        "mass": short(float(certificate.masses.sum())),
+        "eigenvalue": short(verdict.pose.min_eigenvalue),
+        "positive": verdict.pose.min_eigenvalue > 0.0,
+        "heaviest": f"{verdict.heaviest:g}",
+        "limited": short(verdict.limited.distance),
+        "gap": short(certificate.gap, 2),
+    }
+    tables = (_bodies(material), *(() if certificate.feasible else (_blame(material),)))
+    return Section("Physical consistency", content, tables)
+
+
+def _bodies(material: Material) -> Table:
+    verdict, robot = material.verdict, material.run.robot
+    assert verdict is not None
+    unit = one_of([joint.unit for joint in robot.joints])
+    rows: list[list[Cell]] = []
+    for j, joint in enumerate(robot.joints):
+        inertial = robot.links[j].inertial
+        masses = (float(verdict.certificate.masses[j]), float(verdict.limited.masses[j]))
+        rows.append(
+            [
+                Cell(joint.name, kind="name"),
+                Cell("–", "") if inertial is None else Cell(short(inertial.mass), inertial.mass),
+                *(Cell(short(x), x) for x in masses),
+                Cell(fixed(float(verdict.pose.q[j]), 3), float(verdict.pose.q[j])),
+            ]
+        )
+    columns = (
+        Column("joint", words=True),
+        Column("mass, description", "kg"),
+        Column("mass, nearest body", "kg"),
+        Column(f"mass, none above {verdict.heaviest:g} kg", "kg"),
+        Column("worst pose", unit),
+    )
+    note = (
+        "Base parameters leave masses open, so these are those of one body of many. Worst pose: where the mass "
+        "matrix with rotors has its smallest eigenvalue within the joint limits."
+    )
+    return Table("bodies", "The nearest bodies, and the worst pose", columns, rows, note)
+
+
+def _blame(material: Material) -> Table:
+    assert material.verdict is not None
+    fit = material.run.estimate.fit
+    half = dict(zip((plain_name(n) for n in fit.names), 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
+    value = dict(zip((plain_name(n) for n in fit.names), fit.values, strict=True))
+    rows: list[list[Cell]] = []
+    for each in material.verdict.certificate.blame[:MOST_BLAMED]:
+        width = float(half[each.name])
+        decimals = decimals_of(max(abs(each.change), 1e-9))
+        times = abs(each.change) / width if width > 0.0 else np.inf
+        rows.append(
+            [
+                Cell(each.name, kind="name"),
+                Cell(fixed(float(value[each.name]), decimals), float(value[each.name])),
+                Cell(fixed(each.change, decimals), each.change),
+                Cell(fixed(times, 2) + (" ▲" if times > 1.0 else ""), times, kind="poor" if times > 1.0 else ""),
+            ]
+        )
+    columns = (
+        Column("parameter", words=True),
+        Column("value"),
+        Column("change to the nearest body"),
+        Column("over half its interval"),
+    )
+    note = "▲ marks changes that leave the 95 % interval: noise alone does not explain them."
+    return Table("blame", "What keeps the values from a real body", columns, rows, note)

@@ -1,0 +1,69 @@
+"""How well the motion shows the parameters: ranges that were visited, and the condition of the regressor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armid.report.material import Material
+from armid.report.numbers import fixed, short
+from armid.report.section import Section, effort_unit, one_of
+from armid.report.tables import Cell, Column, Table
+
+__all__ = ["show_excitation"]
+
+
+def show_excitation(material: Material) -> Section:
+    """Condition numbers, and what each joint did in training."""
+    fit = material.run.estimate.fit
+    content = {
+        "condition": short(fit.condition),
+        "scaled": short(fit.scaled_condition),
+        "rows": int(fit.rows.max()),
+        "blocks": str(fit.report.parts or ""),
+    }
+    return Section("Excitation", content, (_table(material),) if material.of_role("train") else ())
+
+
+def _table(material: Material) -> Table:
+    joints, train = material.joints, material.of_role("train")
+    unit, effort = one_of([joint.unit for joint in joints]), effort_unit(material)
+    columns = (
+        Column("joint", words=True),
+        Column("position from", unit),
+        Column("to", unit),
+        Column("of its range", "%"),
+        Column("fastest", f"{unit}/s" if " " not in unit else ""),
+        Column("of its limit", "%"),
+        Column("torque from", effort),
+        Column("to", effort),
+        Column("of its limit", "%"),
+    )
+    rows: list[list[Cell]] = []
+    for j, joint in enumerate(joints):
+        q, dq, tau = (np.concatenate([of[:, j] for of in x]) for x in zip(
+            *((each.q, each.dq, each.measured) for each in train), strict=True))  # fmt: skip
+        tau = tau[np.isfinite(tau)] if np.isfinite(tau).any() else np.full(1, np.nan)
+        ends = float(q.min()), float(q.max())
+        fastest, peak = float(np.abs(dq).max()), float(np.abs(tau).max())
+        rows.append(
+            [
+                Cell(joint.name, kind="name"),
+                *(Cell(fixed(x, 2), x) for x in ends),
+                _share((ends[1] - ends[0]) / float(np.ptp(joint.position_limits))),
+                Cell(short(fastest), fastest),
+                _share(fastest / joint.velocity_limit),
+                *(Cell(short(float(x)), float(x)) for x in (tau.min(), tau.max())),
+                _share(peak / joint.effort_limit),
+            ]
+        )
+    note = "Limits are the description's; a dash where it gives none."
+    return Table("excitation", "What each joint did in training", columns, rows, note)
+
+
+def _share(value: float) -> Cell:
+    """A share of a limit; of a limit that is not known there is none."""
+    if not math.isfinite(value) or value == 0.0:
+        return Cell("–", "")
+    return Cell(fixed(100.0 * value, 0), 100.0 * value)

@@ -1,0 +1,244 @@
+"""Friction in one table and one picture a joint: over velocity, over position, and around reversals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from armid.estimation.estimate import torque_parameters
+from armid.model.expression import symbols, text
+from armid.model.motion import Motion
+from armid.report.evidence import Evidence, friction_columns, joined
+from armid.report.material import Material, velocity_unit
+from armid.report.numbers import decimals_of, fixed, short
+from armid.report.plots import Plot, Trace, binned, every, line, points
+from armid.report.remains import MUCH, find_remains
+from armid.report.reversals import Reversals, find_reversals
+from armid.report.section import Section, effort_unit
+from armid.report.tables import Cell, Column, Table
+from armid.values import Array
+
+__all__ = ["show_friction"]
+
+CURVE_POINTS = 241
+"""Points of the drawn law: enough that a sign turning over a hundredth of the range is a slope and not a corner."""
+
+BINS = 14
+FEWEST_IN_BIN = 5
+"""Rows below which a mean is noise."""
+
+MOST_SYMBOLS = 5
+"""Kinds of friction parameters that have a column; more are in the table of parameters."""
+
+MOST_REVERSALS = 25
+"""Reversals drawn by themselves; the means are over all."""
+
+
+def show_friction(material: Material) -> Section | None:
+    """Friction of each joint as it is seen and as the law says; nothing where the model has no friction."""
+    if not friction_columns(material.run.model).any():
+        return None
+    evidence, joints = material.drawn, range(len(material.joints))
+    reversals = [find_reversals(evidence, j) for j in joints]
+    rows = tuple(
+        (
+            material.joints[j].name,
+            (
+                _over_velocity(material, evidence, j),
+                _over_position(material, evidence, j),
+                *_around_reversals(material, reversals[j], j),
+            ),
+        )
+        for j in joints
+        if evidence
+    )
+    legend = (
+        ("forward", "seen, moving forward"),
+        ("backward", "seen, moving backward"),
+        ("mean", "mean of what is seen"),
+        ("law", "fitted law"),
+    )
+    tables = (_table(material, evidence, reversals),)
+    return Section("Friction", {"laws": _laws(material)}, tables, rows, legend if rows else ())
+
+
+def _laws(material: Material) -> list[str]:
+    """Each law of friction, written once."""
+    model = material.run.model
+    chosen = friction_columns(model)[model.law_columns].astype(bool)
+    laws = [law for (_, law), own in zip(model.laws, chosen, strict=True) if own]
+    written = [f"{law.symbol} · {text(law.expression)}".removesuffix(" · 1") for law in laws]
+    return list(dict.fromkeys(line.replace("+ -1 ", "− ") for line in written))
+
+
+def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence[Reversals]) -> Table:
+    model, unit = material.run.model, effort_unit(material)
+    chosen = [p for p, own in zip(model.parameters, friction_columns(model), strict=True) if own]
+    kinds = list(dict.fromkeys(p.symbol for p in chosen))[:MOST_SYMBOLS]
+    units = {symbol: next(p.unit for p in chosen if p.symbol == symbol) for symbol in kinds}
+    ends = dict(zip(material.run.estimate.fit.names, material.run.estimate.intervals, strict=True))
+    columns = (
+        Column("joint", words=True),
+        *(Column(symbol, units[symbol]) for symbol in kinds),
+        Column("friction RMS", unit),
+        Column("left RMS", unit),
+        *(Column(f"of it by {what}", "%") for what in ("velocity", "position", "reversals")),
+        Column("reversals", ""),
+    )
+    rows: list[list[Cell]] = []
+    for j, joint in enumerate(material.joints):
+        remains = find_remains(evidence, material.run.processing, j)
+        turns = len(reversals[j].observed)
+        rows.append(
+            [
+                Cell(joint.name, kind="name"),
+                *(_parameter(ends, symbol, j + 1) for symbol in kinds),
+                *(_number(_rms(joined(evidence, what, j))) for what in ("friction", "residual")),
+                *(_share(x) for x in (remains.velocity, remains.position, remains.reversal)),
+                Cell(str(turns), turns),
+            ]
+        )
+    note = (
+        "± half of the 95 % interval. Left: what the whole model leaves on the recordings drawn; of it by …: the "
+        "share of its variance that follows from velocity, from position with direction, and from the time since the "
+        "last reversal, chance taken off. ▲ marks shares that are worth a richer law."
+    )
+    return Table("friction", "Friction of each joint, and what the laws leave", columns, rows, note)
+
+
+def _parameter(ends: dict[str, Array], symbol: str, number: int) -> Cell:
+    """A friction parameter with half its interval, also where a constant of gravity has joined it."""
+    for name in (f"{symbol}_{number}", f"{symbol}R_{number}"):
+        if name in ends:
+            low, high = ends[name]
+            half, value = 0.5 * float(high - low), 0.5 * float(high + low)
+            decimals = decimals_of(half)
+            return Cell(f"{fixed(value, decimals)} ± {fixed(half, decimals)}", value)
+    return Cell("–", "")
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
+
+
+def _number(value: float) -> Cell:
+    return Cell(short(value), value)
+
+
+def _share(value: float) -> Cell:
+    much = value > MUCH
+    return Cell(fixed(100.0 * value, 0) + (" ▲" if much else ""), 100.0 * value, kind="poor" if much else "")
+
+
+def _seen(evidence: Sequence[Evidence], j: int) -> Array:
+    """Friction as it is seen: measured less what the model says of all the rest."""
+    return joined(evidence, "residual", j) + joined(evidence, "friction", j)
+
+
+def _clouds(x: Array, dq: Array, friction: Array) -> list[Trace]:
+    """What is seen, the two directions apart."""
+    return [
+        points(role, np.where(way * dq > 0.0, x, np.nan), friction, f"moving {role}")
+        for role, way in (("forward", 1.0), ("backward", -1.0))
+    ]
+
+
+def _means(x: Array, friction: Array, role: str, name: str) -> Trace:
+    edges = np.linspace(x.min(), x.max(), BINS + 1)
+    where, mean, _ = binned(x, friction, edges, FEWEST_IN_BIN)
+    return Trace(role, where, mean, name)
+
+
+def _over_velocity(material: Material, evidence: Sequence[Evidence], j: int) -> Plot:
+    joint = material.joints[j]
+    dq, friction = joined(evidence, "dq", j), _seen(evidence, j)
+    fastest = float(np.abs(dq).max())
+    return Plot(
+        f"friction-velocity-{j}",
+        "Over velocity",
+        f"up to {short(fastest)} {velocity_unit(joint)}",
+        f"velocity [{velocity_unit(joint)}]",
+        f"friction [{joint.effort_unit}]",
+        (*_clouds(dq, dq, friction), _means(dq, friction, "mean", "mean"), _law(material, evidence, j, fastest)),
+    )
+
+
+def _law(material: Material, evidence: Sequence[Evidence], j: int, fastest: float) -> Trace:
+    """The fitted law over steady velocity; its mean along the motion where it is more than a law of the velocity."""
+    laws = [law for _, law in material.run.model.laws if j in dict(law.coordinate)]
+    if any(law.memory is not None or symbols(law.expression) - {"dq", "ddq"} for law in laws):
+        return _means(joined(evidence, "dq", j), joined(evidence, "friction", j), "law", "fitted law, mean")
+    run, n = material.run, len(material.joints)
+    theta = torque_parameters(run.estimate.base, run.estimate.fit) * friction_columns(run.model)
+    velocity = np.linspace(-fastest, fastest, CURVE_POINTS)
+    dq = np.zeros((CURVE_POINTS, n))
+    dq[:, j] = velocity
+    still = np.zeros_like(dq)
+    torque = run.model.torque(Motion.of_states(still, dq, still), theta)
+    return Trace("law", velocity, torque[:, j], "fitted law")
+
+
+def _over_position(material: Material, evidence: Sequence[Evidence], j: int) -> Plot:
+    """What the laws of velocity leave over position, the directions apart, and the law of position, if any."""
+    joint = material.joints[j]
+    q, dq = joined(evidence, "q", j), joined(evidence, "dq", j)
+    grid = np.linspace(q.min(), q.max(), CURVE_POINTS)
+    law = _position_law(material, j, grid)
+    left = joined(evidence, "residual", j) + np.interp(q, grid, law)
+    traces = _clouds(q, dq, left)
+    for way in (1.0, -1.0):
+        chosen = way * dq > 0.0
+        if chosen.any():
+            traces.append(_means(q[chosen], left[chosen], "mean", "mean"))
+    traces.append(Trace("law", grid, law, "fitted law"))
+    return Plot(
+        f"friction-position-{j}",
+        "Over position",
+        "what the laws of velocity leave",
+        f"position [{joint.unit}]",
+        f"torque left [{joint.effort_unit}]",
+        traces,
+    )
+
+
+def _position_law(material: Material, j: int, q: Array) -> Array:
+    """Torque (K,) of the fitted laws that depend on the position alone; zero where there is none."""
+    run, n = material.run, len(material.joints)
+    theta = np.zeros(len(run.model.parameters))
+    for column, (_, law) in zip(run.model.law_columns, run.model.laws, strict=True):
+        if symbols(law.expression) == frozenset({"q"}):
+            theta[column] = torque_parameters(run.estimate.base, run.estimate.fit)[column]
+    if not theta.any():
+        return np.zeros_like(q)
+    positions = np.zeros((len(q), n))
+    positions[:, j] = q
+    still = np.zeros_like(positions)
+    return run.model.torque(Motion.of_states(positions, still, still), theta)[:, j]
+
+
+def _around_reversals(material: Material, found: Reversals, j: int) -> tuple[Plot, ...]:
+    """Friction around reversals, turned so that the motion after each is positive."""
+    joint, count = material.joints[j], len(found.observed)
+    if not count:
+        return ()
+    drawn = found.observed[every(count, MOST_REVERSALS)]
+    gap = np.full((len(drawn), 1), np.nan)
+    x = np.hstack([np.tile(found.time, (len(drawn), 1)), gap]).ravel()
+    traces = (
+        Trace("single", x, np.hstack([drawn, gap]).ravel(), "one reversal"),
+        line("mean", found.time, found.observed.mean(axis=0), "mean"),
+        line("law", found.time, found.fitted.mean(axis=0), "fitted law, mean"),
+    )
+    return (
+        Plot(
+            f"friction-reversal-{j}",
+            "Around reversals",
+            f"{count} reversals, each turned forward",
+            "time since the reversal [s]",
+            f"friction [{joint.effort_unit}]",
+            traces,
+            marks=(0.0,),
+        ),
+    )

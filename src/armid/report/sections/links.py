@@ -1,0 +1,72 @@
+"""Standard parameters of every link, each with what the data know of it, where the method estimates them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.estimation.standard_fit import StandardFit
+from armid.report.material import Material
+from armid.report.numbers import decimals_of, fixed, share, short
+from armid.report.section import Section
+from armid.report.sections.parameters import plain_name
+from armid.report.tables import Cell, Column, Table
+
+__all__ = ["show_links"]
+
+MARKS = {"identified": "", "prior-dominated": " ○", "not identifiable": " ×"}
+
+
+def show_links(material: Material) -> Section | None:
+    """Link parameters and how they were made physical; nothing where only base parameters are estimated."""
+    fit = material.run.estimate.fit.standard
+    if fit is None:
+        return None
+    content = {
+        "count": {status: fit.status.count(status) for status in MARKS},
+        "prior": fit.prior.kind,
+        "weight": short(fit.prior.weight),
+        "how": fit.prior.how,
+        "price": share(fit.proof.price),
+        "eigenvalue": short(fit.proof.smallest_eigenvalue),
+        "lowest": short(fit.proof.lowest),
+        "gap": short(fit.proof.gap, 2),
+    }
+    return Section("Link parameters", content, (_table(material, fit),))
+
+
+def _table(material: Material, fit: StandardFit) -> Table:
+    model = material.run.model
+    nominal = model.nominal_parameters()
+    prior = {} if nominal is None else {p.name: float(x) for p, x in zip(model.parameters, nominal, strict=True)}
+    inertial = {model.parameters[k].name for k in model.inertial_columns}
+    columns = (
+        Column("parameter", words=True),
+        Column("value"),
+        Column("unit", words=True),
+        Column("95 % from"),
+        Column("to"),
+        Column("description"),
+        Column("share of the data", "%"),
+        Column("status", words=True),
+    )
+    rows: list[list[Cell]] = []
+    for k, name in enumerate(fit.names):
+        value, (low, high) = float(fit.values[k]), (float(end) for end in fit.intervals[k])
+        decimals = decimals_of(0.5 * (high - low))
+        said = prior.get(plain_name(name), np.nan) if plain_name(name) in inertial else np.nan
+        known = 100.0 * float(fit.resolution[k])
+        rows.append(
+            [
+                Cell(name, kind="name"),
+                *(Cell(fixed(x, decimals), x) for x in (value, low, high)),
+                Cell(fixed(said, decimals), said if np.isfinite(said) else ""),
+                Cell(fixed(known, 0), known),
+                Cell(fit.status[k] + MARKS.get(fit.status[k], ""), fit.status[k]),
+            ]
+        )
+        rows[-1].insert(2, Cell(fit.units[k]))
+    note = (
+        "About the origin of the link's frame. Share of the data: how much of a value the data bring, the rest being "
+        "the prior's. ○ the prior decides, × the data say next to nothing: such values are one choice of many."
+    )
+    return Table("links", "Standard parameters, link by link", columns, rows, note)

@@ -1,0 +1,58 @@
+"""All methods on the run's data, where `identify --compare` tried them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.report.material import Material
+from armid.report.numbers import short
+from armid.report.section import Section, effort_unit
+from armid.report.tables import Cell, Column, Table
+
+__all__ = ["show_methods"]
+
+
+def show_methods(material: Material) -> Section | None:
+    """The comparison of methods; nothing where none was made."""
+    path = Path(material.run.folder) / "compare.json"
+    if not path.is_file():
+        return None
+    record = json.loads(path.read_text(encoding="utf-8"))
+    unit = effort_unit(material)
+    columns = (
+        Column("method", words=True),
+        Column("training RMS", unit),
+        Column("unseen RMS", unit),
+        Column("a real body", words=True),
+        Column("distance to one"),
+        Column("held at zero"),
+        Column("time", "s"),
+        Column("", words=True),
+    )
+    rows = [_row(each, material.run.estimate.method) for each in record["methods"]]
+    note = (
+        "RMS over all joints, root of the sum of squares. Distance: from the nearest real body, Euclidean, SI units."
+    )
+    table = Table("methods", "All methods on the same data", columns, rows, note)
+    return Section("Methods compared", {"unseen": record["unseen"]}, (table,))
+
+
+def _row(record: Mapping[str, Any], own: str) -> list[Cell]:
+    consistent = {True: "yes", False: "no", None: "–"}[record["consistent"]]
+    remark = record["failure"] or ("this run" if record["name"] == own else "")
+    numbers = [np.nan if record[key] is None else float(record[key]) for key in ("training_total", "unseen_total")]
+    distance = np.nan if record["distance"] is None else float(record["distance"])
+    return [
+        Cell(record["name"], kind="name"),
+        *(Cell(short(x), x) for x in numbers),
+        Cell(consistent),
+        Cell(short(distance), distance),
+        Cell(str(record["dropped"]), record["dropped"]),
+        Cell(short(record["seconds"], 2), record["seconds"]),
+        Cell(remark),
+    ]

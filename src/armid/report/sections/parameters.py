@@ -1,0 +1,95 @@
+"""Parameters with their intervals, beside what the description says, and what each of them stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.model.formulas import base_formulas
+from armid.report.material import Material
+from armid.report.numbers import decimals_of, fixed, percent
+from armid.report.section import Section
+from armid.report.tables import Cell, Column, Table
+
+__all__ = ["plain_name", "show_parameters"]
+
+
+def show_parameters(material: Material) -> Section:
+    """Every base parameter."""
+    fit = material.run.estimate.fit
+    content = {
+        "covariance": fit.covariance_kind,
+        "why": fit.report.why,
+        "freedom": f"{float(np.median(fit.freedom)):.0f}",
+        "count": len(fit.names),
+    }
+    return Section("Parameters", content, (_table(material),))
+
+
+def plain_name(name: str) -> str:
+    """The base parameter of which a recording has its own copy: `FV_1` of `FV_1[2]`."""
+    return name.split("[", 1)[0]
+
+
+def _table(material: Material) -> Table:
+    estimate = material.run.estimate
+    fit, base = estimate.fit, estimate.base
+    number = {name: k for k, name in enumerate(base.names)}
+    text, latex = base_formulas(base), base_formulas(base, "latex")
+    nominal = material.run.model.nominal_parameters()
+    prior = None if nominal is None else base.values_of(nominal)
+    inertial = np.isin(base.kept, material.run.model.inertial_columns)
+    columns = (
+        Column("parameter", words=True),
+        Column("value"),
+        Column("unit", words=True),
+        Column("95 % from"),
+        Column("to"),
+        Column("σ", "%"),
+        *((Column("description"),) if prior is not None else ()),
+        Column("stands for", words=True),
+    )
+    rows: list[list[Cell]] = []
+    for k, (name, (low, high)) in enumerate(zip(fit.names, estimate.intervals, strict=True)):
+        which, decimals = number[plain_name(name)], decimals_of(0.5 * float(high - low))
+        poor = bool(fit.poorly_identified[k])
+        sum_text, sum_latex = (formula[which].partition(" = ")[2] for formula in (text, latex))
+        spoken = sum_text != plain_name(name)  # a parameter that stands for itself needs no formula
+        relative = float(fit.relative_deviation[k])
+        rows.append(
+            [
+                Cell(name, latex=f"${_latex(name)}$", kind="name"),
+                *_values(decimals, float(fit.values[k])),
+                Cell(base.units[which]),
+                *_values(decimals, float(low), float(high)),
+                Cell(percent(relative) + ("*" if poor else ""), relative),
+                *(_prior(float(prior[which]), inertial[which], decimals) if prior is not None else ()),
+                Cell(
+                    sum_text.replace("-", "−") if spoken else "",
+                    sum_text,
+                    f"${sum_latex}$" if spoken else " ",
+                    "formula",
+                ),
+            ]
+        )
+    note = (
+        "σ: standard deviation over the value under white residuals. * poorly identified: σ above ten times the "
+        "smallest. Description: its own value, where it has one; it says nothing of friction."
+    )
+    return Table("parameters", f"{len(fit.names)} base parameters of {estimate.robot}", columns, rows, note)
+
+
+def _values(decimals: int, *values: float) -> list[Cell]:
+    return [Cell(fixed(value, decimals), value) for value in values]
+
+
+def _prior(value: float, inertial: bool, decimals: int) -> list[Cell]:
+    """The description's value; it has none of friction, offsets and rotors."""
+    if not inertial:
+        return [Cell("–", "")]
+    return [Cell(fixed(value, decimals), value)]
+
+
+def _latex(name: str) -> str:
+    symbol, _, place = name.partition("_")
+    copy = place.partition("[")
+    return f"{symbol}_{{{copy[0]}}}" + (f"^{{({copy[2].rstrip(']')})}}" if copy[1] else "")

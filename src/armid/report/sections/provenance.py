@@ -1,0 +1,64 @@
+"""What the run was made from: files with their digests, versions, options, the study as it was resolved."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any
+
+from armid.report.material import Material
+from armid.report.section import Section
+from armid.report.tables import Cell, Column, Table
+from armid.report.toml import to_toml
+
+__all__ = ["show_provenance"]
+
+PACKAGES = ("armid", "numpy", "scipy", "plotly")
+
+
+def show_provenance(material: Material) -> Section:
+    """Where everything came from."""
+    estimate = material.run.estimate
+    digests = [entry.partition(" ") for entry in estimate.made_from]
+    rows = [(Cell(what, kind="path"), Cell(sha256, kind="digest")) for what, _, sha256 in _named(material, digests)]
+    table = Table(
+        "provenance", "Inputs, by their sha256", (Column("input", words=True), Column("sha256", words=True)), rows
+    )
+    made = [
+        ("method", estimate.method),
+        ("terms", ", ".join(term.name for term in estimate.terms)),
+        ("information", estimate.made_by),
+        ("time", f"{estimate.seconds:.2f} s"),
+        ("page made with", ", ".join(f"{name} {version(name)}" for name in PACKAGES)),
+        ("Python", platform.python_version()),
+    ]
+    findings = [(f.code, f.severity, f.channel, f.evidence, f.remedy) for f in estimate.findings]
+    content = {"made": made, "study": to_toml(_study(material.study)), "findings": findings}
+    return Section("Provenance", content, (table,))
+
+
+def _named(material: Material, digests: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+    """Digests with the paths of the recordings."""
+    paths = iter(each["path"] for each in material.study["recordings"])
+    named: list[tuple[str, str, str]] = []
+    for role, space, sha256 in digests:
+        path = next(paths, "") if role in ("train", "validate") else ""
+        named.append((f"{role}: {path}" if path else role, space, sha256))
+    return named
+
+
+def _study(study: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables of a study.toml that says what this run's study came to."""
+    model = {"terms": study["model"]["terms"], **study["model"]["shapes"]}
+    recordings = [
+        {"path": each["path"], "role": each["role"], "part": each["part"], **each["reading"]}
+        for each in study["recordings"]
+    ]
+    return {
+        "robot": study["robot"],
+        "model": model,
+        "recording": recordings,
+        "processing": study["processing"],
+        "estimation": study["estimation"],
+    }

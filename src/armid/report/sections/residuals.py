@@ -1,0 +1,165 @@
+"""What the model leaves: over time, over velocity, and in frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from armid.report.evidence import Evidence, joined
+from armid.report.material import Material, velocity_unit
+from armid.report.numbers import fixed, short
+from armid.report.plots import MOST_POINTS, Plot, Trace, binned, crest, line, points
+from armid.report.section import Section, effort_unit
+from armid.report.tables import Cell, Column, Table
+from armid.values import Array
+
+__all__ = ["show_residuals"]
+
+RANGE_SHARE = 0.1
+"""Share of the torque's range that the thesis's Figure 4.3 measures residuals by."""
+
+IN_SIGHT = 1.5
+"""Lines further out than so many times the largest residual are left out: they would flatten what there is to see."""
+
+BINS = 16
+"""Bins of velocity: a tenth or so of the range each, with tens of rows in most."""
+
+FEWEST_IN_BIN = 8
+"""Rows below which a mean is noise."""
+
+DEEPEST = 1e-6
+"""Share of the largest density below which a spectrum is rounding or the skirt of a filter."""
+
+ROLES = {"train": ("training", "training"), "validate": ("unseen", "unseen motion")}
+
+
+def show_residuals(material: Material) -> Section | None:
+    """Residuals of the recordings at hand."""
+    drawn = material.drawn
+    if not drawn:
+        return None
+    rows = tuple(
+        (joint.name, (_over_time(material, drawn, j), _over_velocity(material, drawn, j), *_spectra(material, j)))
+        for j, joint in enumerate(material.joints)
+    )
+    legend = (
+        ("training", "training"),
+        ("unseen", "unseen motion"),
+        ("mean", "mean in bins of velocity"),
+        ("recorded", "spectrum of the torque"),
+        ("level", "± 10 % of the torque's range; cut-off of the study's band"),
+    )
+    return Section("What the model leaves", {}, (_table(material, drawn),), rows, legend)
+
+
+def _table(material: Material, drawn: Sequence[Evidence]) -> Table:
+    unit = effort_unit(material)
+    columns = (
+        Column("joint", words=True),
+        Column("RMS", unit),
+        Column("mean", unit),
+        Column("largest", unit),
+        Column("10 % of range", unit),
+        Column("rows within", "%"),
+    )
+    unseen = [each for each in drawn if each.choice.role == "validate"] or list(drawn)
+    rows: list[list[Cell]] = []
+    for j, joint in enumerate(material.joints):
+        residual, level = _pooled(unseen, j), _level(unseen, j)
+        numbers = (
+            float(np.sqrt(np.mean(residual**2))),
+            float(np.mean(residual)),
+            float(np.max(np.abs(residual))),
+            level,
+        ) if len(residual) else (np.nan,) * 4  # fmt: skip
+        within = 100.0 * float(np.mean(np.abs(residual) <= level)) if len(residual) else np.nan
+        cells = [Cell(short(x), x) for x in numbers]
+        rows.append([Cell(joint.name, kind="name"), *cells, Cell(fixed(within, 1), within)])
+    what = "unseen motion" if unseen[0].choice.role == "validate" else "training motion"
+    note = "10 % of range: of the difference between the largest and smallest measured torque."
+    return Table("residuals", f"Residuals on {what}", columns, rows, note)
+
+
+def _pooled(evidence: Sequence[Evidence], j: int) -> Array:
+    residual = joined(evidence, "residual", j)
+    return residual[np.isfinite(residual)]
+
+
+def _level(evidence: Sequence[Evidence], j: int) -> float:
+    """A tenth of the range of the torque."""
+    measured = joined(evidence, "measured", j)
+    known = measured[np.isfinite(measured)]
+    return RANGE_SHARE * float(np.ptp(known)) if len(known) else np.nan
+
+
+def _over_time(material: Material, drawn: Sequence[Evidence], j: int) -> Plot:
+    unit = material.joints[j].effort_unit
+    traces: list[Trace] = []
+    for each in drawn:
+        role, name = ROLES[each.choice.role]
+        time, residual = each.gapped(each.residual[:, j])
+        traces.append(line(role, time, residual, name))
+    level = _level(drawn, j)
+    peak = float(np.max(np.abs(_pooled(drawn, j)), initial=0.0))
+    return Plot(
+        f"residual-time-{j}",
+        "Over time",
+        f"± 10 % of the torque's range is ± {short(level)} {unit}",
+        drawn[0].clock,
+        f"residual [{unit}]",
+        traces,
+        group="residual-time",
+        levels=(-level, level) if level <= IN_SIGHT * peak else (),
+    )
+
+
+def _over_velocity(material: Material, drawn: Sequence[Evidence], j: int) -> Plot:
+    joint = material.joints[j]
+    traces: list[Trace] = []
+    for each in drawn:
+        role, name = ROLES[each.choice.role]
+        traces.append(points(role, each.dq[:, j], each.residual[:, j], name, MOST_POINTS // len(drawn)))
+    velocity = joined(drawn, "dq", j)
+    residual = joined(drawn, "residual", j)
+    edges = np.linspace(velocity.min(), velocity.max(), BINS + 1)
+    where, mean, _ = binned(velocity, residual, edges, FEWEST_IN_BIN)
+    largest = float(np.nanmax(np.abs(mean), initial=0.0))
+    traces.append(Trace("mean", where, mean, "mean"))
+    return Plot(
+        f"residual-velocity-{j}",
+        "Over velocity",
+        f"bin means up to {short(largest)} {joint.effort_unit}",
+        f"velocity [{velocity_unit(joint)}]",
+        f"residual [{joint.effort_unit}]",
+        traces,
+    )
+
+
+def _spectra(material: Material, j: int) -> tuple[Plot, ...]:
+    """The spectrum of the first recording that has one, unseen motion before training."""
+    found = next((each for each in material.drawn if each.spectrum is not None), None)
+    if found is None or found.spectrum is None:
+        return ()
+    unit = material.joints[j].effort_unit
+    spectrum, role = found.spectrum, ROLES[found.choice.role]
+    floor = DEEPEST * float(spectrum.measured[:, j].max())
+    densities = (np.where(x[:, j] < floor, np.nan, x[:, j]) for x in (spectrum.measured, spectrum.residual))
+    lines = zip(("recorded", role[0]), ("torque", "residual"), densities, strict=True)
+    processing = material.run.processing
+    cutoff = float(processing.cutoff) if processing.family != "none" else 0.0
+    marks = (cutoff,) if cutoff > 0.0 else ()
+    words = f"cut-off at {cutoff:g} Hz" if marks else "no filter"
+    return (
+        Plot(
+            f"residual-spectrum-{j}",
+            "In frequency",
+            f"{role[1]}, as recorded; {words}",
+            "frequency [Hz]",
+            f"density [{unit}/√Hz]",
+            [crest(kind, spectrum.frequency, density, name) for kind, name, density in lines],
+            group="residual-spectrum",
+            logarithmic=True,
+            marks=marks,
+        ),
+    )

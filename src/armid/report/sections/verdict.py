@@ -1,0 +1,66 @@
+"""The verdict: what can be trusted, what cannot, and what to record next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.report.judgement import judge
+from armid.report.material import Material
+from armid.report.numbers import share, short
+from armid.report.section import Section, effort_unit
+from armid.report.tables import Cell, Column, Table
+
+__all__ = ["show_verdict"]
+
+SENTENCES = {
+    "pass": "Every check on unseen motion holds.",
+    "fail": "Not every check on unseen motion holds.",
+    "not judged": "Nothing was kept to judge the model on.",
+}
+
+
+def show_verdict(material: Material) -> Section:
+    """The verdict with the numbers that it rests on."""
+    verdict = str(material.validation["verdict"])
+    content = {
+        "verdict": verdict,
+        "sentence": SENTENCES.get(verdict, ""),
+        "judgement": judge(material),
+        "figures": _figures(material),
+    }
+    rows = [
+        (
+            Cell(each["name"]),
+            Cell(short(_number(each["value"])), _number(each["value"])),
+            Cell(short(_number(each["bound"])), _number(each["bound"])),
+            Cell("holds" if each["ok"] else "fails", kind="" if each["ok"] else "poor"),
+        )
+        for each in material.validation["checks"]
+    ]
+    columns = (Column("check", words=True), Column("value"), Column("bound"), Column("", words=True))
+    table = Table("checks", "What the verdict is made of", columns, rows)
+    return Section("Verdict", content, (table,) if rows else ())
+
+
+def _figures(material: Material) -> list[tuple[str, str, str]]:
+    """The few numbers that say most: number, unit, what it is."""
+    fit, unit = material.run.estimate.fit, effort_unit(material)
+    figures: list[tuple[str, str, str]] = []
+    unseen = material.validation_rms()
+    if np.isfinite(unseen).any():
+        figures.append(
+            (short(float(np.linalg.norm(unseen[np.isfinite(unseen)]))), unit, "RMS error on unseen motion")
+        )
+    training = float(np.linalg.norm(fit.residual_rms))
+    figures.append((short(training), unit, "RMS error in training"))
+    coverage = material.validation_column("coverage95")
+    if np.isfinite(coverage).any():
+        figures.append((share(float(np.nanmean(coverage))), "", "of unseen rows inside 95 % bands"))
+    low, high = material.run.estimate.intervals.T
+    clear = int(np.sum((low > 0.0) | (high < 0.0)))
+    figures.append((f"{clear} of {len(fit.names)}", "", "parameters clear of zero"))
+    return figures
+
+
+def _number(value: float | None) -> float:
+    return np.nan if value is None else float(value)

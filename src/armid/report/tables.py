@@ -1,0 +1,122 @@
+"""Tables of a page, which are also copied as LaTeX and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+__all__ = ["Cell", "Column", "Table", "latex_text"]
+
+LATEX = {
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "\u00a0": "~",
+    "−": "$-$",
+    "–": "--",
+    "·": r"$\cdot$",
+    "…": r"\dots{}",
+    "²": "$^2$",
+    "σ": r"$\sigma$",
+    "τ": r"$\tau$",
+    "±": r"$\pm$",
+    "≤": r"$\le$",
+    "≥": r"$\ge$",
+    "○": r"$\circ$",
+    "×": r"$\times$",
+    "▲": r"$\blacktriangle$",
+    "▼": r"$\blacktriangledown$",
+}
+"""What LaTeX reads as something else, or does not have in a text font."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column.
+
+    Attributes:
+        title: Its head.
+        unit: Unit of its numbers, where all have the same.
+        words: Whether it holds words, which stand to the left.
+    """
+
+    title: str
+    unit: str = ""
+    words: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One cell.
+
+    Attributes:
+        text: What the page shows.
+        value: What CSV gets, at full precision; the text where there is none.
+        latex: What LaTeX gets; the text, made safe, where there is none.
+        kind: How it is shown: `name`, `formula`, `good`, `poor` or nothing.
+    """
+
+    text: str
+    value: float | str | None = None
+    latex: str = ""
+    kind: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table.
+
+    Attributes:
+        key: Name of it that no other table of the page has.
+        caption: What it shows.
+        columns: Its columns.
+        rows: Cells, row by row; the first of a row is its head.
+        note: What signs in it mean.
+    """
+
+    key: str
+    caption: str
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Cell]] = field(default_factory=tuple[Sequence[Cell], ...])
+    note: str = ""
+
+    def csv(self) -> str:
+        """Comma-separated values at full precision, units in the head."""
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(f"{column.title} [{column.unit}]" if column.unit else column.title for column in self.columns)
+        writer.writerows([_csv(cell) for cell in row] for row in self.rows)
+        return stream.getvalue()
+
+    def latex(self) -> str:
+        """A tabular with the rules of booktabs."""
+        head = [latex_text(f"{c.title} [{c.unit}]" if c.unit else c.title) for c in self.columns]
+        lines = [
+            rf"\begin{{tabular}}{{{''.join('l' if column.words else 'r' for column in self.columns)}}}",
+            r"\toprule",
+            " & ".join(head) + r" \\",
+            r"\midrule",
+            *(" & ".join(cell.latex or latex_text(cell.text) for cell in row) + r" \\" for row in self.rows),
+            r"\bottomrule",
+            r"\end{tabular}",
+        ]
+        return "\n".join(lines) + "\n"
+
+
+def latex_text(text: str) -> str:
+    """Text with what LaTeX would read as commands made safe."""
+    return "".join(LATEX.get(letter, letter) for letter in text)
+
+
+def _csv(cell: Cell) -> str:
+    value = cell.text if cell.value is None else cell.value
+    return value if isinstance(value, str) else repr(float(value))
