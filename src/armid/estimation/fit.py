@@ -5,14 +5,38 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from armid.errors import Finding
+from armid.estimation.standard_fit import StandardFit
+from armid.information.information import Information
 from armid.values import Array, array
 
-__all__ = ["POORLY_IDENTIFIED", "Fit"]
+__all__ = ["POORLY_IDENTIFIED", "CovarianceReport", "Fit"]
 
 POORLY_IDENTIFIED = 10.0
 """A relative deviation above so many times the smallest marks a parameter as poorly identified [Khalil2004]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CovarianceReport:
+    """Why a covariance is of its kind, and what was seen of the noise on the way.
+
+    Attributes:
+        why: The reason in words.
+        parts: Blocks, periods or frequency bands that the covariance was made from; 0 for none.
+        whiteness: Probability of residuals as far from white as these, if they were white; `None` where not tested.
+        noise: Standard deviation of a joint's torque about the model, in the band, shape (n,) [N·m or N]: what a band
+            for a measured torque adds to the parameters' share. Empty where nothing but the residual is known.
+    """
+
+    why: str = "as the estimator gave it"
+    parts: int = 0
+    whiteness: float | None = None
+    noise: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "noise", array(self.noise, (None,), "noise"))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -24,14 +48,22 @@ class Fit:
         values: Shape (b,).
         deviation: Standard deviations under white residuals, (2.44) to (2.46), shape (b,).
         covariance: What intervals are made of, shape (b, b).
-        covariance_kind: `white` as an estimator gives it; `block` after `cover`: from the scatter between blocks of
-            rows, which holds for residuals that are correlated within a block.
-        freedom: Degrees of freedom of the intervals.
+        covariance_kind: How it was made: `white` as an estimator gives it, or after `cover` also `period`, `spectral`
+            or `block`.
+        freedom: Degrees of freedom of each parameter's interval, shape (b,); one number stands for all.
         residual_rms: Root mean square of each joint's residual in the band, shape (n,) [N·m or N].
         rows: Rows that counted, shape (n,).
         condition: Condition number of the stacked regressor as it is, (2.51).
         scaled_condition: The same with columns of unit length, which does not depend on units.
         weights: Weight of each joint's rows in the estimate, shape (n,); one each where not given.
+        prior_precision: Precision of the Gaussian prior that the estimate was made with, in base parameters and in
+            the units of the weighted normal equations, shape (b, b); `None` for none.
+        report: Why the covariance is of its kind.
+        dropped: Names of parameters that the estimator holds at zero.
+        findings: What the estimator noticed on the way.
+        information: The factors that the estimate was really made from, where an estimator changed their rows, as by
+            weights of its own for each; `None` where they are those it was given.
+        standard: Standard parameters, where the estimator estimates them.
     """
 
     names: tuple[str, ...]
@@ -39,22 +71,31 @@ class Fit:
     deviation: Array
     covariance: Array
     covariance_kind: str
-    freedom: float
+    freedom: Array | float
     residual_rms: Array
     rows: NDArray[np.int64]
     condition: float
     scaled_condition: float
     weights: Array = field(default_factory=lambda: np.ones(0))
+    prior_precision: Array | None = None
+    report: CovarianceReport = field(default_factory=CovarianceReport)
+    dropped: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    information: Information | None = field(default=None, repr=False)
+    standard: StandardFit | None = None
 
     def __post_init__(self) -> None:
-        b = len(self.names)
+        b, n = len(self.names), len(self.rows)
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "values", array(self.values, (b,), "values"))
         object.__setattr__(self, "deviation", array(self.deviation, (b,), "deviation"))
         object.__setattr__(self, "covariance", array(self.covariance, (b, b), "covariance"))
-        weights = self.weights if np.size(self.weights) else np.ones(len(self.rows))
-        object.__setattr__(self, "weights", array(weights, (len(self.rows),), "weights"))
-        object.__setattr__(self, "residual_rms", array(self.residual_rms, (len(self.rows),), "residual_rms"))
+        object.__setattr__(self, "freedom", array(_for_each(self.freedom, b), (b,), "freedom"))
+        weights = self.weights if np.size(self.weights) else np.ones(n)
+        object.__setattr__(self, "weights", array(weights, (n,), "weights"))
+        object.__setattr__(self, "residual_rms", array(self.residual_rms, (n,), "residual_rms"))
+        if self.prior_precision is not None:
+            object.__setattr__(self, "prior_precision", array(self.prior_precision, (b, b), "prior_precision"))
 
     @property
     def intervals(self) -> Array:
@@ -63,6 +104,11 @@ class Fit:
 
         half = stdtrit(self.freedom, 0.975) * np.sqrt(np.diag(self.covariance))
         return np.stack([self.values - half, self.values + half], axis=1)
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation of each joint's torque about the model, in the band, shape (n,) [N·m or N]."""
+        return self.report.noise if len(self.report.noise) else self.residual_rms
 
     @property
     def relative_deviation(self) -> Array:
@@ -75,3 +121,8 @@ class Fit:
         """Parameters whose relative deviation is more than ten times the smallest, shape (b,)."""
         relative = self.relative_deviation
         return relative > POORLY_IDENTIFIED * np.nanmin(relative)
+
+
+def _for_each(value: ArrayLike, count: int) -> ArrayLike:
+    """One number for each of so many parameters."""
+    return np.full(count, value) if np.ndim(value) == 0 else value

@@ -1,102 +1,265 @@
-"""How uncertain an estimate is, from the factors alone.
+"""How uncertain an estimate is: a covariance whose intervals cover, and why it is of its kind.
 
 Residuals of filtered recordings are correlated over many rows, and an interval made as if they were white covers a
-third of what it says. Blocks of rows repair that, whatever the correlation inside a block and between joints. The
-estimate without block k differs from the estimate by
+third of what it says. What the samples and the motion allow decides what is used instead:
 
-    Δ_k = (H - H_k)⁻¹ s_k,        s_k = Σ_j w_j² R_jkᵀ (ρ_jk - R_jk π),
+- `white`, the textbook's (2.44) to (2.47), only where the residuals pass a test of whiteness;
+- `period`, the scatter between periods, where the motion was repeated often enough and what is left of the torque
+  does not repeat with it, else the scatter would say how repeatable the estimate is and not how right;
+- `spectral`, from the spectrum that the residuals show and that of the columns, with all there is between joints;
+- `block`, the scatter between blocks of rows, where there are factors and no samples.
 
-and the jackknife cov = (B - 1) / B Σ_k (Δ_k - mean)(Δ_k - mean)ᵀ stays honest with few blocks and many parameters.
-There the plain sandwich H⁻¹ Σ s_k s_kᵀ H⁻¹ is too small: a block pulls the estimate towards itself [Bell2002].
+All are of the form H⁻¹ (S + P) H⁻¹, S being the scatter of the data's pull and P the precision of a prior. What an
+estimator holds at zero is not surer for it: it keeps the interval that the data give it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.fit import Fit
+from armid.estimation.bands import BandProducts, band_products
+from armid.estimation.fit import CovarianceReport, Fit
+from armid.estimation.jackknife import Groups, correlation, grouped, jackknife, periods
+from armid.estimation.noise import LARGEST, NoiseModel, Scatter
+from armid.estimation.problem import Problem
+from armid.estimation.whiteness import whiteness
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import unit_columns
 from armid.values import Array
 
-__all__ = ["FEWEST_BLOCKS", "block_covariance", "cover", "scale_covariance"]
+__all__ = ["FEWEST_BLOCKS", "FEWEST_PERIODS", "block_covariance", "choose", "cover", "scale_covariance"]
 
 FEWEST_BLOCKS = 4
 """With fewer blocks their scatter says next to nothing (three degrees of freedom); the white covariance is used."""
 
-RIDGE = 1e-12
-"""Added to the diagonal of H - H_k, relative: a block that alone shows a direction then gives a huge variance."""
+FEWEST_PERIODS = 6
+"""With fewer periods Student's intervals are more than a third wider than those of many."""
 
-TOGETHER = 32
-"""Blocks solved for at a time: a few megabytes."""
+MERGED_BLOCKS = 10
+"""Blocks are not made longer where fewer than these would be left."""
+
+NEIGHBOURS = 0.05
+"""Correlation of neighbouring blocks' pulls up to which blocks count as independent: it makes deviations a twentieth
+too small, and chance alone makes it that large with a few parameters and some twenty blocks."""
+
+WHITE = 0.05
+"""Probability of the test of whiteness below which residuals are not white."""
+
+REPEATED = 1.5
+"""What is left of the mean of all periods, as a variance over that which independent periods would leave, from which
+on the model lacks something that repeats. Chance makes it 1 within a tenth or two."""
+
+FEWEST_ROWS = 3
+"""Rows of all joints for each parameter below which a spectrum cannot be told from the estimate."""
+
+UNSEEN = 1e-13
+"""Least eigenvalue of the normal equations with unit columns: directions that neither data nor prior see get a huge
+variance instead of a division by zero."""
+
+ALIKE = 0.1
+"""Largest difference of the rates of rows, relative, at which spectra of runs are put together."""
 
 
-def cover(fit: Fit, information: Information) -> Fit:
-    """The fit with a covariance whose intervals cover: from the scatter between blocks, where there are enough.
+def cover(fit: Fit, source: Problem | Information) -> Fit:
+    """The fit with a covariance whose intervals cover, and the reason why it is of its kind.
 
     Args:
         fit: As the estimator gave it.
-        information: What it was made from, blocks apart.
+        source: The problem, whose samples are gone through again, or the information alone, blocks apart.
     """
-    whole = total(information)
-    A, length = unit_columns(stack(whole, fit.weights)[0])
-    inverse = np.linalg.inv(A.T @ A) / np.outer(length, length)
-    found = block_covariance(information, fit.values, fit.weights, inverse)
-    if found is None:
-        return fit
-    covariance = found[0] + scale_covariance(whole, fit.weights, inverse)
-    return replace(fit, covariance=covariance, covariance_kind="block", freedom=found[1])
+    problem = source if isinstance(source, Problem) else Problem(source)
+    return _Uncertainty(fit, problem).covered()
+
+
+def choose(white: float, free: int | None, repeated: float) -> tuple[str, str]:
+    """Which kind of covariance it should be where the samples are at hand, and why.
+
+    Args:
+        white: Probability of such residuals if they were white.
+        free: Degrees of freedom of the scatter between periods; `None` where the motion does not repeat.
+        repeated: Variance of the residual that repeats with the motion, over what chance leaves.
+    """
+    if white >= WHITE:
+        return "white", f"residuals pass the test of whiteness (p = {white:.2g})"
+    coloured = f"residuals are not white (p = {white:.1g})"
+    if free is None:
+        return "spectral", coloured
+    if free < FEWEST_PERIODS - 1:
+        return "spectral", f"{coloured}, and there are fewer than {FEWEST_PERIODS} periods"
+    if repeated > REPEATED:
+        return "spectral", f"{coloured}, and {repeated:.1f} times what chance leaves of them repeats with the motion"
+    return "period", f"{coloured}, and the motion repeats"
+
+
+class _Uncertainty:
+    """What every kind of covariance needs."""
+
+    def __init__(self, fit: Fit, problem: Problem) -> None:
+        self.fit, self.problem = fit, problem
+        self.information = problem.information if fit.information is None else fit.information
+        self.whole = total(self.information)
+        b = self.whole.count
+        self.prior = np.zeros((b, b)) if fit.prior_precision is None else fit.prior_precision
+        A, length = unit_columns(stack(self.whole, fit.weights)[0])
+        values, vectors = np.linalg.eigh(A.T @ A + self.prior / np.outer(length, length))
+        half = vectors / np.sqrt(np.maximum(values, UNSEEN)) / length[:, None]
+        self.inverse: Array = half @ half.T
+        self.known = scale_covariance(self.whole, fit.weights, self.inverse)
+        self.known = self.known + self.inverse @ self.prior @ self.inverse
+
+    def covered(self) -> Fit:
+        """The fit with the covariance that fits the case."""
+        motions = periods(self.information)
+        spectrum, hindrance = self._spectrum()
+        if spectrum is None:
+            return self._from_factors(motions, hindrance)
+        scatter = spectrum.scatter
+        free = None if motions is None else _free(motions)
+        kind, why = choose(spectrum.whiteness, free, spectrum.repeated)
+        report = CovarianceReport(why, len(spectrum.model.basis), spectrum.whiteness, scatter.noise)
+        if kind == "white":
+            return replace(self.fit, report=replace(report, parts=0))
+        if kind == "period" and motions is not None:
+            return self._periods(motions, report)
+        return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
+
+    def _from_factors(self, motions: Groups | None, hindrance: str) -> Fit:
+        """The best that factors alone allow."""
+        report = CovarianceReport(hindrance, noise=self._noise())
+        if motions is not None and _free(motions) >= FEWEST_PERIODS - 1:
+            return self._periods(motions, replace(report, why=f"{hindrance}; the motion repeats"))
+        found = block_covariance(self.information, self.fit.values, self.fit.weights, self.inverse)
+        if found is None:
+            why = f"{hindrance}, and fewer than {FEWEST_BLOCKS} blocks of rows: residuals are taken as white"
+            return replace(self.fit, report=replace(report, why=why))
+        covariance, free = found
+        return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))
+
+    def _periods(self, motions: Groups, report: CovarianceReport) -> Fit:
+        """The scatter between periods."""
+        used = np.flatnonzero(motions >= 0)
+        groups = np.full(len(motions), -1, dtype=np.int64)
+        groups[used] = np.arange(len(used))
+        covariance = jackknife(
+            self.information, groups, motions[used], self.fit.values, self.fit.weights, self.inverse
+        )
+        fit = self._with(covariance, "period", float(_free(motions)))
+        return replace(fit, report=replace(report, parts=len(used)))
+
+    def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
+        """The fit with a scatter of the data, to which prior and torque scales add what is known for certain."""
+        every = covariance + self.known
+        scatter, certain = np.diag(covariance), np.diag(self.known)
+        # What is known for certain has no degrees of freedom to pay for [Satterthwaite1946].
+        share = np.where(scatter > 0.0, 1.0 + certain / np.where(scatter > 0.0, scatter, 1.0), 1.0)
+        return replace(self.fit, covariance=every, covariance_kind=kind, freedom=freedom * share**2)
+
+    def _spectrum(self) -> tuple[_Spectrum | None, str]:
+        """What the samples say about the noise; `None` and the reason where they say nothing."""
+        observations, rows = self.problem.observations, self.whole.rows[0]
+        if self.fit.information is not None:
+            return None, "rows have weights of their own"
+        if observations is None or self.problem.model is None or self.problem.base is None:
+            return None, "there are factors and no samples"
+        if not all(run.consecutive for run in observations.runs):
+            return None, "rows do not follow each other in time"
+        if not _same(self.problem, rows):
+            return None, "the samples at hand are not those of the factors"
+        rates = np.array([run.rate / run.step for run in observations.runs])
+        if np.ptp(rates) > ALIKE * rates.max():
+            return None, "recordings have rows at different rates"
+        if rows.sum() < FEWEST_ROWS * self.whole.count:
+            return None, f"there are only {rows.sum()} rows for {self.whole.count} parameters"
+        bands = band_products(self.problem, self.fit.values)
+        if NoiseModel.size(bands, self.whole.count) > LARGEST:
+            return None, "the arm has too many joints for a spectrum between all of them"
+        model = NoiseModel(bands, self.fit.weights, self.inverse)
+        scatter = model.scatter(bands.moments, bands.squares, rows)
+        white = whiteness(model, bands.moments, bands.squares, bands.pieces, rows)
+        return _Spectrum(model, scatter, white, _repeated(bands, scatter, rows, self.fit.weights)), ""
+
+    def _noise(self) -> Array:
+        """Standard deviation of each joint's residual, degrees of freedom paid, shape (n,)."""
+        rows = self.whole.rows[0]
+        spent = np.array(
+            [
+                weight**2 * np.sum((R := joint.R[0, :, :-1]) @ self.inverse[np.ix_(own := joint.parameters, own)] * R)
+                for weight, joint in zip(self.fit.weights, self.whole.joints, strict=True)
+            ]
+        )
+        return self.fit.residual_rms * np.sqrt(rows / np.maximum(rows - spent, 1.0))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Spectrum:
+    """What the samples said.
+
+    Attributes:
+        model: Equations for the levels of the noise.
+        scatter: What the noise does to the estimate.
+        whiteness: Probability of such residuals if they were white.
+        repeated: Variance that repeats with the motion, over what chance leaves; 1 where nothing was folded.
+    """
+
+    model: NoiseModel
+    scatter: Scatter
+    whiteness: float
+    repeated: float
 
 
 def block_covariance(
     information: Information, values: Array, weights: Array, inverse: Array
 ) -> tuple[Array, float] | None:
-    """Jackknife covariance (b, b) over blocks, and its degrees of freedom.
+    """Jackknife covariance (b, b) over blocks, made longer while neighbours pull alike, and its degrees of freedom.
 
     Args:
-        information: Factors, one set a block.
+        information: Factors, one set a block, in the order of time.
         values: Estimate, shape (b,).
         weights: Weight of each joint's rows, shape (n,).
-        inverse: H⁻¹ of the weighted normal equations, shape (b, b).
+        inverse: H⁻¹ of the weighted normal equations, prior included, shape (b, b).
 
     Returns:
         `None` where there are too few blocks with rows that count.
     """
-    used = np.flatnonzero(information.rows.any(axis=1))
-    if len(used) < FEWEST_BLOCKS:
+    together = 1
+    groups = grouped(information)
+    count = int(groups.max()) + 1
+    if count < FEWEST_BLOCKS:
         return None
-    scale = 1.0 / np.sqrt(np.diag(inverse))  # of the size of the columns, whatever their units
-    whole = np.asarray(np.linalg.inv(inverse * np.outer(scale, scale)), dtype=np.float64)
-    whole[np.diag_indices(len(values))] *= 1.0 + RIDGE
-    parts = [used[k : k + TOGETHER] for k in range(0, len(used), TOGETHER)]
-    change = np.concatenate([_without(information, part, values, weights, whole, scale) for part in parts])
-    change -= change.mean(axis=0)
-    blocks = len(used)
-    return change.T @ change * (blocks - 1) / blocks, float(blocks - 1)
+    while count // 2 >= MERGED_BLOCKS and correlation(information, groups, values, weights, inverse) > NEIGHBOURS:
+        together *= 2
+        groups = grouped(information, together)
+        count = int(groups.max()) + 1
+    one = np.zeros(count, dtype=np.int64)
+    return jackknife(information, groups, one, values, weights, inverse), count - 1.0
 
 
-def _without(
-    information: Information,
-    blocks: NDArray[np.intp],
-    values: Array,
-    weights: Array,
-    whole: Array,
-    scale: Array,
-) -> Array:
-    """How the estimate changes where each of some blocks is left out, shape (blocks, b)."""
-    left = np.repeat(whole[None], len(blocks), axis=0)
-    gradient = np.zeros((len(blocks), len(values)))
-    for weight, joint in zip(weights, information.joints, strict=True):
-        own = joint.parameters
-        R = joint.R[blocks]
-        residual = weight * (R[:, :, -1] - R[:, :, :-1] @ values[own])
-        scaled = np.ascontiguousarray((weight * R[:, :, :-1] / scale[own]).transpose(0, 2, 1))
-        left[:, own[:, None], own] -= scaled @ scaled.transpose(0, 2, 1)
-        gradient[:, own] += (scaled @ residual[:, :, None])[:, :, 0]
-    return np.linalg.solve(left, gradient[:, :, None])[:, :, 0] / scale
+def _same(problem: Problem, rows: NDArray[np.int64]) -> bool:
+    """Whether samples and information are about the same rows and parameters."""
+    model, base, observations = problem.require_samples("cover")
+    known = {name.split("[", 1)[0] for name in problem.information.names}  # copies for each recording are FV_1[1], …
+    counted = sum(run.mask.sum(axis=0) for run in observations.runs)
+    return known == set(base.names) and (bool(model.nodes) or bool(np.array_equal(counted, rows)))
+
+
+def _free(motions: Groups) -> int:
+    """Degrees of freedom of the scatter between periods."""
+    used = motions[motions >= 0]
+    return len(used) - len(np.unique(used))
+
+
+def _repeated(bands: BandProducts, scatter: Scatter, rows: Array, weights: Array) -> float:
+    """Variance of the mean of periods over what their differences say it should be."""
+    squares, free = bands.within
+    if not (free > 0.0).all():
+        return 1.0
+    folded = np.einsum("ejj->j", bands.count)
+    whole = scatter.noise**2 * np.maximum(rows, 1)  # differences between periods and what is left of their mean
+    of_mean = np.maximum(whole - squares, 0.0) / np.maximum(folded, 1.0)
+    return float(np.sum(weights**2 * of_mean) / np.sum(weights**2 * squares / free))
 
 
 def scale_covariance(whole: Information, weights: Array, inverse: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,10 +13,12 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, StudyError
 from armid.estimation.estimate import Estimate, TermUse
+from armid.estimation.load import with_load
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import Problem, standard_of
-from armid.estimation.uncertainty import FEWEST_BLOCKS, cover
+from armid.estimation.uncertainty import cover
 from armid.information.information import Information
+from armid.information.memory import memory_findings
 from armid.information.observations import Observations
 from armid.information.stream import inform
 from armid.measurement.interpret import interpret
@@ -29,12 +32,24 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.study.cut import cut, refuse_shared
-from armid.study.plausibility import excitation_finding, gravity_finding, torque_finding
+from armid.study.plausibility import excitation_finding, few_blocks_finding, gravity_finding, torque_finding
 from armid.study.study import RecordingChoice, Study, build_estimator, build_model, load_choice, resolve_model
 from armid.validation.predict import Score, Validation, score, validate
 from armid.values import Array, digest
 
-__all__ = ["Progress", "Result", "identify", "read_recording", "score_recordings"]
+__all__ = [
+    "Prepared",
+    "Progress",
+    "Result",
+    "changing_parameters",
+    "conclude",
+    "identify",
+    "observe_recordings",
+    "prepare",
+    "read_recording",
+    "score_recordings",
+    "stated_problem",
+]
 
 Progress = Callable[[str, float], None]
 """Told the name of the stage and the share of it that is done."""
@@ -61,6 +76,29 @@ class Result:
     estimate: Estimate
     validation: Validation
     training: tuple[Score, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Prepared:
+    """All that stands before an estimate.
+
+    Attributes:
+        study: The study, its automatic choices made.
+        model: Arm and torque terms.
+        base: The model's base parameters.
+        recordings: All recordings with their roles.
+        problem: What the training recordings say.
+        findings: What was noticed on the way.
+        began: When the work began, by `time.perf_counter` [s].
+    """
+
+    study: Study
+    model: DynamicsModel
+    base: BaseParameters
+    recordings: tuple[tuple[RecordingChoice, Recording], ...]
+    problem: Problem
+    findings: tuple[Finding, ...]
+    began: float
 
 
 def read_recording(
@@ -105,12 +143,26 @@ def identify(
     Raises:
         ArmidError: Bad input; the message says what and where.
     """
+    return conclude(prepare(study, given=given, threads=threads, progress=progress), progress=progress)
+
+
+def prepare(
+    study: Study,
+    *,
+    given: Mapping[str, Recording] | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Prepared:
+    """Everything up to the estimate, so that several methods can share it. Arguments as in `identify`.
+
+    Raises:
+        ArmidError: Bad input; the message says what and where.
+    """
     began = time.perf_counter()
     tell = progress or _silent
     tell("robot", 0.0)
     robot = load_choice(study.robot, study.folder)
     model = build_model(robot, study.model, motor_side=_is_motor_side(study))
-    base = find_base_parameters(model)
     findings = list(robot.findings)
     recordings: list[tuple[RecordingChoice, Recording]] = []
     for k, choice in enumerate(study.recordings):
@@ -122,25 +174,59 @@ def identify(
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
     tell("processing", 0.0)
     processing = resolve(study.processing, [recording for _, recording in train])
-    study = replace(study, model=resolve_model(model), processing=processing)
-    observations, found = _observe(train, processing, robot)
+    observations, found = observe_recordings(train, processing, robot)
     findings += found
+    model = with_load(model, observations, threads=threads)
+    findings += memory_findings(model, observations)
+    study = replace(study, model=resolve_model(model), processing=processing)
+    base = find_base_parameters(model)
     information = inform(
         model, base, observations, threads=threads, progress=lambda done, all: tell("information", done / all)
     )
     information = replace(information, scale_deviation=_scale_deviation(train, robot))
+    problem = Problem(information, standard_of(model, base), model, base, observations)
+    return Prepared(study, model, base, tuple(recordings), problem, tuple(findings), began)
+
+
+def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
+    """Estimate by the study's method and check it on the recordings kept for validation.
+
+    Raises:
+        EstimationError: The data do not determine the parameters.
+    """
+    tell = progress or _silent
+    study, model, recordings = prepared.study, prepared.model, prepared.recordings
+    robot, processing = model.robot, study.processing
+    observations, information = prepared.problem.observations, prepared.problem.information
+    assert observations is not None  # `prepare` gives them
     tell("estimation", 0.0)
-    estimate = _estimate(study, model, base, information, observations, recordings)
-    findings += _doubts(model, observations, information, estimate)
+    estimate = _estimate(study, model, prepared.base, stated_problem(prepared), recordings)
+    findings = [*prepared.findings, *estimate.findings, *_doubts(model, observations, information, estimate)]
     tell("validation", 0.0)
+    train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
     training, _ = score_recordings(model, estimate, train, processing)
     held_out = [(choice, recording) for choice, recording in recordings if choice.role == "validate"]
     scores, found = score_recordings(model, estimate, held_out, processing)
     validation = validate(robot.joint_names, scores, estimate)
     tell("validation", 1.0)
-    seconds = time.perf_counter() - began
+    seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)
     return Result(study, robot, model, information, estimate, validation, training)
+
+
+def stated_problem(prepared: Prepared) -> Problem:
+    """The problem as the study states it: with friction for each recording where it says so.
+
+    Raises:
+        StudyError: Friction for each of one recording.
+    """
+    problem = prepared.problem
+    if not prepared.study.estimation.friction_per_recording:
+        return problem
+    if len(np.unique(problem.information.recording)) < 2:
+        raise StudyError("friction_per_recording needs at least two training recordings.")
+    own = changing_parameters(prepared.model)[prepared.base.kept]
+    return replace(problem, information=separate_by_recording(problem.information, own))
 
 
 def _silent(stage: str, share: float) -> None:
@@ -158,13 +244,13 @@ def score_recordings(
     scores: list[Score] = []
     findings: list[Finding] = []
     for choice, recording in recordings:
-        observations, found = _observe([(choice, recording)], processing, model.robot)
+        observations, found = observe_recordings([(choice, recording)], processing, model.robot)
         findings += found
         scores.append(score(model, estimate, observations, path=choice.path, sha256=recording.sha256))
     return tuple(scores), tuple(findings)
 
 
-def _observe(
+def observe_recordings(
     recordings: Sequence[tuple[RecordingChoice, Recording]], processing: Processing, robot: Robot
 ) -> tuple[Observations, tuple[Finding, ...]]:
     """Observations of several recordings."""
@@ -191,17 +277,12 @@ def _estimate(
     study: Study,
     model: DynamicsModel,
     base: BaseParameters,
-    information: Information,
-    observations: Observations,
+    problem: Problem,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
 ) -> Estimate:
     """Estimate with what it was made from."""
-    if study.estimation.friction_per_recording:
-        if len(np.unique(information.recording)) < 2:
-            raise StudyError("friction_per_recording needs at least two training recordings.")
-        information = separate_by_recording(information, _changing(model)[base.kept])
-    problem = Problem(information, standard_of(model, base), model, base, observations)
-    fit = cover(build_estimator(study.estimation).estimate(problem), information)
+    fit = build_estimator(study.estimation).estimate(problem)
+    fit = replace(cover(fit, problem), information=None)
     options = digest(repr((study.model, study.processing, study.estimation)))
     made_from = (
         f"robot {model.robot.sha256}",
@@ -214,8 +295,9 @@ def _estimate(
         _uses(model),
         base,
         fit,
+        fit.findings,
         made_from=made_from,
-        made_by=information.made_by,
+        made_by=problem.information.made_by,
     )
 
 
@@ -234,21 +316,12 @@ def _doubts(
         gravity_finding(model.robot),
         torque_finding(model, observations),
         excitation_finding(information),
+        few_blocks_finding(estimate.fit),
     ]
-    if estimate.fit.covariance_kind == "white":
-        found.append(
-            Finding(
-                "few-blocks",
-                "warning",
-                "",
-                f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as white and are too narrow.",
-                "record longer.",
-            )
-        )
     return [finding for finding in found if finding is not None]
 
 
-def _changing(model: DynamicsModel) -> NDArray[np.bool_]:
+def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
     """Which standard parameters may differ from one recording to the next: friction and offsets, no inertia."""
     changing = np.zeros(len(model.parameters), dtype=np.bool_)
     for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
@@ -261,8 +334,8 @@ def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:
     names = model.robot.joint_names
     uses: list[TermUse] = []
     for term in model.terms:
-        laws = [law for _, law in [(term.name, law) for law in term.laws(model.robot)]]
-        touched = sorted({j for law in laws for j, _ in law.coordinate}) or range(model.n)
-        width = getattr(term, "width", None)
-        uses.append(TermUse(term.name, tuple(names[j] for j in touched), {} if width is None else {"width": width}))
+        touched = sorted({j for law in term.laws(model.robot) for j, _ in law.coordinate}) or range(model.n)
+        options = dataclasses.asdict(term)  # pyright: ignore[reportArgumentType]
+        shapes = {key: value for key, value in options.items() if key != "joints" and value is not None}
+        uses.append(TermUse(term.name, tuple(names[j] for j in touched), shapes))
     return tuple(uses)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from armid.errors import Finding, StudyError
 from armid.estimation.beside import join
 from armid.estimation.payload import LOAD_NAMES, Gains, Load, find_gains, find_load
-from armid.estimation.uncertainty import FEWEST_BLOCKS
 from armid.maths.inertia import transform
 from armid.model.terms.rigid_body import rigid_body_units
 from armid.study.beside import Beside, beside_run, link_columns
+from armid.study.plausibility import few_blocks_finding
 from armid.study.records import finding_record
 from armid.study.run import Run
 from armid.values import Array
@@ -157,17 +157,8 @@ def _doubts(beside: Beside, load: Load, gains: Gains | None) -> list[Finding]:
         found.append(
             Finding("gain-unseen", "warning", names, "Nothing determines the drive gain.", "move the joint.")
         )
-    if load.solved.fit.covariance_kind == "white":
-        found.append(
-            Finding(
-                "few-blocks",
-                "warning",
-                "",
-                f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as white and are too narrow.",
-                "record longer.",
-            )
-        )
-    return found
+    few = few_blocks_finding(load.solved.fit)
+    return found if few is None else [*found, few]
 
 
 def payload_record(payload: Payload) -> dict[str, Any]:

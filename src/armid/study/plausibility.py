@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from armid.errors import Finding
+from armid.estimation.fit import Fit
+from armid.estimation.uncertainty import FEWEST_BLOCKS
 from armid.information.information import Information, stack, total
 from armid.information.observations import Observations
 from armid.maths.linalg import unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 
-__all__ = ["excitation_finding", "gravity_finding", "torque_finding"]
+__all__ = ["excitation_finding", "few_blocks_finding", "gravity_finding", "torque_finding"]
 
 AGAINST = -0.5
 """Correlation of measured with predicted torque on the most loaded joint below which their senses disagree."""
@@ -80,4 +82,17 @@ def gravity_finding(robot: Robot) -> Finding | None:
         "",
         f"Gravity is {strength:.4g} m/s².",
         "give it in m/s², for instance 0 0 -9.81.",
+    )
+
+
+def few_blocks_finding(fit: Fit) -> Finding | None:
+    """Intervals that take residuals as white without a test having said so, or `None`."""
+    if fit.covariance_kind != "white" or fit.report.whiteness is not None:
+        return None
+    return Finding(
+        "few-blocks",
+        "warning",
+        "",
+        f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as white and are too narrow.",
+        "record longer.",
     )

@@ -14,11 +14,11 @@ import numpy as np
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import Estimate
 from armid.estimation.recalibrate import Change, recalibrate_fit
-from armid.estimation.uncertainty import FEWEST_BLOCKS
 from armid.information.information import Information
 from armid.measurement.recording import Recording
 from armid.study.beside import Beside, beside_run, link_columns
 from armid.study.identify import Result, read_recording, score_recordings
+from armid.study.plausibility import few_blocks_finding
 from armid.study.run import Run
 from armid.study.study import EstimationChoice, RecordingChoice, RobotChoice, Study, resolve_model
 from armid.validation.predict import Score, validate
@@ -169,17 +169,8 @@ def _doubts(beside: Beside, result: Result, changed: Changed) -> list[Finding]:
                 f"try {further}.",
             )
         )
-    if result.estimate.fit.covariance_kind == "white":
-        found.append(
-            Finding(
-                "few-blocks",
-                "warning",
-                "",
-                f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as white and are too narrow.",
-                "record longer.",
-            )
-        )
-    return found
+    few = few_blocks_finding(result.estimate.fit)
+    return found if few is None else [*found, few]
 
 
 def changes_record(recalibration: Recalibration) -> dict[str, Any]:

@@ -25,8 +25,8 @@ CLOSE_TO_TRAINING = 3.0
 SMALL_SHARE = 0.02
 """Share of the torque's spread that is small whatever the training error was, which on clean data is next to none."""
 
-COVERAGE_STUDENT = 1.96
-"""Half width of a 95 % band in standard deviations."""
+SMALLEST_SHARE = 1e-3
+"""Share of the parameters in a band's variance below which their degrees of freedom are as good as infinite."""
 
 COVERED_ROWS = 20_000
 """Rows over which bands are evaluated; of more, every k-th."""
@@ -176,18 +176,21 @@ def _rms(residual: Array) -> Array:
 
 
 def _coverage(model: DynamicsModel, estimate: Estimate, observations: Observations, residual: Array) -> Array:
-    """Share of rows (n,) whose error lies inside the band of parameter and residual variance."""
+    """Share of rows (n,) whose error lies inside the 95 % band of parameters and noise."""
+    from scipy.special import stdtrit  # a third of a second to import
+
     base, fit = estimate.base, estimate.fit
     index = [fit.names.index(name) for name in base.names if name in fit.names]
-    variance = np.broadcast_to(fit.residual_rms**2, residual.shape)
+    share = np.zeros_like(residual)
     if len(index) == base.count:  # else friction has values of its own for each recording, and none for this one
         every = max(1, len(residual) // COVERED_ROWS)
         ends = np.cumsum([len(run.rows) for run in observations.runs])[:-1]
         residual = np.concatenate([part[::every] for part in np.split(residual, ends)])
-        variance = fit.residual_rms**2 + _parameter_variance(
-            model, base, fit.covariance[np.ix_(index, index)], observations, every
-        )
-    inside = np.where(np.isnan(residual), np.nan, residual**2 <= COVERAGE_STUDENT**2 * variance)
+        share = _parameter_variance(model, base, fit.covariance[np.ix_(index, index)], observations, every)
+    variance = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
+    # The share of the parameters has their degrees of freedom, the noise has many [Satterthwaite1946].
+    free = np.median(fit.freedom) * (variance / np.maximum(share, SMALLEST_SHARE * variance)) ** 2
+    inside = np.where(np.isnan(residual), np.nan, residual**2 <= stdtrit(free, 0.975) ** 2 * variance)
     return _of_known(np.mean, inside)
 
 
