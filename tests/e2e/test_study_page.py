@@ -21,4 +21,4 @@ def test_the_study_on_the_page_is_understood_and_complete():
     whole = re.sub(r"^# (?=\w+ = )", "", text, flags=re.MULTILINE)
     written = set(re.findall(r"^(\w+) = ", whole, re.MULTILINE))
     for kind in (RobotChoice, RecordingChoice, Reading, Processing, EstimationChoice):
-        assert {field.name for field in dataclasses.fields(kind)} - {"reading"} <= written
+        assert {field.name for field in dataclasses.fields(kind)} - {"reading", "options"} <= written

@@ -22,8 +22,11 @@ from armid.cli.options import (
     robot_choice,
     run_folder,
 )
+from armid.cli.report import NoReport, write_page
 
 if TYPE_CHECKING:
+    from armid.study.compare import MethodTable
+    from armid.study.identify import Result
     from armid.study.study import Study
 
 __all__ = ["identify", "report_result"]
@@ -54,8 +57,10 @@ def identify(
     period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
     cutoff: Annotated[str | None, typer.Option(metavar="HZ|auto", help="Cut-off of the filter.")] = None,
     edges: Annotated[str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording.")] = None,
-    method: Annotated[str | None, typer.Option(metavar="wls|ols", help="Estimator.")] = None,
+    method: Annotated[str | None, typer.Option(metavar="wls|ols|robust|essential|ridge|…", help="Estimator.")] = None,
+    compare: Annotated[bool, typer.Option("--compare", help="Also try every other method; one table.")] = False,
     threads: Threads = 1,
+    no_report: NoReport = False,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -67,10 +72,12 @@ def identify(
         armid identify study.toml --out runs/today
 
         armid identify ur10e.urdf run1.csv run2.csv --validate run3.csv --rate 125
+
+        armid identify study.toml --compare
     """
     from armid.cli.console import print_findings, progress
     from armid.study import identify as stage
-    from armid.study.records import estimate_record, to_json, validation_record
+    from armid.study.compare import compare_methods, compare_record
     from armid.study.run import refuse_folder, save_run
 
     if out is not None:
@@ -80,19 +87,37 @@ def identify(
     study = _study(inputs, validate or [], reading, gravity, lock, terms)
     study = _overridden(study, preset, cutoff, edges, method)
     with progress(quiet=json) as tell:
-        result = stage.identify(study, threads=threads, progress=tell)
-    folder = save_run(result, run_folder(out, result.estimate.robot))
+        prepared = stage.prepare(study, threads=threads, progress=tell)
+        result = stage.conclude(prepared, progress=tell)
+        table = compare_methods(prepared, progress=tell) if compare else None
+    beside = {} if table is None else {"compare.json": compare_record(table)}
+    folder = save_run(result, run_folder(out, result.estimate.robot), beside=beside)
     print_findings(result.estimate.findings)
+    _print(result, table, folder, json=json)
+    if not no_report:
+        write_page(folder, prepared.recordings)
+    if result.validation.verdict == "fail":
+        raise typer.Exit(1)
+
+
+def _print(result: Result, table: MethodTable | None, folder: Path, *, json: bool) -> None:
+    """The result on standard output: one JSON object, or tables."""
+    from armid.cli.console import print_methods
+    from armid.study.compare import compare_record
+    from armid.study.records import estimate_record, to_json, validation_record
+
     if json:
         record = estimate_record(result.estimate)
         record["run"] = str(folder)
         record["validation"] = validation_record(result.validation)
+        if table is not None:
+            record["compare"] = compare_record(table)
         sys.stdout.write(to_json(record) + "\n")
-    else:
-        report_result(result)
-        sys.stdout.write(f"\nrun written to {folder}\n")
-    if result.validation.verdict == "fail":
-        raise typer.Exit(1)
+        return
+    report_result(result)
+    if table is not None:
+        print_methods(table, [joint.effort_unit for joint in result.robot.joints])
+    sys.stdout.write(f"\nrun written to {folder}\n")
 
 
 def report_result(result: Any) -> None:

@@ -37,6 +37,7 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
                 "deviation": fit.deviation[k],
                 "relative_deviation_percent": fit.relative_deviation[k],
                 "poorly_identified": bool(poor[k]),
+                "dropped": name in fit.dropped,
                 "interval95": ends[k],
                 "formula": formulas[plain],
             }
