@@ -131,13 +131,19 @@ def report_result(result: Any) -> None:
     console.print(validation_table(result.validation, result.training, units))
     console.print(
         f"condition number {fit.condition:.2f}, with columns of unit length {fit.scaled_condition:.2f}; "
-        f"{int(fit.rows.max())} rows\nintervals from {_kind(fit.covariance_kind)}; {result.estimate.seconds:.2f} s"
+        f"{int(fit.rows.max())} rows\nintervals from {KINDS[fit.covariance_kind]}: {fit.report.why}\n"
+        f"{result.estimate.seconds:.2f} s from recordings to result"
     )
     print_verdict(console, result.validation)
 
 
-def _kind(kind: str) -> str:
-    return "the scatter between blocks" if kind == "block" else "residuals taken as white: too few blocks"
+KINDS = {
+    "white": "residuals taken as white",
+    "period": "the scatter between periods",
+    "spectral": "the spectrum of the residuals",
+    "block": "the scatter between blocks",
+}
+"""What a kind of covariance is made of, in words."""
 
 
 def _study(
