@@ -15,6 +15,7 @@ from rich.table import Table
 
 from armid.errors import ArmidError, Finding
 from armid.estimation.estimate import Estimate
+from armid.estimation.friction import Ladder
 from armid.study.compare import MethodTable
 from armid.study.identify import Progress as Tell
 from armid.validation.predict import Score, Validation
@@ -23,6 +24,7 @@ from armid.values import Array
 __all__ = [
     "error_console",
     "estimate_table",
+    "ladder_table",
     "output_console",
     "print_error",
     "print_findings",
@@ -162,6 +164,21 @@ def _columns(name: str, scores: Sequence[Score]) -> list[tuple[str, Array]]:
 def _number(value: float, decimals: int = 3, unit: str = "") -> str:
     """A number, or a dash where there is none."""
     return f"{value:.{decimals}f}{unit}" if math.isfinite(value) else "-"
+
+
+def ladder_table(ladder: Ladder, joints: Sequence[str]) -> Table:
+    """Friction that was chosen for each joint, and what it gains on motion that was left out."""
+    table = Table(title="Friction chosen by motion that was left out", header_style="bold")
+    table.add_column("joint")
+    table.add_column("error, of that without", justify="right")
+    table.add_column("added")
+    for j, name in enumerate(joints):
+        chosen = [each.candidate for each in ladder.evidence if each.chosen and each.joint == name]
+        gain = f"{ladder.ratio[j]:.2f} ± {ladder.deviation[j]:.2f}"
+        table.add_row(name, gain, escape("; ".join(chosen) or "-"))
+    table.caption = ladder.why or "± standard error from the scatter between stretches of motion"
+    table.caption_justify = "left"
+    return table
 
 
 def print_methods(found: MethodTable, units: Sequence[str]) -> None:

@@ -104,7 +104,7 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, json: boo
     """The result on standard output: one JSON object, or tables."""
     from armid.cli.console import print_methods
     from armid.study.compare import compare_record
-    from armid.study.records import estimate_record, to_json, validation_record
+    from armid.study.records import estimate_record, ladder_record, to_json, validation_record
 
     if json:
         record = estimate_record(result.estimate)
@@ -112,6 +112,8 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, json: boo
         record["validation"] = validation_record(result.validation)
         if table is not None:
             record["compare"] = compare_record(table)
+        if result.ladder is not None:
+            record["friction"] = ladder_record(result.ladder, result.robot.joint_names)
         sys.stdout.write(to_json(record) + "\n")
         return
     report_result(result)
@@ -122,11 +124,13 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, json: boo
 
 def report_result(result: Any) -> None:
     """Tables of an identification on standard output."""
-    from armid.cli.console import estimate_table, output_console, print_verdict, validation_table
+    from armid.cli.console import estimate_table, ladder_table, output_console, print_verdict, validation_table
 
     console = output_console()
     fit = result.estimate.fit
     console.print(estimate_table(result.estimate))
+    if result.ladder is not None:
+        console.print(ladder_table(result.ladder, result.robot.joint_names))
     units = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training, units))
     console.print(
@@ -156,14 +160,16 @@ def _study(
 ) -> Study:
     """The study that the arguments name or describe."""
     from armid.measurement.reading import Reading
-    from armid.study.study import RecordingChoice, Study
+    from armid.study.study import RecordingChoice, Study, default_estimation
 
     if len(inputs) == 1:
         return _changed_study(inputs[0], validate, reading, gravity, lock, terms)
     how = Reading(**reading)
     recordings = tuple(RecordingChoice(path, reading=how) for path in inputs[1:])
     recordings += tuple(RecordingChoice(path, "validate", how) for path in validate)
-    return Study(robot_choice(inputs[0], gravity, lock), model_choice(terms), recordings)
+    model = model_choice(terms)
+    robot = robot_choice(inputs[0], gravity, lock)
+    return Study(robot, model, recordings, estimation=default_estimation(model))
 
 
 def _changed_study(
@@ -176,7 +182,7 @@ def _changed_study(
 ) -> Study:
     """The study of a file with what the command line says beside it; more recordings are read as its first one."""
     from armid.errors import StudyError
-    from armid.study.study import RecordingChoice, load_study
+    from armid.study.study import RecordingChoice, default_estimation, load_study
 
     if not path.endswith(".toml"):
         raise StudyError(
@@ -198,7 +204,8 @@ def _changed_study(
     alike = replace(first, exclude=())
     extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate", alike) for path in validate)
     model = study.model if terms is None else model_choice(terms)
-    return replace(study, robot=robot, model=model, recordings=(*study.recordings, *extra))
+    estimation = default_estimation(model) if model.automatic and not study.model.automatic else study.estimation
+    return replace(study, robot=robot, model=model, recordings=(*study.recordings, *extra), estimation=estimation)
 
 
 def _overridden(
