@@ -12,7 +12,7 @@ import pytest
 
 from armid.errors import ArmidError, ModelError, RecordingError, StudyError
 from armid.estimation.estimate import standard_parameters
-from armid.estimation.estimators import Ridge, WeightedLeastSquares
+from armid.estimation.estimators import PhysicallyConsistent, Ridge, WeightedLeastSquares
 from armid.measurement.processing import Processing
 from armid.model.terms import TERMS, Coulomb, Stribeck, Viscous
 from armid.study.cut import cut
@@ -25,11 +25,11 @@ from armid.study.study import (
     Study,
     build_estimator,
     build_model,
+    lean_on_prior,
     load_choice,
     load_study,
     parse_study,
     resolve_model,
-    weigh_prior,
 )
 from labs import (
     STUDY,
@@ -294,12 +294,15 @@ def test_terms_that_are_not_there_are_refused():
 def test_friction_may_be_chosen_and_is_then_estimated_with_a_prior():
     study = plain(model={"terms": "auto", "coulomb": {"width": 0.05}})
     assert study.model == ModelChoice(shapes={"coulomb": {"width": 0.05}}, automatic=True)
-    assert study.estimation.method == "ridge"
+    assert study.estimation.method == "physical"
     assert plain(model={"terms": "auto"}, estimation={"method": "wls"}).estimation.method == "wls"
-    weighted = weigh_prior(study.estimation, 2.5)
-    assert build_estimator(weighted) == Ridge(weight=2.5)
-    assert weigh_prior(weighted, 7.0) == weighted  # a weight that is given stays
-    assert weigh_prior(EstimationChoice("wls"), 2.5) == EstimationChoice("wls")
+    leaning = lean_on_prior(study.estimation, 2.5, described=True)
+    assert build_estimator(leaning) == PhysicallyConsistent(prior="log-det", weight=2.5)
+    assert build_estimator(lean_on_prior(study.estimation, 2.5, described=False)).prior == "mass"
+    assert lean_on_prior(leaning, 7.0, described=True) == leaning  # what is given stays
+    assert lean_on_prior(study.estimation, None, described=True) == study.estimation
+    assert build_estimator(lean_on_prior(EstimationChoice("ridge"), 2.5, described=True)) == Ridge(weight=2.5)
+    assert build_estimator(lean_on_prior(EstimationChoice("wls"), 2.5, described=True)) == WeightedLeastSquares()
 
 
 def test_a_shape_without_a_meaning_names_its_term():

@@ -39,9 +39,9 @@ from armid.study.study import (
     Study,
     build_estimator,
     build_model,
+    lean_on_prior,
     load_choice,
     resolve_model,
-    weigh_prior,
 )
 from armid.validation.predict import Score, Validation, score, validate
 from armid.values import Array, digest
@@ -194,7 +194,10 @@ def prepare(
         tell("friction", 0.0)
         ladder = choose_friction(model, observations, threads=threads)
         model = ladder.model
-        study = replace(study, estimation=weigh_prior(study.estimation, ladder.prior_weight))
+        bodies = robot.inertial_vector
+        described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
+        estimation = lean_on_prior(study.estimation, ladder.prior_weight, described=described)
+        study = replace(study, estimation=estimation)
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     study = replace(study, model=resolve_model(model), processing=processing)

@@ -33,11 +33,11 @@ __all__ = [
     "build_estimator",
     "build_model",
     "default_estimation",
+    "lean_on_prior",
     "load_choice",
     "load_study",
     "parse_study",
     "resolve_model",
-    "weigh_prior",
 ]
 
 T = TypeVar("T")
@@ -52,8 +52,9 @@ IDENTIFY_WIDTH = 0.02
 """Width of Coulomb friction where a study gives none [rad/s]: a sign flips with the encoder's noise at rest."""
 
 PLAIN_METHOD = "wls"
-AUTOMATIC_METHOD = "ridge"
-"""Method of a study that names none; friction that was chosen under a prior is estimated with one."""
+AUTOMATIC_METHOD = "physical"
+"""Method of a study that names none; friction that was chosen under a prior is estimated with one, over bodies that
+can exist, which holds best on motion that the choice has not seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,13 +233,23 @@ def build_estimator(choice: EstimationChoice) -> Estimator:
     return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
 
 
-def weigh_prior(choice: EstimationChoice, weight: float | None) -> EstimationChoice:
-    """The choice with a weight for the method's prior, where it has one and the study leaves its weight open."""
-    options = dict(choice.options.get(choice.method, {}))
-    has_weight = any(f.name == "weight" for f in dataclasses.fields(ESTIMATORS[choice.method]))  # pyright: ignore[reportArgumentType]
-    if weight is None or not has_weight or options.setdefault("weight", "auto") != "auto":
+def lean_on_prior(choice: EstimationChoice, weight: float | None, *, described: bool) -> EstimationChoice:
+    """The choice with the prior that friction was chosen under, as far as the study leaves the method's own open.
+
+    Args:
+        choice: As the study has it.
+        weight: Of the prior; `None` where nothing was judged.
+        described: Whether the description has bodies that can be a prior.
+    """
+    if weight is None:
         return choice
-    return dataclasses.replace(choice, options={**choice.options, choice.method: {**options, "weight": weight}})
+    names = {f.name for f in dataclasses.fields(ESTIMATORS[choice.method])}  # pyright: ignore[reportArgumentType]
+    own = {"weight": weight, "prior": "log-det" if described else "mass"}
+    given = choice.options.get(choice.method, {})
+    if given.get("weight", "auto") != "auto" or "prior" in given:
+        return choice
+    options = {**given, **{name: value for name, value in own.items() if name in names}}
+    return dataclasses.replace(choice, options={**choice.options, choice.method: options})
 
 
 def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
