@@ -294,14 +294,15 @@ def test_terms_that_are_not_there_are_refused():
 def test_friction_may_be_chosen_and_is_then_estimated_with_a_prior():
     study = plain(model={"terms": "auto", "coulomb": {"width": 0.05}})
     assert study.model == ModelChoice(shapes={"coulomb": {"width": 0.05}}, automatic=True)
-    assert study.estimation.method == "physical"
+    assert study.estimation.method == "ridge"
     assert plain(model={"terms": "auto"}, estimation={"method": "wls"}).estimation.method == "wls"
-    leaning = lean_on_prior(study.estimation, 2.5, described=True)
-    assert build_estimator(leaning) == PhysicallyConsistent(prior="log-det", weight=2.5)
-    assert build_estimator(lean_on_prior(study.estimation, 2.5, described=False)).prior == "mass"
-    assert lean_on_prior(leaning, 7.0, described=True) == leaning  # what is given stays
+    assert build_estimator(lean_on_prior(study.estimation, 2.5, described=True)) == Ridge(weight=2.5)
     assert lean_on_prior(study.estimation, None, described=True) == study.estimation
-    assert build_estimator(lean_on_prior(EstimationChoice("ridge"), 2.5, described=True)) == Ridge(weight=2.5)
+    physical = EstimationChoice("physical")
+    leaning = lean_on_prior(physical, 2.5, described=True)
+    assert build_estimator(leaning) == PhysicallyConsistent(prior="log-det", weight=2.5)
+    assert build_estimator(lean_on_prior(physical, 2.5, described=False)) == PhysicallyConsistent(weight=2.5)
+    assert lean_on_prior(leaning, 7.0, described=True) == leaning  # what is given stays
     assert build_estimator(lean_on_prior(EstimationChoice("wls"), 2.5, described=True)) == WeightedLeastSquares()
 
 

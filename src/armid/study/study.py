@@ -52,9 +52,8 @@ IDENTIFY_WIDTH = 0.02
 """Width of Coulomb friction where a study gives none [rad/s]: a sign flips with the encoder's noise at rest."""
 
 PLAIN_METHOD = "wls"
-AUTOMATIC_METHOD = "physical"
-"""Method of a study that names none; friction that was chosen under a prior is estimated with one, over bodies that
-can exist, which holds best on motion that the choice has not seen."""
+AUTOMATIC_METHOD = "ridge"
+"""Method of a study that names none; friction that was chosen under a prior is estimated with one."""
 
 
 @dataclass(frozen=True, slots=True)
