@@ -31,7 +31,12 @@ number of a few hundred, and columns that depend on each other must not divide b
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Prior:
-    """A Gaussian prior on all parameters of the superset: mean (b,) and precision (b, b), zero where none is."""
+    """A Gaussian prior on all parameters of the superset.
+
+    Attributes:
+        mean: Shape (b,).
+        precision: Zero where nothing is believed, shape (b, b).
+    """
 
     mean: Array
     precision: Array
