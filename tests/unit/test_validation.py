@@ -178,7 +178,7 @@ def test_bands_of_long_recordings_are_looked_at_every_so_many_rows(monkeypatch: 
     assert seen == [150, 150]  # columns of the other rows are never made
 
 
-def test_with_friction_of_each_recording_bands_are_those_of_the_residual():
+def test_with_friction_of_each_recording_bands_know_how_it_scatters():
     estimate = estimate_from(run_of(1), replace(run_of(4), recording=1), own_friction=True)
     assert "FV_1[2]" in estimate.fit.names
     found = score(small_model(), estimate, raw(run_of(2)))

@@ -1,7 +1,8 @@
 """The load that friction may depend on: the model's own rigid-body torque, from a pass without such friction.
 
 A measured torque as the load would leak the answer into the prediction. So the bodies come from an estimate without
-load-dependent terms, and stay fixed while these are estimated, which keeps the model linear.
+load-dependent terms, and stay fixed while these are estimated, which keeps the model linear. That estimate has a
+prior: least squares on weak data gives bodies whose torque is right along the motion and far off on another.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ from dataclasses import replace
 
 from armid.errors import ModelError
 from armid.estimation.estimate import torque_parameters
-from armid.estimation.estimators.wls import WeightedLeastSquares
-from armid.estimation.problem import Problem
+from armid.estimation.estimators.ridge import Ridge
+from armid.estimation.problem import Problem, standard_of
 from armid.information.observations import Observations
 from armid.information.stream import inform
 from armid.model.base import find_base_parameters
@@ -31,7 +32,7 @@ def with_load(model: DynamicsModel, observations: Observations, *, threads: int 
 
     Args:
         model: Arm and torque terms.
-        observations: What the first pass is estimated from, by weighted least squares.
+        observations: What the first pass is estimated from.
         threads: Threads of the kernel.
 
     Returns:
@@ -50,6 +51,6 @@ def with_load(model: DynamicsModel, observations: Observations, *, threads: int 
     )
     first = DynamicsModel(model.robot, plain)
     base = find_base_parameters(first)
-    fit = WeightedLeastSquares().estimate(Problem(inform(first, base, observations, threads=threads)))
-    bodies = torque_parameters(base, fit)[first.inertial_columns].reshape(-1, 10)
+    problem = Problem(inform(first, base, observations, threads=threads), standard_of(first, base))
+    bodies = torque_parameters(base, Ridge().estimate(problem))[first.inertial_columns].reshape(-1, 10)
     return replace(model, load_parameters=bodies)

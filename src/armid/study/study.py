@@ -245,7 +245,7 @@ def lean_on_prior(choice: EstimationChoice, weight: float | None, *, described: 
     names = {f.name for f in dataclasses.fields(ESTIMATORS[choice.method])}  # pyright: ignore[reportArgumentType]
     own = {"weight": weight, "prior": "log-det" if described else "mass"}
     given = choice.options.get(choice.method, {})
-    if given.get("weight", "auto") != "auto" or "prior" in given:
+    if "weight" not in names or given.get("weight", "auto") != "auto" or "prior" in given:
         return choice
     options = {**given, **{name: value for name, value in own.items() if name in names}}
     return dataclasses.replace(choice, options={**choice.options, choice.method: options})

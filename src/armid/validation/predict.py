@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armid.estimation.estimate import Estimate, torque_parameters
+from armid.estimation.fit import Fit
 from armid.information.observations import Observations
 from armid.information.residuals import Comparison, compare
 from armid.information.rows import all_rows
@@ -180,18 +181,30 @@ def _coverage(model: DynamicsModel, estimate: Estimate, observations: Observatio
     from scipy.special import stdtrit  # a third of a second to import
 
     base, fit = estimate.base, estimate.fit
-    index = [fit.names.index(name) for name in base.names if name in fit.names]
-    share = np.zeros_like(residual)
-    if len(index) == base.count:  # else friction has values of its own for each recording, and none for this one
-        every = max(1, len(residual) // COVERED_ROWS)
-        ends = np.cumsum([len(run.rows) for run in observations.runs])[:-1]
-        residual = np.concatenate([part[::every] for part in np.split(residual, ends)])
-        share = _parameter_variance(model, base, fit.covariance[np.ix_(index, index)], observations, every)
+    every = max(1, len(residual) // COVERED_ROWS)
+    ends = np.cumsum([len(run.rows) for run in observations.runs])[:-1]
+    residual = np.concatenate([part[::every] for part in np.split(residual, ends)])
+    share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
     variance = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
     # The share of the parameters has their degrees of freedom, the noise has many [Satterthwaite1946].
     free = np.median(fit.freedom) * (variance / np.maximum(share, SMALLEST_SHARE * variance)) ** 2
     inside = np.where(np.isnan(residual), np.nan, residual**2 <= stdtrit(free, 0.975) ** 2 * variance)
     return _of_known(np.mean, inside)
+
+
+def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
+    """Covariance (b, b) of the base parameters that predict a recording.
+
+    Where each recording has values of its own, it is that of their mean, and the scatter of a further one's about it.
+    """
+    copies = [name.split("[", 1)[0] for name in fit.names]
+    mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)
+    count = mean.sum(axis=1)
+    mean /= count[:, None]
+    spread = np.array(
+        [np.var(fit.values[row > 0.0], ddof=1) if k > 1 else 0.0 for row, k in zip(mean, count, strict=True)]
+    )
+    return mean @ fit.covariance @ mean.T + np.diag(spread)
 
 
 def _parameter_variance(
