@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "kernel.hpp"
+#include "tape.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -337,9 +338,47 @@ void columns_adjoint(const std::string& isa, const ArmData& data, In<std::int32_
   k.columns_adjoint(data.arm, layout, in, from, N, to_q, to_dq, to_ddq);
 }
 
+armid::Tape make_tape(In<std::int32_t> sizes, In<double> constants, In<std::int32_t> runs, In<std::int32_t> operands,
+                      In<std::int32_t> results) {
+  require(runs.size() % 2 == 0 && operands.size() % 2 == 0, "runs and operands come in pairs");
+  std::vector<armid::TapeRun> kinds(runs.size() / 2);
+  for (std::size_t k = 0; k < kinds.size(); ++k) kinds[k] = {runs.data()[2 * k], runs.data()[2 * k + 1]};
+  std::vector<armid::TapeOperands> read(operands.size() / 2);
+  for (std::size_t k = 0; k < read.size(); ++k) read[k] = {operands.data()[2 * k], operands.data()[2 * k + 1]};
+  return {{sizes.data(), sizes.data() + sizes.size()},
+          {constants.data(), constants.data() + constants.size()},
+          std::move(kinds),
+          std::move(read),
+          {results.data(), results.data() + results.size()}};
+}
+
+// Fills `out`; 0, or what is wrong: k + 1 where input k has another length, -k - 1 where it is not finite. The lock of
+// the interpreter is kept, since giving it back would cost more than the run.
+template <class... Inputs>
+int run_tape(const armid::Tape& tape, Out<double> out, const Inputs&... inputs) {
+  const double* from[] = {inputs.data()...};
+  const std::size_t sizes[] = {inputs.size()...};
+  require(tape.inputs() == static_cast<int>(sizeof...(inputs)), "the tape has another number of inputs");
+  require(out.size() == tape.results(), "out must have one element a result");
+  for (int k = 0; k < tape.inputs(); ++k) {
+    if (sizes[k] != tape.size(k)) return k + 1;
+  }
+  return -tape.run(from, out.data());
+}
+
 }  // namespace
 
 NB_MODULE(_native, m) {
+  using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+  nb::class_<armid::Tape>(m, "Tape")
+      .def(nb::new_(&make_tape), "sizes"_a, "constants"_a, "runs"_a, "operands"_a, "results"_a)
+      .def_static("operations", &armid::Tape::operations)
+      .def("run", &run_tape<Vector>, nb::arg().noconvert(), nb::arg().noconvert())
+      .def("run", &run_tape<Vector, Vector>, nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert())
+      .def("run", &run_tape<Vector, Vector, Vector>, nb::arg().noconvert(), nb::arg().noconvert(),
+           nb::arg().noconvert(), nb::arg().noconvert())
+      .def("run", &run_tape<Vector, Vector, Vector, Vector>, nb::arg().noconvert(), nb::arg().noconvert(),
+           nb::arg().noconvert(), nb::arg().noconvert(), nb::arg().noconvert());
   nb::class_<ArmData>(m, "Arm").def(
       nb::init<In<std::int32_t>, In<std::uint8_t>, In<double>, In<double>, In<double>, In<double>>(), "parent"_a,
       "prismatic"_a, "axis"_a, "rotation"_a, "translation"_a, "gravity"_a);

@@ -1,0 +1,67 @@
+"""MATLAB and GNU Octave: a package folder with one function a file, and the four functions of the thesis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from armid.codegen.program import Program
+from armid.codegen.source import Source
+from armid.codegen.thesis import thesis_programs
+from armid.codegen.writing import Notation, body
+
+__all__ = ["write"]
+
+FUNCTIONS = {
+    "sin": "sin({})",
+    "cos": "cos({})",
+    "tanh": "tanh({})",
+    "exp": "exp({})",
+    "sqrt": "sqrt({})",
+    "pow": "({})^({})",
+    "abs": "abs({})",
+    "sign": "sign({})",
+    "max": "max({}, {})",
+    "min": "min({}, {})",
+}
+
+
+def write(source: Source) -> dict[str, str]:
+    """`+NAME/FUNCTION.m` for each function and the parameters, and `func_Y.m` and its like beside the folder."""
+    variables = [p.variable for p in source.parameters]
+    files = {f"+{source.name}/parameters.m": _parameters(source)}
+    for program in source.programs.values():
+        files[f"+{source.name}/{program.name}.m"] = _function(program, variables, _columns(source, program))
+    for program, notes in thesis_programs(source):
+        files[f"{program.name}.m"] = _function(program, variables, notes)
+    return files
+
+
+def _parameters(source: Source) -> str:
+    count = len(source.parameters)
+    lines = ["function p = parameters()", f"% Base parameters of the estimate, {count} x 1."]
+    lines += ["%", *(f"% {line}".rstrip() for line in source.about())]
+    lines += ["p = [", *(f"  {p.value!r}; % {p.note}" for p in source.parameters), "];", "end", ""]
+    return "\n".join(lines)
+
+
+def _function(program: Program, variables: Sequence[str], notes: Sequence[str]) -> str:
+    notation = Notation(lambda name, k: f"{name}({k + 1})", FUNCTIONS, "{} = {};", variables)
+    statements, results = body(program, notation)
+    names = ", ".join(argument.name for argument in program.arguments)
+    rows, columns = (*program.shape, 1)[:2]
+    lines = [f"function {program.output} = {program.name}({names})", f"% {program.summary}, {rows} x {columns}."]
+    lines += [f"%   {a.name}: {a.meaning}, {a.length} elements" for a in program.arguments]
+    lines += [f"% {line}".rstrip() for line in notes]
+    lines += [*statements, f"{program.output} = zeros({rows}, {columns});"]
+    lines += [
+        f"{program.output}({index // columns + 1}, {index % columns + 1}) = {text};"
+        for index, text in results.items()
+    ]
+    return "\n".join([*lines, "end", ""])
+
+
+def _columns(source: Source, program: Program) -> list[str]:
+    """Names of a regressor's columns."""
+    names = {"regressor": source.columns, "base_regressor": tuple(p.name for p in source.parameters)}
+    found = names.get(program.name, ())
+    return [f"  {' '.join(found[k : k + 12])}" for k in range(0, len(found), 12)]

@@ -1,0 +1,155 @@
+"""A function as a straight line of operations: what is needed of a graph, in order, and how often each is used."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.codegen.graph import Graph, Node, Scalar
+from armid.values import Array
+
+__all__ = ["Argument", "Program"]
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """An input of a function: a vector.
+
+    Attributes:
+        name: Its name: `parameters`, `q`, `dq`, `ddq` or `state`.
+        length: Number of elements.
+        meaning: What it is, with its unit.
+    """
+
+    name: str
+    length: int
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """One function of vectors without branches or loops.
+
+    Attributes:
+        name: Its name.
+        summary: What it gives, one line.
+        arguments: Its inputs.
+        shape: Shape of what it gives: (n,) or (rows, columns).
+        entries: The elements that are not zero, by index into the flattened result, row by row.
+        output: What the result is called.
+    """
+
+    name: str
+    summary: str
+    arguments: tuple[Argument, ...]
+    shape: tuple[int, ...]
+    entries: Mapping[int, Scalar]
+    output: str
+
+    @property
+    def size(self) -> int:
+        """Number of elements of the result."""
+        return math.prod(self.shape)
+
+    @cached_property
+    def results(self) -> dict[int, Scalar]:
+        """`entries` with signs put where they cost nothing: -(a - b) is written b - a where nothing else needs it."""
+        return _without_signs({k: x for k, x in sorted(self.entries.items()) if isinstance(x, Node) or x != 0.0})
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """Operations that the result needs, operands first; symbols are none."""
+        return tuple(node for node in _reached(self.results.values()) if node.operation != "symbol")
+
+    @cached_property
+    def uses(self) -> Counter[Node]:
+        """How many operations and results read each node."""
+        read = [x for node in self.nodes for x in node.operands] + list(self.results.values())
+        return Counter(x for x in read if isinstance(x, Node))
+
+    @property
+    def operations(self) -> Counter[str]:
+        """How many operations of each kind one call takes."""
+        return Counter(node.operation for node in self.nodes)
+
+    @property
+    def reads(self) -> frozenset[str]:
+        """Names of the inputs that the result depends on."""
+        return frozenset(x.symbol[0] for x in _reached(self.results.values()) if x.operation == "symbol")
+
+    def evaluate(self, inputs: Mapping[str, ArrayLike]) -> Array:
+        """The result for inputs (..., length), shape (..., *shape): the meaning of what is generated."""
+        given = {name: np.asarray(x, dtype=np.float64) for name, x in inputs.items()}
+        leading = np.broadcast_shapes(*(given[a.name].shape[:-1] for a in self.arguments))
+        values: dict[Node, Array] = {}
+
+        def value(x: Scalar) -> Array | float:
+            if not isinstance(x, Node):
+                return x
+            return given[x.symbol[0]][..., x.symbol[1]] if x.operation == "symbol" else values[x]
+
+        for node in self.nodes:
+            values[node] = np.asarray(_NUMPY[node.operation](*(value(x) for x in node.operands)))
+        out = np.zeros((*leading, self.size))
+        for index, x in self.results.items():
+            out[..., index] = value(x)
+        return out.reshape(*leading, *self.shape)
+
+
+_NUMPY: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "neg": np.negative,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tanh": np.tanh,
+    "exp": np.exp,
+    "sqrt": np.sqrt,
+    "pow": np.power,
+    "abs": np.abs,
+    "sign": np.sign,
+    "max": np.maximum,
+    "min": np.minimum,
+}
+
+
+def _reached(results: Iterable[Scalar]) -> list[Node]:
+    """Nodes that some scalars depend on, in the order in which they were made."""
+    found: set[Node] = set()
+    waiting = [x for x in results if isinstance(x, Node)]
+    while waiting:
+        node = waiting.pop()
+        if node not in found:
+            found.add(node)
+            waiting.extend(x for x in node.operands if isinstance(x, Node))
+    return sorted(found, key=lambda node: node.number)
+
+
+def _without_signs(results: dict[int, Scalar]) -> dict[int, Scalar]:
+    """The same results in a new graph, where a difference that only its negative needs is turned round."""
+    nodes = _reached(results.values())
+    readers = Counter(x for node in nodes for x in node.operands if isinstance(x, Node))
+    readers.update(x for x in results.values() if isinstance(x, Node))
+    graph, made = Graph(), dict[Node, Scalar]()
+
+    def again(x: Scalar) -> Scalar:
+        return made[x] if isinstance(x, Node) else x
+
+    for node in nodes:
+        inner = node.operands[0] if node.operation == "neg" else None
+        if node.operation == "symbol":
+            made[node] = graph.symbol(*node.symbol)
+        elif isinstance(inner, Node) and inner.operation == "sub" and readers[inner] == 1:
+            made[node] = graph.node("sub", (again(inner.operands[1]), again(inner.operands[0])))
+        else:
+            made[node] = graph.node(node.operation, tuple(again(x) for x in node.operands))
+    return {index: again(x) for index, x in results.items()}

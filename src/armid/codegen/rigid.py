@@ -1,0 +1,339 @@
+"""Rigid-body dynamics of a tree, carried out on symbols.
+
+The recursion is that of Newton and Euler with bodies given about the origin of their frame, where everything is
+linear in the ten inertial parameters [Khalil2004]: a link with angular velocity ω, angular acceleration α and
+acceleration a of its origin (less gravity) needs, for U = [α]× + [ω]×[ω]×, the force m a + U h and a moment that is
+linear in the same quantities. `_columns` states this once, for torque and regressor alike. Vectors are object
+arrays of scalars.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.codegen.graph import Scalar, call
+from armid.kernel.tree import Tree
+
+__all__ = ["Geometry", "inverse_dynamics", "mass_matrix", "numbers", "regressor"]
+
+Symbols = NDArray[Any]
+"""An object array of scalars."""
+
+ROUNDING = 4e-16
+"""Entries of a rotation this close to -1, 0 or 1 are these: two units in the last place of a one."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Geometry:
+    """A tree whose lengths, directions and gravity are scalars.
+
+    Attributes:
+        parent: Index of the joint before, -1 for the base.
+        prismatic: Which joints are prismatic.
+        axis: Unit axes in the joint's own frame, shape (n, 3).
+        rotation: R of frame i in frame parent_i at q_i = 0, shape (n, 3, 3).
+        translation: Origin of frame i in frame parent_i at q_i = 0, shape (n, 3) [m].
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
+    """
+
+    parent: tuple[int, ...]
+    prismatic: tuple[bool, ...]
+    axis: Symbols
+    rotation: Symbols
+    translation: Symbols
+    gravity: Symbols
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.parent)
+
+    def chain(self, i: int) -> list[int]:
+        """Joints from i to the base, i included."""
+        joints: list[int] = []
+        while i >= 0:
+            joints.append(i)
+            i = self.parent[i]
+        return joints
+
+
+def numbers(tree: Tree) -> Geometry:
+    """The geometry as it is, rounded where an entry of a rotation is 0 or 1 but for rounding."""
+    return Geometry(
+        tuple(tree.parent.tolist()),
+        tuple(bool(p) for p in tree.prismatic),
+        _objects(_rounded(tree.axis)),
+        _objects(_rounded(tree.rotation)),
+        _objects(tree.translation),
+        _objects(tree.gravity),
+    )
+
+
+def inverse_dynamics(
+    geometry: Geometry,
+    bodies: Sequence[Sequence[Scalar]],
+    q: Sequence[Scalar],
+    dq: Sequence[Scalar],
+    ddq: Sequence[Scalar],
+) -> list[Scalar]:
+    """Torque of each joint for inertial parameters (n, 10)."""
+    joints = _joints(geometry, q)
+    states = _states(geometry, joints, dq, ddq)
+    forces = [_weighted(_columns(state), body) for state, body in zip(states, bodies, strict=True)]
+    return _gathered(geometry, joints, forces)
+
+
+def mass_matrix(geometry: Geometry, bodies: Sequence[Sequence[Scalar]], q: Sequence[Scalar]) -> list[list[Scalar]]:
+    """M(q) by composite bodies."""
+    n, joints = geometry.n, _joints(geometry, q)
+    composites = [_Body.of(body) for body in bodies]
+    M: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+    for i in reversed(range(n)):
+        body, axis, parent = composites[i], geometry.axis[i], geometry.parent[i]
+        if geometry.prismatic[i]:
+            wrench = body.mass * axis, _cross(body.moment, axis)
+        else:
+            wrench = _cross(axis, body.moment), body.inertia @ axis
+        for j in geometry.chain(i):
+            M[i][j] = M[j][i] = _along(geometry, j, wrench)
+            wrench = joints[j].wrench_to_parent(*wrench)
+        if parent >= 0:
+            composites[parent] = composites[parent].joined(body.seen_from(joints[i]))
+    return M
+
+
+def regressor(
+    geometry: Geometry,
+    kept: Sequence[Sequence[int]],
+    q: Sequence[Scalar],
+    dq: Sequence[Scalar],
+    ddq: Sequence[Scalar],
+) -> dict[tuple[int, int, int], Scalar]:
+    """Entries of the regressor that are not zero, by joint, link and which of the link's kept parameters."""
+    joints = _joints(geometry, q)
+    entries: dict[tuple[int, int, int], Scalar] = {}
+    jacobians: list[dict[int, tuple[Symbols, Symbols]]] = []
+    for i, state in enumerate(_states(geometry, joints, dq, ddq)):
+        parent, axis = geometry.parent[i], geometry.axis[i]
+        carried = {} if parent < 0 else jacobians[parent]
+        own = {j: joints[i].motion_to_child(w, v) for j, (w, v) in carried.items()}
+        own[i] = (_ZERO, axis) if geometry.prismatic[i] else (axis, _ZERO)
+        jacobians.append(own)
+        columns = _columns(state)
+        for j, (w, v) in own.items():
+            for k in kept[i]:
+                force, moment = columns[k]
+                entry: Any = w @ moment + v @ force
+                if entry != 0.0:
+                    entries[j, i, k] = entry
+    return entries
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Joint:
+    """Frame of a joint in that of its parent, at symbolic position.
+
+    A turn about an axis of the frame is kept apart from the constant rotation before it, which on most arms costs
+    nothing; otherwise `rotation` holds both and `turn` is `None`.
+    """
+
+    rotation: Symbols  # (3, 3)
+    turn: tuple[int, Scalar, Scalar] | None  # axis, cosine, sine
+    translation: Symbols  # (3,) in the parent's frame
+
+    def to_parent(self, v: Symbols) -> Symbols:
+        """R v."""
+        if self.turn is not None:
+            axis, c, s = self.turn
+            v = _turned(v, axis, c, s)
+        return self.rotation @ v
+
+    def to_child(self, v: Symbols) -> Symbols:
+        """Rᵀ v."""
+        v = self.rotation.T @ v
+        if self.turn is None:
+            return v
+        axis, c, s = self.turn
+        return _turned(v, axis, c, -s)
+
+    def wrench_to_parent(self, force: Symbols, moment: Symbols) -> tuple[Symbols, Symbols]:
+        """Force and moment about this origin as those about the parent's."""
+        force = self.to_parent(force)
+        return force, self.to_parent(moment) + _cross(self.translation, force)
+
+    def motion_to_child(self, angular: Symbols, linear: Symbols) -> tuple[Symbols, Symbols]:
+        """Velocity of the parent's frame as that of a body fixed to it at this origin."""
+        return self.to_child(angular), self.to_child(linear + _cross(angular, self.translation))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _State:
+    """Motion of a link's frame: ω, α, a less gravity, and U."""
+
+    omega: Symbols
+    alpha: Symbols
+    acceleration: Symbols
+    U: Symbols
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Body:
+    """A rigid body about the origin of a frame."""
+
+    mass: Scalar
+    moment: Symbols
+    inertia: Symbols
+
+    @classmethod
+    def of(cls, body: Sequence[Scalar]) -> _Body:
+        m, x, y, z, xx, xy, yy, xz, yz, zz = body
+        return cls(m, _vector(x, y, z), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=object))
+
+    def joined(self, other: _Body) -> _Body:
+        return _Body(self.mass + other.mass, self.moment + other.moment, self.inertia + other.inertia)
+
+    def seen_from(self, joint: _Joint) -> _Body:
+        """The same body about the origin of the parent's frame."""
+        p, h = joint.translation, joint.to_parent(self.moment)
+        half = np.column_stack([joint.to_parent(column) for column in self.inertia.T])
+        turned = _symmetric(np.array([joint.to_parent(row) for row in half], dtype=object))
+        # [h]ᵀ[p] + [p]ᵀ[h] + m [p]ᵀ[p], the shift by p.
+        cross = np.outer(h, p) + np.outer(p, h) + self.mass * np.outer(p, p)
+        shifted = _symmetric(turned - cross)
+        trace = cross[0, 0] + cross[1, 1] + cross[2, 2]
+        for k in range(3):
+            shifted[k, k] = turned[k, k] + (trace - cross[k, k])
+        return _Body(self.mass, h + self.mass * p, shifted)
+
+
+def _joints(geometry: Geometry, q: Sequence[Scalar]) -> list[_Joint]:
+    return [_joint(geometry, i, q[i]) for i in range(geometry.n)]
+
+
+def _joint(geometry: Geometry, i: int, q: Scalar) -> _Joint:
+    rotation, translation, axis = geometry.rotation[i], geometry.translation[i], geometry.axis[i]
+    if geometry.prismatic[i]:
+        return _Joint(rotation, None, translation + (rotation @ axis) * q)
+    c, s = call("cos", q), call("sin", q)
+    along = [k for k in range(3) if isinstance(axis[k], float) and abs(axis[k]) == 1.0]
+    if along:
+        return _Joint(rotation, (along[0], c, axis[along[0]] * s), translation)
+    x, y, z = axis
+    spin = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]], dtype=object)
+    fixed = np.outer(axis, axis)
+    turn = fixed + c * (_objects(np.eye(3)) - fixed) + s * spin
+    return _Joint(rotation @ turn, None, translation)
+
+
+def _states(
+    geometry: Geometry, joints: Sequence[_Joint], dq: Sequence[Scalar], ddq: Sequence[Scalar]
+) -> list[_State]:
+    """Motion of every link, base to tips."""
+    base = _state(_ZERO, _ZERO, -geometry.gravity)
+    states: list[_State] = []
+    for i, joint in enumerate(joints):
+        before = states[geometry.parent[i]] if geometry.parent[i] >= 0 else base
+        omega, alpha = joint.to_child(before.omega), joint.to_child(before.alpha)
+        acceleration = joint.to_child(before.acceleration + before.U @ joint.translation)
+        velocity = dq[i] * geometry.axis[i]
+        along = ddq[i] * geometry.axis[i]
+        if geometry.prismatic[i]:
+            acceleration = acceleration + along + 2.0 * _cross(omega, velocity)
+        else:
+            alpha = alpha + along + _cross(omega, velocity)
+            omega = omega + velocity
+        states.append(_state(omega, alpha, acceleration))
+    return states
+
+
+def _state(omega: Symbols, alpha: Symbols, acceleration: Symbols) -> _State:
+    x, y, z = omega
+    a, b, c = alpha
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    U = [[-(yy + zz), xy - c, xz + b], [xy + c, -(xx + zz), yz - a], [xz - b, yz + a, -(xx + yy)]]
+    return _State(omega, alpha, acceleration, np.array(U, dtype=object))
+
+
+def _columns(state: _State) -> list[tuple[Symbols, Symbols]]:
+    """Force and moment about the origin that each of the ten parameters asks for."""
+    (x, y, z), (a, b, c), U = state.omega, state.alpha, state.U
+    u, v, w = state.acceleration
+    yz, zx, xy = y * z, x * z, x * y
+    diagonal = [_vector(a, zx, -xy), _vector(-yz, b, xy), _vector(yz, -zx, c)]
+    xy_column = _vector(-U[2, 0], U[2, 1], x * x - y * y)
+    xz_column = _vector(U[1, 0], z * z - x * x, -U[1, 2])
+    yz_column = _vector(y * y - z * z, -U[0, 1], U[0, 2])
+    moments = [diagonal[0], xy_column, diagonal[1], xz_column, yz_column, diagonal[2]]
+    first = [_vector(0.0, -w, v), _vector(w, 0.0, -u), _vector(-v, u, 0.0)]
+    return [
+        (state.acceleration, _ZERO),
+        *((U[:, k], first[k]) for k in range(3)),
+        *((_ZERO, moment) for moment in moments),
+    ]
+
+
+def _weighted(columns: list[tuple[Symbols, Symbols]], body: Sequence[Scalar]) -> tuple[Symbols, Symbols]:
+    """Force and moment of a body."""
+    force, moment = _ZERO, _ZERO
+    for (f, m), parameter in zip(columns, body, strict=True):
+        force, moment = force + parameter * f, moment + parameter * m
+    return force, moment
+
+
+def _gathered(geometry: Geometry, joints: Sequence[_Joint], wrenches: list[tuple[Symbols, Symbols]]) -> list[Scalar]:
+    """Torque of each joint when links ask for these forces and moments, tips to base."""
+    total = list(wrenches)
+    torque: list[Scalar] = [0.0] * geometry.n
+    for i in reversed(range(geometry.n)):
+        torque[i] = _along(geometry, i, total[i])
+        parent = geometry.parent[i]
+        if parent >= 0:
+            force, moment = joints[i].wrench_to_parent(*total[i])
+            total[parent] = total[parent][0] + force, total[parent][1] + moment
+    return torque
+
+
+def _along(geometry: Geometry, j: int, wrench: tuple[Symbols, Symbols]) -> Scalar:
+    """What a joint feels of a force and a moment at its frame."""
+    return geometry.axis[j] @ (wrench[0] if geometry.prismatic[j] else wrench[1])
+
+
+def _turned(v: Symbols, axis: int, c: Scalar, s: Scalar) -> Symbols:
+    """V turned about an axis of the frame."""
+    result = v.copy()
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    result[j], result[k] = c * v[j] - s * v[k], s * v[j] + c * v[k]
+    return result
+
+
+def _cross(a: Symbols, b: Symbols) -> Symbols:
+    return _vector(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def _vector(x: Scalar, y: Scalar, z: Scalar) -> Symbols:
+    return np.array([x, y, z], dtype=object)
+
+
+def _symmetric(matrix: Symbols) -> Symbols:
+    """The upper half of a matrix on both sides."""
+    result = matrix.copy()
+    for i, j in ((1, 0), (2, 0), (2, 1)):
+        result[i, j] = result[j, i]
+    return result
+
+
+def _objects(values: Any) -> Symbols:
+    return np.array(np.asarray(values).tolist(), dtype=object)
+
+
+def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    nearest = np.rint(values)
+    return np.where(np.abs(values - nearest) <= ROUNDING, nearest, values) + 0.0
+
+
+_ZERO = _objects(np.zeros(3))

@@ -1,0 +1,164 @@
+"""What a language is given to write: the functions of a model, its parameters and their names."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
+
+from armid.codegen.functions import PROGRAMS, make_programs
+from armid.codegen.program import Program
+from armid.model.base import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.formulas import base_formulas
+from armid.values import array
+
+__all__ = ["Named", "Source", "identifier", "make_source"]
+
+RESERVED = frozenset(
+    """auto bool break case catch char class const continue default delete do double else enum explicit export extern
+    float for friend function goto if inline int long mutable namespace new operator private protected public register
+    restrict return short signed sizeof static struct switch template this throw try typedef union unsigned using
+    virtual void volatile while begin end module baremodule local global let quote macro elseif otherwise parfor
+    persistent spmd math std armid""".split()
+)
+"""Words that a name must not be in one of the languages."""
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A base parameter.
+
+    Attributes:
+        name: As the field writes it.
+        variable: The same as a name in code.
+        unit: Its unit.
+        value: Its estimate.
+        formula: What it stands for.
+    """
+
+    name: str
+    variable: str
+    unit: str
+    value: float
+    formula: str
+
+    @property
+    def note(self) -> str:
+        """Formula and unit, for a comment."""
+        alone = self.formula == f"{self.name} = {self.name}"
+        return f"{self.name if alone else self.formula} [{self.unit}]"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Source:
+    """A model as code is written of it.
+
+    Attributes:
+        name: Name of the file, module or prefix.
+        heading: Lines about where it comes from.
+        joints: Names of the joints.
+        parameters: Base parameters in order.
+        columns: Names of the standard parameters, columns of the regressor.
+        programs: The functions, by name.
+        widths: Of each memory node what drives it and its half-width, for comments.
+        model: What it is the code of.
+        base: Its base parameters.
+    """
+
+    name: str
+    heading: tuple[str, ...]
+    joints: tuple[str, ...]
+    parameters: tuple[Named, ...]
+    columns: tuple[str, ...]
+    programs: Mapping[str, Program]
+    widths: tuple[str, ...]
+    model: DynamicsModel
+    base: BaseParameters
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    def about(self) -> list[str]:
+        """Lines that every language puts at the top of its file."""
+        lines = [
+            *map(_harmless, self.heading),
+            "",
+            f"Joints: {_harmless(', '.join(self.joints))}. SI units throughout: rad, m, s, kg, N, N m.",
+            f"{len(self.parameters)} base parameters stand for {len(self.columns)} standard ones, inertia about the"
+            " origins of the link frames.",
+        ]
+        if self.widths:
+            lines += [
+                "The model remembers the motion. Start the state where the motion begins, update it once at every",
+                "sample before any torque is asked for. State elements are windows that a coordinate drags along:",
+                *(f"  {k + 1}: {width}" for k, width in enumerate(self.widths)),
+                "A state is known once its coordinate has swept more than two half-widths.",
+            ]
+        return lines
+
+
+def make_source(
+    model: DynamicsModel,
+    base: BaseParameters,
+    values: ArrayLike,
+    *,
+    name: str = "",
+    heading: Sequence[str] = (),
+    wanted: Sequence[str] = PROGRAMS,
+) -> Source:
+    """Everything a language needs.
+
+    Args:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        values: Their values, shape (b,).
+        name: What the code is called; the robot's name where none is given.
+        heading: Lines about where it comes from.
+        wanted: Names of the functions.
+    """
+    numbers = array(values, (base.count,), "base parameters")
+    parameters = tuple(
+        Named(own, re.sub(r"\W", "_", own), unit, float(value), formula)
+        for own, unit, value, formula in zip(base.names, base.units, numbers, base_formulas(base), strict=True)
+    )
+    widths = tuple(
+        f"{_coordinate(node.coordinate)}, half-width {node.memory.width:g} rad or m ({node.term})"
+        for node in model.nodes
+    )
+    programs = {program.name: program for program in make_programs(model, base, wanted)}
+    return Source(
+        identifier(name or model.robot.name),
+        tuple(heading) or (f"Dynamic model of {model.robot.name}, generated by armid.",),
+        model.robot.joint_names,
+        parameters,
+        tuple(p.name for p in model.parameters),
+        programs,
+        widths,
+        model,
+        base,
+    )
+
+
+def identifier(name: str) -> str:
+    """A name that is one in every language, for instance `iiwa14_r820` for `iiwa14-r820`."""
+    plain = re.sub(r"[^0-9A-Za-z]+", "_", name).strip("_").lower()
+    if not plain or plain[0].isdigit() or plain in RESERVED or keyword.iskeyword(plain):
+        plain = f"arm_{plain}".rstrip("_")
+    return plain
+
+
+def _harmless(text: str) -> str:
+    """Text from outside as it may stand in a comment of any language: it ends no comment, string or line."""
+    return re.sub(r"[^\w .,:;()/+=-]", "_", text)
+
+
+def _coordinate(coordinate: Sequence[tuple[int, float]]) -> str:
+    """`q3`, or `q5 + q6` with weights."""
+    parts = [f"q{j + 1}" if weight == 1.0 else f"{weight:g} q{j + 1}" for j, weight in coordinate]
+    return " + ".join(parts)

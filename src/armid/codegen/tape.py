@@ -1,0 +1,124 @@
+"""A program as the kernel runs it, for one sample at a time: a tape of operations in runs of one kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.codegen.graph import Node, Scalar
+from armid.codegen.program import Program
+from armid.kernel import _native
+from armid.values import Array
+
+__all__ = ["TapeRecord", "make_tape", "record_tape"]
+
+Integers = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TapeRecord:
+    """What the kernel makes a tape of.
+
+    Values stand in one array: inputs one after another, constants, then what each operation gives, in order.
+
+    Attributes:
+        sizes: Length of each input.
+        constants: Numbers that stand after the inputs.
+        runs: Operation and how many of it, run by run, shape (runs, 2).
+        operands: Places of what each operation reads, shape (operations, 2).
+        results: Place of each element of the result; -1 for zero.
+    """
+
+    sizes: Integers
+    constants: Array
+    runs: Integers
+    operands: Integers
+    results: Integers
+
+
+def make_tape(program: Program, given: Mapping[str, Array]) -> _native.Tape:
+    """A program as the kernel runs it.
+
+    Args:
+        program: The function.
+        given: Inputs whose values are fixed, by name; the others are those of the tape, in order.
+    """
+    record = record_tape(program, given)
+    return _native.Tape(record.sizes, record.constants, record.runs, record.operands, record.results)
+
+
+def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
+    """What `make_tape` makes a tape of."""
+    inputs = [argument for argument in program.arguments if argument.name not in given]
+    sizes = [argument.length for argument in inputs]
+    starts = dict(zip((a.name for a in inputs), np.cumsum([0, *sizes]).tolist(), strict=False))
+    first, places, constants = sum(sizes), dict[float, int](), list[float]()
+
+    def of_number(x: float) -> int:
+        if x not in places:
+            places[x] = first + len(constants)
+            constants.append(x)
+        return places[x]
+
+    def outside(x: Scalar) -> int | None:
+        """Place of a scalar that no operation makes."""
+        if not isinstance(x, Node):
+            return of_number(x)
+        if x.operation != "symbol":
+            return None
+        name, index = x.symbol
+        return starts[name] + index if name in starts else of_number(float(given[name][index]))
+
+    read = [x for node in program.nodes for x in node.operands] + list(program.results.values())
+    for x in read:
+        outside(x)  # so that all constants stand before the first operation
+    order, runs = _in_runs(program)
+    made = {node: first + len(constants) + k for k, node in enumerate(order)}
+
+    def place(x: Scalar) -> int:
+        found = outside(x)
+        return made[x] if found is None and isinstance(x, Node) else int(found or 0)
+
+    operands = [[place(x) for x in (*node.operands, *node.operands)[:2]] for node in order]
+    results = np.full(program.size, -1, dtype=np.int32)
+    for index, x in program.results.items():
+        results[index] = place(x)
+    return TapeRecord(
+        np.array(sizes, dtype=np.int32),
+        np.array(constants, dtype=np.float64),
+        np.array(runs, dtype=np.int32).reshape(-1, 2),
+        np.array(operands, dtype=np.int32).reshape(-1, 2),
+        results,
+    )
+
+
+def _in_runs(program: Program) -> tuple[list[Node], list[tuple[int, int]]]:
+    """Operations in an order with few changes of kind: always the kind of which most can be done next."""
+    codes = {name: code for code, name in enumerate(_native.Tape.operations())}
+    waiting = {
+        node: sum(isinstance(x, Node) and x.operation != "symbol" for x in node.operands) for node in program.nodes
+    }
+    readers: dict[Node, list[Node]] = {node: [] for node in program.nodes}
+    ready: dict[str, list[Node]] = {}
+    for node, missing in waiting.items():
+        for x in node.operands:
+            if isinstance(x, Node) and x.operation != "symbol":
+                readers[x].append(node)
+        if not missing:
+            ready.setdefault(node.operation, []).append(node)
+    order, runs = list[Node](), list[tuple[int, int]]()
+    while any(ready.values()):
+        kind = max(ready, key=lambda name: len(ready[name]))
+        start, group = len(order), ready[kind]
+        while group:  # what becomes ready of the same kind comes at once
+            node = group.pop(0)
+            order.append(node)
+            for reader in readers[node]:
+                waiting[reader] -= 1
+                if not waiting[reader]:
+                    ready.setdefault(reader.operation, []).append(reader)
+        runs.append((codes[kind], len(order) - start))
+    return order, runs

@@ -1,0 +1,107 @@
+"""The four functions of the reference thesis: func_Y, func_Y_b, func_pi and func_pi_b [Halper2024].
+
+Its vectors go link by link through M MX MY MZ XX XY XZ YY YZ ZZ and then friction, its physical parameters through
+mass, centre of mass, inertia about it and friction. So π(μ) makes the standard parameters, and π_b(π) regroups them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from armid.codegen.graph import Graph, Scalar
+from armid.codegen.program import Argument, Program
+from armid.codegen.source import Source
+from armid.model.dynamics import Parameter
+from armid.model.terms import RigidBody
+
+__all__ = ["thesis_order", "thesis_programs"]
+
+ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")
+PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+
+
+def thesis_order(source: Source) -> list[int]:
+    """Positions of the standard parameters in the order of the thesis."""
+
+    def place(k: int) -> tuple[int, int, int]:
+        parameter = source.model.parameters[k]
+        inertial = parameter.kind == RigidBody.name
+        return parameter.number, ORDER.index(parameter.symbol) if inertial else len(ORDER), k
+
+    return sorted(range(len(source.model.parameters)), key=place)
+
+
+def thesis_programs(source: Source) -> list[tuple[Program, list[str]]]:
+    """The four functions, each with lines that name its elements; fewer where regressors are not wanted."""
+    order = thesis_order(source)
+    rank = {column: k for k, column in enumerate(order)}
+    rows = sorted(range(source.base.count), key=lambda k: rank[int(source.base.kept[k])])
+    standard = [source.columns[k] for k in order]
+    names = [source.parameters[k].name for k in rows]
+    programs: list[tuple[Program, list[str]]] = []
+    if "regressor" in source.programs:
+        program = _reordered(source.programs["regressor"], "func_Y", order)
+        programs.append((program, ["Columns, as elements of func_pi:", *_lines(standard)]))
+    if "base_regressor" in source.programs:
+        program = _reordered(source.programs["base_regressor"], "func_Y_b", rows)
+        programs.append((program, ["Columns, as elements of func_pi_b:", *_lines(names)]))
+    parameters = source.model.parameters
+    programs.append((_pi(source, order), ["mu:", *_lines([_physical(parameters[k]) for k in order])]))
+    formulas = [source.parameters[k].note for k in rows]
+    programs.append((_pi_b(source, order, rows), ["pi_b:", *(f"  {formula}" for formula in formulas)]))
+    return programs
+
+
+def _reordered(program: Program, name: str, columns: list[int]) -> Program:
+    """A regressor with other columns."""
+    width = program.shape[1]
+    rank = {column: k for k, column in enumerate(columns)}
+    entries = {index - index % width + rank[index % width]: x for index, x in program.entries.items()}
+    return replace(program, name=name, entries=entries)
+
+
+def _pi(source: Source, order: list[int]) -> Program:
+    """π(μ): the standard parameters of mass, centre of mass, inertia about it, and the rest as it is."""
+    parameters = [source.model.parameters[k] for k in order]
+    mu = Graph().symbols("mu", len(order))
+    entries = dict(enumerate(mu))
+    for start in range(len(order)):
+        if parameters[start].kind == RigidBody.name and parameters[start].symbol == "M":
+            entries.update(_about_origin(start, mu[start : start + len(ORDER)]))
+    argument = Argument("mu", len(order), "physical parameters, link by link")
+    return Program("func_pi", "Standard parameters", (argument,), (len(order),), entries, "pi_")
+
+
+def _about_origin(start: int, mu: list[Scalar]) -> Mapping[int, Scalar]:
+    """First moments and the inertia about the origin of the frame."""
+    m, x, y, z, xx, xy, xz, yy, yz, zz = mu
+    mx, my, mz = m * x, m * y, m * z
+    values = [m, mx, my, mz]
+    values += [xx + (my * y + mz * z), xy - mx * y, xz - mx * z, yy + (mx * x + mz * z), yz - my * z]
+    return dict(enumerate([*values, zz + (mx * x + my * y)], start))
+
+
+def _pi_b(source: Source, order: list[int], rows: list[int]) -> Program:
+    """π_b(π): the regrouping."""
+    pi = Graph().symbols("pi_", len(order))
+    entries: dict[int, Scalar] = {}
+    for place, row in enumerate(rows):
+        total: Scalar = 0.0
+        for k, column in enumerate(order):
+            total = total + float(source.base.regrouping[row, column]) * pi[k]
+        entries[place] = total
+    argument = Argument("pi_", len(order), "standard parameters, as func_pi gives them")
+    return Program("func_pi_b", "Base parameters", (argument,), (len(rows),), entries, "pi_b")
+
+
+def _physical(parameter: Parameter) -> str:
+    """`rx_2` for what `MX_2` is made of."""
+    if parameter.kind == RigidBody.name:
+        return f"{PHYSICAL[ORDER.index(parameter.symbol)]}_{parameter.number}"
+    return parameter.name
+
+
+def _lines(names: list[str]) -> list[str]:
+    """Names in lines of a dozen."""
+    return [f"  {' '.join(names[k : k + 12])}" for k in range(0, len(names), 12)]

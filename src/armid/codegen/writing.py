@@ -1,0 +1,117 @@
+"""A program as lines of text in some notation: shared results get names, the rest is written where it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from armid.codegen.graph import Node, Scalar
+from armid.codegen.program import Program
+
+__all__ = ["Notation", "body", "matrix_rows"]
+
+LONGEST = 7
+"""Operations in one statement: about a line of text."""
+
+INFIX = {"add": (" + ", 1), "sub": (" - ", 1), "mul": (" * ", 2), "div": (" / ", 2)}
+"""How an operation is written, and how strongly it binds."""
+
+NEGATIVE, ATOM = 3, 4
+
+
+@dataclass(frozen=True, slots=True)
+class Notation:
+    """How a language writes things.
+
+    Attributes:
+        element: An element of an input, from its name and index from 0.
+        functions: Patterns of functions, `{}` for each argument.
+        declare: Pattern of a statement that gives a value a name.
+        variables: Names of the parameters.
+    """
+
+    element: Callable[[str, int], str]
+    functions: Mapping[str, str]
+    declare: str
+    variables: Sequence[str]
+
+    def local(self, symbol: tuple[str, int]) -> str:
+        """Name of an element of an input within a function."""
+        name, index = symbol
+        if name == "parameters":
+            return self.variables[index]
+        return f"{'z' if name == 'state' else name}{index + 1}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Text:
+    """An expression as it is written, how strongly its weakest operation binds, and how many there are."""
+
+    text: str
+    binding: int = ATOM
+    size: int = 0
+
+    def inside(self, binding: int) -> str:
+        """In brackets where it binds less than what it stands in."""
+        return self.text if self.binding >= binding else f"({self.text})"
+
+
+def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str]]:
+    """Statements of a program, and what is written for each element of the result.
+
+    Elements of inputs are read first and only once, so that a result may be put where an input was.
+    """
+    symbols = {x for node in program.nodes for x in node.operands if isinstance(x, Node) and x.operation == "symbol"}
+    symbols |= {x for x in program.results.values() if isinstance(x, Node) and x.operation == "symbol"}
+    order = [argument.name for argument in program.arguments]
+    lines: list[str] = []
+    written: dict[Node, _Text] = {}
+    for node in sorted(symbols, key=lambda x: (order.index(x.symbol[0]), x.symbol[1])):
+        name = notation.local(node.symbol)
+        lines.append(notation.declare.format(name, notation.element(*node.symbol)))
+        written[node] = _Text(name)
+    count = 0
+    for node in program.nodes:
+        text = _write(node, written, notation)
+        if program.uses[node] == 1 and text.size <= LONGEST and node.operation not in ("sin", "cos"):
+            written[node] = text
+            continue
+        name = _trigonometric(node, notation)
+        if name is None:
+            count += 1
+            name = f"t{count}"
+        lines.append(notation.declare.format(name, text.text))
+        written[node] = _Text(name)
+    return lines, {index: _operand(x, written).text for index, x in program.results.items()}
+
+
+def matrix_rows(program: Program) -> list[list[int]]:
+    """Indices into the flattened result, row by row."""
+    rows, columns = program.shape
+    return [list(range(columns * i, columns * (i + 1))) for i in range(rows)]
+
+
+def _trigonometric(node: Node, notation: Notation) -> str | None:
+    """`s3` for the sine of q3."""
+    inner = node.operands[0]
+    if node.operation in ("sin", "cos") and isinstance(inner, Node) and inner.symbol[0] == "q":
+        return f"{node.operation[0]}{inner.symbol[1] + 1}"
+    return None
+
+
+def _operand(x: Scalar, written: Mapping[Node, _Text]) -> _Text:
+    if isinstance(x, Node):
+        return written[x]
+    return _Text(repr(float(x)), NEGATIVE if x < 0.0 else ATOM)
+
+
+def _write(node: Node, written: Mapping[Node, _Text], notation: Notation) -> _Text:
+    operands = [_operand(x, written) for x in node.operands]
+    size = 1 + sum(x.size for x in operands)
+    if node.operation == "neg":
+        return _Text(f"-{operands[0].inside(ATOM)}", NEGATIVE, size)
+    if node.operation not in INFIX:
+        return _Text(notation.functions[node.operation].format(*(x.text for x in operands)), ATOM, size)
+    sign, binding = INFIX[node.operation]
+    # The right operand in brackets even where a sum of sums would do without: the order of operations stays.
+    return _Text(f"{operands[0].inside(binding)}{sign}{operands[1].inside(binding + 1)}", binding, size)
