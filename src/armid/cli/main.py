@@ -20,6 +20,7 @@ from armid.cli.certify import certify
 from armid.cli.demo import demo
 from armid.cli.identify import identify
 from armid.cli.predict import predict
+from armid.cli.simulate import simulate
 from armid.cli.validate import validate
 from armid.errors import ArmidError
 
@@ -70,7 +71,7 @@ def options(
     del version
 
 
-COMMANDS: tuple[Callable[..., None], ...] = (base, identify, validate, predict, certify, demo, bench)
+COMMANDS: tuple[Callable[..., None], ...] = (base, simulate, identify, validate, predict, certify, demo, bench)
 for command in COMMANDS:
     app.command()(_interruptible(command))
 
