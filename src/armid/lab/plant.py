@@ -308,10 +308,11 @@ class Plant:
                 dry[j] = torque
                 return dry, moved
         free = new + columns @ dry
-        found, _ = settle_friction(columns[self.drives][None], free[self.drives][None], lower[None], upper[None])
+        coupling, alone = columns[self.drives], free[self.drives]
+        found, velocity = settle_friction(coupling[None], alone[None], lower[None], upper[None])
         torque = found[0]
         new = free - columns @ torque
-        new[self._places[(torque > -lower) & (torque < upper)]] = 0.0
+        new[self._places[velocity[0] == 0.0]] = 0.0
         return torque, new
 
     def _remember(self, effort: Array) -> None:

@@ -107,6 +107,7 @@ def sense(
     if sensing.jitter:
         most = MOST_JITTER / sensing.rate
         taken = even + np.clip(rng.normal(0.0, sensing.jitter, len(even)), -most, most)
+        taken = np.minimum(taken, trace.time[-1])
     links = sensing.side == "link" or trace.drive_q is None
     q = trace.q if links else trace.drive_q
     dq = trace.dq if links else trace.drive_dq

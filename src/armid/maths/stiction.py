@@ -49,7 +49,7 @@ def settle_friction(mobility: Array, free: Array, lower: Array, upper: Array) ->
         sticks = ~(up | down)
         held = np.where(up, upper, np.where(down, -lower, free))
         matrix = np.where(sticks[:, :, None], mobility, identity)
-        f = np.linalg.solve(matrix, held[:, :, None])[:, :, 0]
+        f = np.where(sticks, np.linalg.solve(matrix, held[:, :, None])[:, :, 0], held)
         v = np.where(sticks, 0.0, free - (mobility @ f[:, :, None])[:, :, 0])
         wish = f + stiffness * v
     else:
