@@ -236,3 +236,11 @@ def test_slip_of_the_lab_is_hysteresis_of_the_model():
     remembered, known = model.remembered(Motion(motion.time, motion.q, motion.dq, motion.ddq))
     expected = model.torque(remembered, np.full(len(model.parameters), 2.0))
     np.testing.assert_allclose(torque[known.max() :], expected[known.max() :], atol=1e-9)
+
+
+def test_a_description_that_runs_away_is_not_flattered_by_its_beginnings():
+    """Under a torque far too large every model is soon faster than any arm."""
+    run = observed().runs[0]
+    strong = replace(run, torque=run.torque + 3e3)
+    score = score_motion(small_model(), TRUTH, Observations((strong,), Band()), seconds=0.5)
+    assert score.lost == score.windows and score.prior_rms is not None and np.isnan(score.prior_rms).all()

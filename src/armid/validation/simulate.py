@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.information.memory import remember
@@ -25,11 +26,12 @@ class MotionScore:
 
     Attributes:
         path: The recording.
-        rms: Over all windows and samples [rad or m]; NaN where no window stayed.
+        rms: Over all windows that stayed to their end [rad or m]; NaN where none did.
         peak: Largest error [rad or m].
         held: Median time until the error exceeds the tolerance, the window's length where it never does [s].
         travelled: RMS distance from each window's start, which is the error of a model of nothing [rad or m].
-        prior_rms: `rms` of the description's inertias without friction; `None` where it has none.
+        prior_rms: `rms` of the description's inertias without friction, NaN where it loses a window; `None` where it
+            has none.
         windows: How many windows there were.
         lost: How many of them ran away, or met a mass matrix that is not positive.
         seconds: Length of a window [s].
@@ -84,7 +86,11 @@ def score_motion(
     found = roll_out(model, parameters, windows, feedback)
     error = found - windows.q
     prior = model.nominal_parameters()
-    prior_rms = None if prior is None else _rms(roll_out(model, prior, windows, feedback) - windows.q)
+    prior_rms = None
+    if prior is not None:
+        off = roll_out(model, prior, windows, feedback) - windows.q
+        # Of a model that runs away only the beginnings would count, which flatters it.
+        prior_rms = _rms(off) if _stayed(off).all() else np.full(model.n, np.nan)
     return MotionScore(
         path,
         _rms(error),
@@ -93,7 +99,7 @@ def score_motion(
         _rms(windows.q - windows.q[:, :1]),
         prior_rms,
         len(error),
-        int(np.isnan(error).any(axis=(1, 2)).sum()),
+        int((~_stayed(error)).sum()),
         (error.shape[1] - 1) * windows.step,
         tolerance,
     )
@@ -140,15 +146,20 @@ def _whole(run: ObservedRun, first: int, length: int) -> bool:
     return bool(run.mask[inside].all())
 
 
+def _stayed(error: Array) -> NDArray[np.bool_]:
+    """Which windows have an error to their end, shape (W,)."""
+    return np.asarray(np.isfinite(error).all(axis=(1, 2)))
+
+
 def _rms(error: Array) -> Array:
-    """Over windows and samples that are there, joint by joint."""
-    there = ~np.isnan(error).any(axis=2)
-    return np.sqrt((error[there] ** 2).mean(axis=0)) if there.any() else np.full(error.shape[2], np.nan)
+    """Over the windows that stayed, joint by joint."""
+    there = _stayed(error)
+    return np.sqrt((error[there] ** 2).mean(axis=(0, 1))) if there.any() else np.full(error.shape[2], np.nan)
 
 
 def _peak(error: Array) -> Array:
-    there = ~np.isnan(error).any(axis=2)
-    return np.abs(error[there]).max(axis=0) if there.any() else np.full(error.shape[2], np.nan)
+    there = _stayed(error)
+    return np.abs(error[there]).max(axis=(0, 1)) if there.any() else np.full(error.shape[2], np.nan)
 
 
 def _held(error: Array, tolerance: float, step: float) -> Array:
