@@ -101,10 +101,10 @@ def test_what_the_lab_writes_identifies_the_truth(armid, tmp_path: Path, mode: s
     assert max(score["rms"]) < 0.01 < min(score["travelled"])
     if mode == "closed-loop":
         under = armid(
-            "validate", "run", "unseen/recording.csv", "--controller", "unseen/truth.json", "--window", 10, "--json"
+            "validate", "run", "unseen/recording.csv", "--controller", "unseen/truth.json", "--window", 4, "--json"
         )
         (score,) = json.loads(under.out)["motion"]["recordings"]
-        assert score["seconds"] == 10.0 and max(score["rms"]) < np.deg2rad(0.1)
+        assert score["seconds"] == 4.0 and max(score["rms"]) < np.deg2rad(0.1)
         table = armid("validate", "run", "unseen/recording.csv", "--controller", "unseen/truth.json")
         assert "under the same controller" in table.out and "joint_3" in table.out
 

@@ -16,7 +16,7 @@ from armid.lab.faults import Gap, LostRows
 from armid.lab.options import Arm, LabOptions, load_options, parse_options
 from armid.lab.plant import Plant, stable_rate, write_mjcf
 from armid.lab.sensors import Channel, Sensing
-from armid.lab.simulate import simulate, true_model, truth_record
+from armid.lab.simulate import doubts, simulate, true_model, truth_record
 from armid.lab.trace import MARGIN, Trace, closed_loop, inverse_dynamics
 from armid.lab.truths import with_effects
 from armid.model.motion import Motion
@@ -196,6 +196,18 @@ def test_a_slower_log_of_the_same_motion_has_the_same_truth():
         simulate(small_arm(), short_plan(period=1.0), lab(sensing=replace(EXACT, rate=r))) for r in (100.0, 500.0)
     ]
     np.testing.assert_allclose(done[0].recording.q, done[1].recording.q[::5], atol=1e-12)
+
+
+def test_what_the_real_arm_could_not_do_is_said():
+    plan = short_plan(period=2.0)
+    wide = replace(plan, offset=plan.offset + np.array([0.0, 2.9, 0.0]))
+    done = simulate(small_arm(), wide, lab(mode="inverse-dynamics"))
+    assert {(f.code, f.channel) for f in doubts(done)} >= {("plan-outside-limits", "joint_2")}
+    fast = simulate(small_arm(), plan.stretched(0.3), lab(mode="inverse-dynamics"))
+    assert "plan-too-fast" in {f.code for f in doubts(fast)}
+    weak = simulate(small_arm(), plan, lab(drive=Drive(saturation=0.1)))
+    assert "drive-saturated" in {f.code for f in doubts(weak)}
+    assert not doubts(simulate(small_arm(), short_plan(), lab(mode="inverse-dynamics")))
 
 
 # Truth -----------------------------------------------------------------------------------------------------------

@@ -56,6 +56,7 @@ def simulate(
         armid simulate ur10e.urdf plan.json --effects rotor,elastic,stribeck --options lab.toml
     """
     from armid.cli.console import print_findings, progress
+    from armid.lab.simulate import doubts
     from armid.study.simulate import refuse_format, simulate_to, the_plan
     from armid.study.study import load_choice
 
@@ -74,7 +75,7 @@ def simulate(
             noise_free=noise_free,
             tell=lambda share: tell("simulation", share),
         )
-    print_findings(arm.findings)
+    print_findings((*arm.findings, *doubts(done.simulated)))
     _report(done, json=json)
 
 

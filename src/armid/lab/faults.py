@@ -15,7 +15,16 @@ import numpy as np
 
 from armid.errors import LabError
 from armid.lab.sensors import interpolate
-from armid.lab.timing_faults import QUANTITIES, Gap, LostRows, RepeatedRows, check_share, clock_of
+from armid.lab.timing_faults import (
+    QUANTITIES,
+    Gap,
+    LostRows,
+    NoClock,
+    RepeatedRows,
+    ShuffledRows,
+    check_share,
+    clock_of,
+)
 from armid.maths.signals import butterworth
 from armid.measurement.recording import Recording
 from armid.values import Array, digest
@@ -29,9 +38,12 @@ __all__ = [
     "Filtered",
     "Gap",
     "LostRows",
+    "NoClock",
     "PositionOffset",
     "RepeatedRows",
     "Saturated",
+    "Scaled",
+    "ShuffledRows",
     "StuckChannel",
     "SwappedJoints",
     "TorqueSign",
@@ -199,6 +211,27 @@ class Saturated:
 
 
 @dataclass(frozen=True, slots=True)
+class Scaled:
+    """A quantity in another unit or on the other side of a gear, as a current where a torque is expected.
+
+    Attributes:
+        factors: What each joint's values are multiplied by; one number for all.
+        quantity: `q`, `dq` or `effort`.
+    """
+
+    factors: tuple[float, ...] = (0.1,)
+    quantity: str = "effort"
+    name: ClassVar[str] = "scaled"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the quantity scaled."""
+        del rng
+        if len(self.factors) not in (1, recording.n):
+            raise LabError(f"{len(self.factors)} factors do not fit {recording.n} joints.")
+        return replace(recording, **{self.quantity: _column(recording, self.quantity, 0) * np.array(self.factors)})
+
+
+@dataclass(frozen=True, slots=True)
 class TorqueSign:
     """Torques of the opposite sign.
 
@@ -302,11 +335,14 @@ FAULTS: Mapping[str, type[Any]] = {
         LostRows,
         Gap,
         RepeatedRows,
+        NoClock,
+        ShuffledRows,
         Delayed,
         Filtered,
         DeadChannel,
         StuckChannel,
         Saturated,
+        Scaled,
         TorqueSign,
         SwappedJoints,
         Degrees,

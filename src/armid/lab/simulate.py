@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import LabError
+from armid.errors import Finding, LabError
 from armid.excitation.fourier import Excitation
 from armid.lab.controller import Gains
 from armid.lab.faults import spoil
@@ -24,10 +24,14 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.values import Array
 
-__all__ = ["Simulated", "simulate", "true_model", "truth_record"]
+__all__ = ["Simulated", "doubts", "simulate", "true_model", "truth_record"]
 
 POSES = 60
 """Poses of a plan at which the frequency of springs is looked at; it changes with the arm's inertia alone."""
+
+
+FULL = 0.999
+"""Share of the effort limit that counts as all of it; a current loop only comes near."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,6 +98,33 @@ def simulate(
     if options.faults:
         recording = spoil(recording, options.faults, seed)
     return Simulated(recording, trace, truth, options, gain, seed)
+
+
+def doubts(simulated: Simulated) -> tuple[Finding, ...]:
+    """Where the motion was one that the real arm could not make; the lab has no stops."""
+    trace, joints = simulated.trace.from_time(0.0), simulated.truth.robot.joints
+    efforts = simulated.options.drive.limits(simulated.truth) if simulated.gains is not None else None
+    found: list[Finding] = []
+    for j, joint in enumerate(joints):
+        lower, upper = joint.position_limits
+        q, dq = trace.q[:, j], np.abs(trace.dq[:, j])
+        if q.min() < lower or q.max() > upper:
+            evidence = (
+                f"moves from {q.min():.3f} to {q.max():.3f} {joint.unit}; its limits are {lower:.3f}, {upper:.3f}."
+            )
+            found.append(_doubt("plan-outside-limits", joint.name, evidence, "change the plan."))
+        if dq.max() > joint.velocity_limit:
+            evidence = f"reaches {dq.max():.3f} {joint.unit}/s; its limit is {joint.velocity_limit:.3f}."
+            found.append(_doubt("plan-too-fast", joint.name, evidence, "play the plan over a longer period."))
+        share = 0.0 if efforts is None else float(np.mean(np.abs(trace.effort[:, j]) >= FULL * efforts[j]))
+        if share > 0.0:
+            evidence = f"is asked for its full effort {100.0 * share:.2g} % of the time."
+            found.append(_doubt("drive-saturated", joint.name, evidence, "play the plan over a longer period."))
+    return tuple(found)
+
+
+def _doubt(code: str, joint: str, evidence: str, remedy: str) -> Finding:
+    return Finding(code, "warning", joint, evidence, remedy)
 
 
 def _physics_rate(truth: Truth, plan: Excitation, options: LabOptions) -> float:

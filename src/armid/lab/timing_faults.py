@@ -12,7 +12,7 @@ from armid.errors import LabError
 from armid.measurement.recording import Recording
 from armid.values import Array
 
-__all__ = ["QUANTITIES", "Gap", "LostRows", "RepeatedRows", "check_share", "clock_of"]
+__all__ = ["QUANTITIES", "Gap", "LostRows", "NoClock", "RepeatedRows", "ShuffledRows", "check_share", "clock_of"]
 
 QUANTITIES = ("q", "dq", "ddq", "effort")
 """What a recording may hold of each channel."""
@@ -111,3 +111,29 @@ class RepeatedRows:
         rows = np.maximum.accumulate(np.where(again, 0, np.arange(recording.samples)))
         time = recording.time if recording.time is None or not self.stamps else recording.time[rows]
         return replace(recording, **_rows(recording, rows), time=time)
+
+
+@dataclass(frozen=True, slots=True)
+class NoClock:
+    """A log without times; its rate is known to nobody."""
+
+    name: ClassVar[str] = "no-clock"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording without its clock."""
+        del rng
+        return replace(recording, time=None, rate=None)
+
+
+@dataclass(frozen=True, slots=True)
+class ShuffledRows:
+    """Rows in any order, as in a table of samples made for learning; their times are gone."""
+
+    name: ClassVar[str] = "shuffled-rows"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with its rows in another order."""
+        rows = rng.permutation(recording.samples)
+        return replace(
+            recording, **_rows(recording, rows), time=None, rate=None, consecutive=None, valid=recording.valid[rows]
+        )
