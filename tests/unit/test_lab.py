@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armid import kernel
 from armid.errors import LabError, MissingExtraError
 from armid.excitation.fourier import Excitation
 from armid.lab.controller import CONTROLLERS, Controller, Drive
@@ -19,6 +20,7 @@ from armid.lab.sensors import Channel, Sensing
 from armid.lab.simulate import doubts, simulate, true_model, truth_record
 from armid.lab.trace import MARGIN, Trace, closed_loop, inverse_dynamics
 from armid.lab.truths import with_effects
+from armid.lab.virtual import Sensors, record
 from armid.model.motion import Motion
 from armid.robot import load_robot
 from plants import EXACT, lab, short_plan, small_arm, smooth_arm
@@ -208,6 +210,35 @@ def test_what_the_real_arm_could_not_do_is_said():
     weak = simulate(small_arm(), plan, lab(drive=Drive(saturation=0.1)))
     assert "drive-saturated" in {f.code for f in doubts(weak)}
     assert not doubts(simulate(small_arm(), short_plan(), lab(mode="inverse-dynamics")))
+
+
+def test_inverse_dynamics_is_what_the_demo_records():
+    silent = Sensors(position=0.0, torque=0.0, rate=100.0)
+    rng = np.random.default_rng(0)
+    truth = small_arm()
+    model, theta = true_model(truth)
+    expected, _, _ = record(model, theta, short_plan(), silent, rng, repetitions=2)
+    found = simulate(truth, short_plan(), lab(mode="inverse-dynamics", repetitions=2)).recording
+    np.testing.assert_allclose(found.q, expected.q, atol=1e-12)
+    np.testing.assert_allclose(found.effort, expected.effort, atol=1e-9)  # pyright: ignore
+
+
+def test_a_wound_spring_swings_at_the_frequency_of_two_masses():
+    """ω² = K (1/J + 1/I) where one joint has the inertia I; the first joint of the small arm, its others stiff."""
+    stiffness, rotor = np.array([2000.0, 1e6, 1e6]), np.array([0.05, 50.0, 50.0])
+    truth = smooth_arm(rotor=rotor, stiffness=stiffness)
+    rest = np.zeros((1, 3))
+    holding = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, rest, rest, rest)[0]
+    inertia = kernel.mass_matrix(truth.robot.tree, truth.inertial, rest)[0, 0, 0]
+    expected = np.sqrt(stiffness[0] * (1.0 / rotor[0] + 1.0 / inertia))
+    plant = Plant(truth, 1e-5, rest[0], holding + np.array([2.0, 0.0, 0.0]))
+    stretch = []
+    for _ in range(6000):
+        plant.step(holding)
+        stretch.append(plant.drive_q[0] - plant.q[0])
+    crossings = np.flatnonzero(np.diff(np.sign(stretch)) != 0)
+    period = 2.0 * 1e-5 * np.diff(crossings).mean()
+    assert len(crossings) >= 4 and 2.0 * np.pi / period == pytest.approx(expected, rel=0.02)
 
 
 # Truth -----------------------------------------------------------------------------------------------------------
