@@ -12,12 +12,14 @@ import pytest
 from armid.estimation import estimators
 from armid.measurement import readers as recording_readers
 from armid.model import terms
+from armid.report import sections
 from armid.robot import readers as robot_readers
 
 CATALOGUES = {
     "terms": (terms, terms.TERMS, {"term"}),
     "estimators": (estimators, estimators.ESTIMATORS, set()),
     "robot readers": (robot_readers, robot_readers.READERS, set()),
+    "report sections": (sections, sections.SECTIONS, set()),
     "recording readers": (recording_readers, recording_readers.READERS, set()),
 }
 """Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""

@@ -20,6 +20,7 @@ from rich.console import Console
 
 from armid.cli import main as cli
 from armid.cli.console import estimate_table, print_verdict, validation_table
+from armid.estimation.estimators import ESTIMATORS
 from armid.excitation.fourier import save_plan
 from armid.excitation.plans import builtin_plan
 from armid.lab.virtual import Sensors, record, thesis_truth
@@ -180,6 +181,7 @@ RUN_FILES = {
     "estimate.npz",
     "estimate.json",
     "validation.json",
+    "report.html",
 }
 
 
@@ -191,6 +193,40 @@ def test_identify_a_study(armid: Armid, small: Path, tmp_path: Path):
     for words in ("small: 24 base parameters, wls", "95 % interval", "N·m·s/rad", "unseen", "in band", "pass"):
         assert words in done.out
     assert "\x1b" not in done.out
+
+
+def test_identify_compares_every_method(armid: Armid, small: Path, tmp_path: Path):
+    plain = armid("identify", small / "study.toml", "--out", tmp_path / "plain")
+    done = armid("identify", small / "study.toml", "--compare", "--out", tmp_path / "run")
+    assert (done.code, done.err) == (plain.code, plain.err) == (0, "")
+    assert {path.name for path in (tmp_path / "run").iterdir()} == RUN_FILES | {"compare.json"}
+    table = done.out.split("Methods: torque error of all joints together, RMS in N·m")[1]
+    for name in ESTIMATORS:
+        (row,) = re.findall(rf"│ {name} +│(.*)", table)
+        train, unseen = row.split("│")[:2]
+        assert 0.0 < float(train) < 0.2 and 0.0 < float(unseen) < 0.2
+    # The comparison adds to the run and changes nothing in it.
+    a, b = (json.loads((tmp_path / name / "estimate.json").read_text()) for name in ("plain", "run"))
+    assert a["base_parameters"] == b["base_parameters"] and a["method"] == "wls"
+
+
+def test_compare_json_stands_in_the_object_and_in_the_run(armid: Armid, small: Path, tmp_path: Path):
+    done = armid(
+        "identify", small / "study.toml", "--compare", "--method", "ridge", "--json", "--out", tmp_path / "run"
+    )
+    assert done.code == 0 and done.err.startswith("prior-weight The prior towards the description weighs")
+    found = done.json["compare"]
+    assert found == json.loads((tmp_path / "run" / "compare.json").read_text())
+    keys_of(found, "joints", "unseen", "methods", "seconds")
+    assert (done.json["method"], found["unseen"]) == ("ridge", "validation")
+    for each in found["methods"]:
+        keys_of(
+            each, "name", "training_rms", "unseen_rms", "consistent", "distance", "smallest_eigenvalue", "seconds"
+        )
+        assert each["failure"] is None and len(each["training_rms"]) == 3
+    by_name = {each["name"]: each for each in found["methods"]}
+    assert by_name["physical"]["consistent"] and by_name["physical"]["smallest_eigenvalue"] > 0.0
+    np.testing.assert_allclose(by_name["ridge"]["training_rms"], done.json["residual"]["rms"])
 
 
 def test_identify_json_is_one_object_with_the_contract(armid: Armid, small: Path):

@@ -15,6 +15,8 @@ from rich.table import Table
 
 from armid.errors import ArmidError, Finding
 from armid.estimation.estimate import Estimate
+from armid.estimation.friction import Ladder
+from armid.study.compare import MethodTable
 from armid.study.identify import Progress as Tell
 from armid.validation.predict import Score, Validation
 from armid.values import Array
@@ -22,9 +24,11 @@ from armid.values import Array
 __all__ = [
     "error_console",
     "estimate_table",
+    "ladder_table",
     "output_console",
     "print_error",
     "print_findings",
+    "print_methods",
     "print_verdict",
     "progress",
     "validation_table",
@@ -160,6 +164,54 @@ def _columns(name: str, scores: Sequence[Score]) -> list[tuple[str, Array]]:
 def _number(value: float, decimals: int = 3, unit: str = "") -> str:
     """A number, or a dash where there is none."""
     return f"{value:.{decimals}f}{unit}" if math.isfinite(value) else "-"
+
+
+def ladder_table(ladder: Ladder, joints: Sequence[str]) -> Table:
+    """Friction that was chosen for each joint, and what it gains on motion that was left out."""
+    table = Table(title="Friction chosen by motion that was left out", header_style="bold")
+    table.add_column("joint")
+    table.add_column("error, of that without", justify="right")
+    table.add_column("added")
+    for j, name in enumerate(joints):
+        chosen = [each.candidate for each in ladder.evidence if each.chosen and each.joint == name]
+        gain = f"{ladder.ratio[j]:.2f} ± {ladder.deviation[j]:.2f}"
+        table.add_row(name, gain, escape("; ".join(chosen) or "-"))
+    table.caption = ladder.why or "± standard error from the scatter between stretches of motion"
+    table.caption_justify = "left"
+    return table
+
+
+def print_methods(found: MethodTable, units: Sequence[str]) -> None:
+    """Every method beside the others, and what kept those from an estimate that have none."""
+    console = output_console()
+    unit = f" in {units[0]}" if len(set(units)) == 1 else ""
+    table = Table(title=f"Methods: torque error of all joints together, RMS{unit}", header_style="bold")
+    table.add_column("method")
+    for name in ("train", "unseen", "dropped", "physical", "smallest λ", "time"):
+        table.add_column(name, justify="right")
+    for each in found.scores:
+        bodies = each.certificate
+        physical = (
+            "-" if bodies is None else "yes" if bodies.feasible else f"{100 * bodies.relative_distance:.2g} % off"
+        )
+        table.add_row(
+            each.method,
+            *(_number(float(np.linalg.norm(error))) for error in (each.training, each.unseen)),
+            str(each.dropped or "-"),
+            physical,
+            "-" if each.eigenvalue is None else f"{each.eigenvalue:.1e}",
+            f"{each.seconds:.3f} s",
+        )
+    what = {"validation": "on the validation recordings", "cross-validation": "on stretches left out in turn"}
+    table.caption = (
+        f"unseen: {what[found.unseen]}; physical: whether bodies with these base parameters exist; λ: of the "
+        "pseudo-inertias of the estimated bodies"
+    )
+    table.caption_justify = "left"
+    console.print(table)
+    for each in found.scores:
+        if each.failure:
+            console.print(f"  {each.method}: {escape(each.failure)}")
 
 
 def print_verdict(console: Console, validation: Validation) -> None:

@@ -22,8 +22,11 @@ from armid.cli.options import (
     robot_choice,
     run_folder,
 )
+from armid.cli.report import NoReport, write_page
 
 if TYPE_CHECKING:
+    from armid.study.compare import MethodTable
+    from armid.study.identify import Result
     from armid.study.study import Study
 
 __all__ = ["identify", "report_result"]
@@ -54,8 +57,10 @@ def identify(
     period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
     cutoff: Annotated[str | None, typer.Option(metavar="HZ|auto", help="Cut-off of the filter.")] = None,
     edges: Annotated[str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording.")] = None,
-    method: Annotated[str | None, typer.Option(metavar="wls|ols", help="Estimator.")] = None,
+    method: Annotated[str | None, typer.Option(metavar="wls|ols|robust|essential|ridge|…", help="Estimator.")] = None,
+    compare: Annotated[bool, typer.Option("--compare", help="Also try every other method; one table.")] = False,
     threads: Threads = 1,
+    no_report: NoReport = False,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -67,10 +72,12 @@ def identify(
         armid identify study.toml --out runs/today
 
         armid identify ur10e.urdf run1.csv run2.csv --validate run3.csv --rate 125
+
+        armid identify study.toml --compare
     """
     from armid.cli.console import print_findings, progress
     from armid.study import identify as stage
-    from armid.study.records import estimate_record, to_json, validation_record
+    from armid.study.compare import compare_methods, compare_record
     from armid.study.run import refuse_folder, save_run
 
     if out is not None:
@@ -80,39 +87,67 @@ def identify(
     study = _study(inputs, validate or [], reading, gravity, lock, terms)
     study = _overridden(study, preset, cutoff, edges, method)
     with progress(quiet=json) as tell:
-        result = stage.identify(study, threads=threads, progress=tell)
-    folder = save_run(result, run_folder(out, result.estimate.robot))
+        prepared = stage.prepare(study, threads=threads, progress=tell)
+        result = stage.conclude(prepared, progress=tell)
+        table = compare_methods(prepared, progress=tell) if compare else None
+    beside = {} if table is None else {"compare.json": compare_record(table)}
+    folder = save_run(result, run_folder(out, result.estimate.robot), beside=beside)
     print_findings(result.estimate.findings)
-    if json:
-        record = estimate_record(result.estimate)
-        record["run"] = str(folder)
-        record["validation"] = validation_record(result.validation)
-        sys.stdout.write(to_json(record) + "\n")
-    else:
-        report_result(result)
-        sys.stdout.write(f"\nrun written to {folder}\n")
+    _print(result, table, folder, json=json)
+    if not no_report:
+        write_page(folder, prepared.recordings)
     if result.validation.verdict == "fail":
         raise typer.Exit(1)
 
 
+def _print(result: Result, table: MethodTable | None, folder: Path, *, json: bool) -> None:
+    """The result on standard output: one JSON object, or tables."""
+    from armid.cli.console import print_methods
+    from armid.study.compare import compare_record
+    from armid.study.records import estimate_record, ladder_record, to_json, validation_record
+
+    if json:
+        record = estimate_record(result.estimate)
+        record["run"] = str(folder)
+        record["validation"] = validation_record(result.validation)
+        if table is not None:
+            record["compare"] = compare_record(table)
+        if result.ladder is not None:
+            record["friction"] = ladder_record(result.ladder, result.robot.joint_names)
+        sys.stdout.write(to_json(record) + "\n")
+        return
+    report_result(result)
+    if table is not None:
+        print_methods(table, [joint.effort_unit for joint in result.robot.joints])
+    sys.stdout.write(f"\nrun written to {folder}\n")
+
+
 def report_result(result: Any) -> None:
     """Tables of an identification on standard output."""
-    from armid.cli.console import estimate_table, output_console, print_verdict, validation_table
+    from armid.cli.console import estimate_table, ladder_table, output_console, print_verdict, validation_table
 
     console = output_console()
     fit = result.estimate.fit
     console.print(estimate_table(result.estimate))
+    if result.ladder is not None:
+        console.print(ladder_table(result.ladder, result.robot.joint_names))
     units = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training, units))
     console.print(
         f"condition number {fit.condition:.2f}, with columns of unit length {fit.scaled_condition:.2f}; "
-        f"{int(fit.rows.max())} rows\nintervals from {_kind(fit.covariance_kind)}; {result.estimate.seconds:.2f} s"
+        f"{int(fit.rows.max())} rows\nintervals from {KINDS[fit.covariance_kind]}: {fit.report.why}\n"
+        f"{result.estimate.seconds:.2f} s from recordings to result"
     )
     print_verdict(console, result.validation)
 
 
-def _kind(kind: str) -> str:
-    return "the scatter between blocks" if kind == "block" else "residuals taken as white: too few blocks"
+KINDS = {
+    "white": "residuals taken as white",
+    "period": "the scatter between periods",
+    "spectral": "the spectrum of the residuals",
+    "block": "the scatter between blocks",
+}
+"""What a kind of covariance is made of, in words."""
 
 
 def _study(
@@ -125,14 +160,16 @@ def _study(
 ) -> Study:
     """The study that the arguments name or describe."""
     from armid.measurement.reading import Reading
-    from armid.study.study import RecordingChoice, Study
+    from armid.study.study import RecordingChoice, Study, default_estimation
 
     if len(inputs) == 1:
         return _changed_study(inputs[0], validate, reading, gravity, lock, terms)
     how = Reading(**reading)
     recordings = tuple(RecordingChoice(path, reading=how) for path in inputs[1:])
     recordings += tuple(RecordingChoice(path, "validate", how) for path in validate)
-    return Study(robot_choice(inputs[0], gravity, lock), model_choice(terms), recordings)
+    model = model_choice(terms)
+    robot = robot_choice(inputs[0], gravity, lock)
+    return Study(robot, model, recordings, estimation=default_estimation(model))
 
 
 def _changed_study(
@@ -145,7 +182,7 @@ def _changed_study(
 ) -> Study:
     """The study of a file with what the command line says beside it; more recordings are read as its first one."""
     from armid.errors import StudyError
-    from armid.study.study import RecordingChoice, load_study
+    from armid.study.study import RecordingChoice, default_estimation, load_study
 
     if not path.endswith(".toml"):
         raise StudyError(
@@ -167,7 +204,8 @@ def _changed_study(
     alike = replace(first, exclude=())
     extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate", alike) for path in validate)
     model = study.model if terms is None else model_choice(terms)
-    return replace(study, robot=robot, model=model, recordings=(*study.recordings, *extra))
+    estimation = default_estimation(model) if model.automatic and not study.model.automatic else study.estimation
+    return replace(study, robot=robot, model=model, recordings=(*study.recordings, *extra), estimation=estimation)
 
 
 def _overridden(

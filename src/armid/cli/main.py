@@ -19,7 +19,10 @@ from armid.cli.bench import bench
 from armid.cli.certify import certify
 from armid.cli.demo import demo
 from armid.cli.identify import identify
+from armid.cli.payload import payload
 from armid.cli.predict import predict
+from armid.cli.recalibrate import recalibrate
+from armid.cli.report import report
 from armid.cli.simulate import simulate
 from armid.cli.validate import validate
 from armid.errors import ArmidError
@@ -71,7 +74,19 @@ def options(
     del version
 
 
-COMMANDS: tuple[Callable[..., None], ...] = (base, simulate, identify, validate, predict, certify, demo, bench)
+COMMANDS: tuple[Callable[..., None], ...] = (
+    base,
+    simulate,
+    identify,
+    validate,
+    predict,
+    certify,
+    payload,
+    recalibrate,
+    report,
+    demo,
+    bench,
+)
 for command in COMMANDS:
     app.command()(_interruptible(command))
 

@@ -28,7 +28,7 @@ Terms = Annotated[
     typer.Option(
         "--terms",
         metavar="A,B,…",
-        help="Torque terms: rigid-body, viscous, coulomb, offset, rotor-inertia; coupling needs a study.",
+        help="Torque terms, as rigid-body,viscous,coulomb; `auto`: `identify` chooses friction joint by joint.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
@@ -55,11 +55,19 @@ def robot_choice(description: str, gravity: tuple[float, float, float] | None, l
 def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelChoice:
     """The terms that the command line names, with their default shapes.
 
+    Args:
+        terms: Names with commas between them, or `auto`.
+        default: Terms where none are named, of commands that have no recordings to choose by.
+
     Raises:
-        StudyError: An empty list.
+        StudyError: An empty list, or `auto` without recordings.
     """
     from armid.study.study import ModelChoice
 
+    if terms == "auto":
+        if default:
+            raise StudyError("--terms auto chooses by recordings, and there are none.", remedy="name the terms.")
+        return ModelChoice(automatic=True)
     if terms is None:
         names = default
     else:

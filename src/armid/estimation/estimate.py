@@ -17,6 +17,7 @@ from armid.values import Array
 
 __all__ = ["Estimate", "Status", "TermUse", "standard_parameters", "torque_parameters"]
 
+
 @dataclass(frozen=True, slots=True)
 class TermUse:
     """A torque term as it was used.
@@ -93,8 +94,8 @@ def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
 def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
     """Each standard parameter with its value where the data determine it by itself.
 
-    A parameter stands alone where it is kept and no other joins it; one that is grouped has no value of its own, unless
-    the method estimates standard parameters and says of each what the data know of it.
+    A parameter stands alone where it is kept and no other joins it; one that is grouped has no value of its own,
+    unless the method estimates standard parameters and says of each what the data know of it.
     """
     if estimate.fit.standard is not None:
         return _estimated(estimate.fit.standard)

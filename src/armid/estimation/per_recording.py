@@ -11,10 +11,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.estimation.problem import Standard
 from armid.information.information import Information, JointFactors
 from armid.kernel import factor_columns
+from armid.model.base import BaseParameters
 
-__all__ = ["separate_by_recording"]
+__all__ = ["separate_by_recording", "standard_per_recording"]
 
 
 def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> Information:
@@ -49,6 +51,43 @@ def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> I
             R[block] = factor_columns(columns)[0]
         joints.append(JointFactors(parameters, R))
     return replace(information, names=names, joints=tuple(joints))
+
+
+def standard_per_recording(standard: Standard, base: BaseParameters | None, information: Information) -> Standard:
+    """The standard parameters behind information that was separated by recording.
+
+    A standard parameter has copies where it shows in copied base parameters only. One that also has a part in a
+    shared one, such as an offset that a constant gravity torque joins, stays shared.
+
+    Args:
+        standard: Behind the base parameters as they were.
+        base: These, for their names.
+        information: Separated or not.
+    """
+    if base is None or (information.count == len(base.names) and tuple(information.names) == tuple(base.names)):
+        return standard
+    index = {name: k for k, name in enumerate(base.names)}
+    row = np.array([index[name.split("[", 1)[0]] for name in information.names])
+    copy = np.array([int(name[name.index("[") + 1 : -1]) if "[" in name else 0 for name in information.names])
+    copied = np.zeros(len(base.names), dtype=np.bool_)
+    copied[row[copy > 0]] = True
+    seen = standard.regrouping != 0.0
+    own = seen[copied].any(axis=0) & ~seen[~copied].any(axis=0)
+    own[standard.inertial] = False
+    source = [(k, 0) for k in np.flatnonzero(~own)]
+    source += [(k, c) for c in np.unique(copy[copy > 0]) for k in np.flatnonzero(own)]
+    which, number = np.array([k for k, _ in source]), np.array([c for _, c in source])
+    regrouping = standard.regrouping[row][:, which] * ((number == 0) | (number == copy[:, None]))
+    place = {int(k): at for at, (k, c) in enumerate(source) if c == 0}
+    names = [standard.names[k] + (f"[{c}]" if c else "") for k, c in source]
+    return Standard(
+        tuple(names),
+        tuple(standard.units[k] for k in which),
+        regrouping,
+        np.array([[place[int(k)] for k in link] for link in standard.inertial], dtype=np.intp).reshape(-1, 10),
+        standard.nonnegative[which],
+        None if standard.nominal is None else standard.nominal[which],
+    )
 
 
 def _places(

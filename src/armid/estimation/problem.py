@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array, array
 
-__all__ = ["Problem", "Standard", "standard_of"]
+__all__ = ["Problem", "Standard", "bare_standard", "standard_of"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -93,12 +93,17 @@ class Problem:
 
 
 def standard_of(model: DynamicsModel, base: BaseParameters) -> Standard:
-    """The standard parameters of a model."""
+    """The standard parameters of a model behind its base parameters."""
+    return replace(bare_standard(model), regrouping=base.regrouping)
+
+
+def bare_standard(model: DynamicsModel) -> Standard:
+    """The standard parameters of a model by themselves, not regrouped."""
     parameters = model.parameters
     return Standard(
         tuple(parameter.name for parameter in parameters),
         tuple(parameter.unit for parameter in parameters),
-        base.regrouping,
+        np.eye(len(parameters)),
         model.inertial_columns.reshape(-1, 10),
         np.array([parameter.nonnegative for parameter in parameters], dtype=np.bool_),
         model.nominal_parameters(),

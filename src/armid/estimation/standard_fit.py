@@ -4,8 +4,9 @@ With H the information of the data and P that of the prior, both in standard par
 
     (H + P)⁻¹ H
 
-is the share of a parameter's value that the data bring; the rest is the prior's [Backus1968]. Base parameters are what
-torques show, so that most standard ones are shared out by the prior or the cone alone, however good the data are.
+is the share of a parameter's value that the data bring; the rest is the prior's [Backus1968]. Base parameters are
+what torques show, so that most standard ones are shared out by the prior or the cone alone, however good the data
+are.
 """
 
 from __future__ import annotations
@@ -17,7 +18,18 @@ import numpy as np
 
 from armid.values import Array, array
 
-__all__ = ["IDENTIFIED", "UNSEEN", "PriorUse", "Proof", "StandardFit", "Status", "Trial", "inverse_of", "shares", "status_of"]
+__all__ = [
+    "IDENTIFIED",
+    "UNSEEN",
+    "PriorUse",
+    "Proof",
+    "StandardFit",
+    "Status",
+    "Trial",
+    "inverse_of",
+    "shares",
+    "status_of",
+]
 
 Status = Literal["identified", "prior-dominated", "not identifiable"]
 

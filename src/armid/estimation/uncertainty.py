@@ -48,6 +48,9 @@ too small, and chance alone makes it that large with a few parameters and some t
 WHITE = 0.05
 """Probability of the test of whiteness below which residuals are not white."""
 
+LEAST_SAID = 1e-6
+"""Probabilities below are not told apart in words."""
+
 REPEATED = 1.5
 """What is left of the mean of all periods, as a variance over that which independent periods would leave, from which
 on the model lacks something that repeats. Chance makes it 1 within a tenth or two."""
@@ -84,7 +87,8 @@ def choose(white: float, free: int | None, repeated: float) -> tuple[str, str]:
     """
     if white >= WHITE:
         return "white", f"residuals pass the test of whiteness (p = {white:.2g})"
-    coloured = f"residuals are not white (p = {white:.1g})"
+    said = f"p = {white:.1g}" if white > LEAST_SAID else f"p < {LEAST_SAID:g}"
+    coloured = f"residuals are not white ({said})"
     if free is None:
         return "spectral", coloured
     if free < FEWEST_PERIODS - 1:

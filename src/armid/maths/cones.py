@@ -1,6 +1,6 @@
 """Small conic programs, solved by Clarabel and checked here.
 
-    minimise cᵀx    so that for every cone K    A x + b ∈ K
+    minimise cᵀx + ½ Σ_k s_k x_k²    so that for every cone K    A x + b ∈ K
 
 A solver's status is not taken on trust: the solution carries by how much the answer really leaves each cone, computed
 from the cones themselves (eigenvalues for semidefinite ones), and the gap to the dual [Goulart2024].
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError
 from armid.values import Array
 
-__all__ = ["Cone", "ConeSolution", "solve_cones", "upper_triangle"]
+__all__ = ["Cone", "ConeSolution", "solve_cones", "symmetric", "upper_triangle"]
 
 SOLVER_TOLERANCE = 1e-9
 """Gap and infeasibility asked of the solver: a tenth of what a certificate states."""
@@ -28,6 +28,10 @@ SOLVER_TOLERANCE = 1e-9
 ACCEPTED = 1e-6
 """Largest gap and violation of an accepted answer, over the size of objective and cone: what the solver reaches on
 badly scaled problems. Anything worse is refused whatever the status says."""
+
+
+LARGEST = 1e100
+"""Size of a variable that is no answer: its square must still be a number."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,10 +57,7 @@ class Cone:
             return float(-rows.min()) / size
         if self.kind == "norm":
             return float(np.linalg.norm(rows[1:]) - rows[0]) / size
-        i, j = upper_triangle(_order(len(rows)))
-        matrix = np.zeros((i.max() + 1, i.max() + 1))
-        matrix[i, j] = matrix[j, i] = rows
-        return float(-np.linalg.eigvalsh(matrix)[0]) / size
+        return float(-np.linalg.eigvalsh(symmetric(rows))[0]) / size
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,7 +66,7 @@ class ConeSolution:
 
     Attributes:
         x: The variables.
-        objective: cᵀx.
+        objective: What was minimised.
         gap: Objective less the dual's, over its size.
         violation: By how much the worst cone is left, over the size of its rows.
     """
@@ -82,12 +83,23 @@ def upper_triangle(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return i, j
 
 
-def solve_cones(cost: Array, cones: Sequence[Cone]) -> ConeSolution:
+def symmetric(entries: Array) -> Array:
+    """Symmetric matrices (..., m, m) from upper triangles (..., entries), column by column."""
+    order = _order(entries.shape[-1])
+    i, j = upper_triangle(order)
+    result = np.zeros((*entries.shape[:-1], order, order))
+    result[..., i, j] = result[..., j, i] = entries
+    return result
+
+
+def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None) -> ConeSolution:
     """Solve, and check the answer.
 
     Args:
         cost: c, shape (variables,).
         cones: At least one.
+        squares: s, not negative, shape (variables,); none where not given. They are meant for the length of a
+            residual that a `norm` cone bounds, not for single parameters.
 
     Raises:
         EstimationError: The answer is not one: the solver's word, the gap and the violation are in the message.
@@ -100,12 +112,15 @@ def solve_cones(cost: Array, cones: Sequence[Cone]) -> ConeSolution:
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_TOLERANCE
     rows, offsets, kinds = zip(*(_for_solver(cone, clarabel) for cone in cones), strict=True)
     A = sparse.csc_matrix(np.concatenate(rows))
-    nothing = sparse.csc_matrix((len(cost), len(cost)))
-    answer = clarabel.DefaultSolver(nothing, cost, A, np.concatenate(offsets), list(kinds), settings).solve()
+    squares = np.zeros(len(cost)) if squares is None else squares
+    curved = sparse.csc_matrix(sparse.diags(squares))
+    answer = clarabel.DefaultSolver(curved, cost, A, np.concatenate(offsets), list(kinds), settings).solve()
     x = np.array(answer.x, dtype=np.float64)
-    objective = float(cost @ x)
-    gap = abs(objective - float(answer.obj_val_dual)) / max(1.0, abs(objective))
-    violation = max(cone.leaves(x) for cone in cones)
+    with np.errstate(over="ignore", invalid="ignore"):  # a solver that failed may leave anything
+        objective = float(cost @ x) + 0.5 * float(squares @ x**2)
+        gap = abs(objective - float(answer.obj_val_dual)) / max(1.0, abs(objective))
+        finite = bool(np.isfinite(objective)) and bool(np.abs(x).max() < LARGEST)
+        violation = max(cone.leaves(x) for cone in cones) if finite else float("inf")
     if not (gap <= ACCEPTED and violation <= ACCEPTED):
         raise EstimationError(
             f"The conic solver gave no answer ({answer.status}; gap {gap:.1e}, violation {violation:.1e}).",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, StudyError
 from armid.estimation.estimate import Estimate, TermUse
+from armid.estimation.friction import Ladder, choose_friction
 from armid.estimation.load import with_load
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import Problem, standard_of
@@ -33,7 +34,15 @@ from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.study.cut import cut, refuse_shared
 from armid.study.plausibility import excitation_finding, few_blocks_finding, gravity_finding, torque_finding
-from armid.study.study import RecordingChoice, Study, build_estimator, build_model, load_choice, resolve_model
+from armid.study.study import (
+    RecordingChoice,
+    Study,
+    build_estimator,
+    build_model,
+    lean_on_prior,
+    load_choice,
+    resolve_model,
+)
 from armid.validation.predict import Score, Validation, score, validate
 from armid.values import Array, digest
 
@@ -67,6 +76,7 @@ class Result:
         estimate: The parameters.
         validation: Torque error on unseen motion.
         training: Torque error on the training recordings.
+        ladder: How friction was chosen, where it was.
     """
 
     study: Study
@@ -76,6 +86,7 @@ class Result:
     estimate: Estimate
     validation: Validation
     training: tuple[Score, ...]
+    ladder: Ladder | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,6 +101,7 @@ class Prepared:
         problem: What the training recordings say.
         findings: What was noticed on the way.
         began: When the work began, by `time.perf_counter` [s].
+        ladder: How friction was chosen, where it was.
     """
 
     study: Study
@@ -99,6 +111,7 @@ class Prepared:
     problem: Problem
     findings: tuple[Finding, ...]
     began: float
+    ladder: Ladder | None = None
 
 
 def read_recording(
@@ -176,6 +189,15 @@ def prepare(
     processing = resolve(study.processing, [recording for _, recording in train])
     observations, found = observe_recordings(train, processing, robot)
     findings += found
+    ladder = None
+    if study.model.automatic:
+        tell("friction", 0.0)
+        ladder = choose_friction(model, observations, threads=threads)
+        model = ladder.model
+        bodies = robot.inertial_vector
+        described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
+        estimation = lean_on_prior(study.estimation, ladder.prior_weight, described=described)
+        study = replace(study, estimation=estimation)
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     study = replace(study, model=resolve_model(model), processing=processing)
@@ -185,7 +207,7 @@ def prepare(
     )
     information = replace(information, scale_deviation=_scale_deviation(train, robot))
     problem = Problem(information, standard_of(model, base), model, base, observations)
-    return Prepared(study, model, base, tuple(recordings), problem, tuple(findings), began)
+    return Prepared(study, model, base, tuple(recordings), problem, tuple(findings), began, ladder)
 
 
 def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
@@ -211,7 +233,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)
-    return Result(study, robot, model, information, estimate, validation, training)
+    return Result(study, robot, model, information, estimate, validation, training, prepared.ladder)
 
 
 def stated_problem(prepared: Prepared) -> Problem:

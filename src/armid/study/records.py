@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from armid.errors import Finding
 from armid.estimation.estimate import Estimate, standard_parameters
+from armid.estimation.friction import Ladder
 from armid.model.formulas import base_formulas
 from armid.validation.predict import Validation
 
-__all__ = ["estimate_record", "finding_record", "to_json", "validation_record"]
+__all__ = ["estimate_record", "finding_record", "ladder_record", "to_json", "validation_record"]
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
 """As `json` breaks it into lines. No text matches, since a line end inside one is written as an escape."""
@@ -37,6 +39,7 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
                 "deviation": fit.deviation[k],
                 "relative_deviation_percent": fit.relative_deviation[k],
                 "poorly_identified": bool(poor[k]),
+                "dropped": name in fit.dropped,
                 "interval95": ends[k],
                 "formula": formulas[plain],
             }
@@ -66,6 +69,34 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
         "warnings": [finding_record(finding) for finding in estimate.findings],
         "made_from": estimate.made_from,
         "made_by": estimate.made_by,
+    }
+
+
+def ladder_record(ladder: Ladder, joints: Sequence[str]) -> dict[str, Any]:
+    """The contents of `friction.json`: what was chosen for each joint and the evidence for it."""
+    return {
+        "why": ladder.why,
+        "prior_weight": ladder.prior_weight,
+        "joints": [
+            {
+                "name": name,
+                "ratio": ladder.ratio[j],
+                "deviation": ladder.deviation[j],
+                "chosen": [each.candidate for each in ladder.evidence if each.chosen and each.joint == name],
+            }
+            for j, name in enumerate(joints)
+        ],
+        "evidence": [
+            {
+                "joint": each.joint,
+                "rung": each.rung,
+                "candidate": each.candidate,
+                "ratio": each.ratio,
+                "deviation": each.deviation,
+                "chosen": each.chosen,
+            }
+            for each in ladder.evidence
+        ],
     }
 
 

@@ -24,7 +24,7 @@ from armid.measurement.reading import Reading
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.study.identify import Result
-from armid.study.records import estimate_record, to_json, validation_record
+from armid.study.records import estimate_record, ladder_record, to_json, validation_record
 from armid.study.study import ModelChoice, Study, build_model
 from armid.values import load, replace_file, save
 
@@ -182,6 +182,9 @@ def _write(result: Result, draft: Path) -> None:
     save(result.robot, draft / "robot.npz")
     save(result.information, draft / "information.npz")
     save(result.estimate, draft / "estimate.npz")
+    if result.ladder is not None:
+        record = ladder_record(result.ladder, result.robot.joint_names)
+        replace_file(draft / "friction.json", to_json(record) + "\n")
     replace_file(draft / "validation.json", to_json(validation_record(result.validation)) + "\n")
     replace_file(draft / MARKER, to_json(estimate_record(result.estimate)) + "\n")
 

@@ -32,6 +32,8 @@ __all__ = [
     "Study",
     "build_estimator",
     "build_model",
+    "default_estimation",
+    "lean_on_prior",
     "load_choice",
     "load_study",
     "parse_study",
@@ -48,6 +50,10 @@ IDENTIFY_TERMS = (RigidBody.name, Viscous.name, Coulomb.name, Offset.name)
 
 IDENTIFY_WIDTH = 0.02
 """Width of Coulomb friction where a study gives none [rad/s]: a sign flips with the encoder's noise at rest."""
+
+PLAIN_METHOD = "wls"
+AUTOMATIC_METHOD = "ridge"
+"""Method of a study that names none; friction that was chosen under a prior is estimated with one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +90,12 @@ class ModelChoice:
         terms: Their names; chosen by the kind of effort where none are given. A name may stand here several times.
         shapes: Options of terms, by the term's name: one table, or a list of tables where a term has other shapes on
             other joints.
+        automatic: The friction ladder adds to these terms, joint by joint; `terms = "auto"` in a study.
     """
 
     terms: tuple[str, ...] = ()
     shapes: Mapping[str, Shapes] = field(default_factory=dict[str, "Shapes"])
+    automatic: bool = False
 
     def __post_init__(self) -> None:
         _require(_are_texts(self.terms), "terms", "a list of names", self.terms)
@@ -130,7 +138,7 @@ class EstimationChoice:
         options: Options of estimators, by the estimator's name and the option's.
     """
 
-    method: str = "wls"
+    method: str = PLAIN_METHOD
     friction_per_recording: bool = False
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {})
 
@@ -197,12 +205,13 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
     recordings = table.get("recording", [])
     if not isinstance(recordings, list) or not all(isinstance(each, Mapping) for each in recordings):
         raise StudyError("Recordings stand in [[recording]] tables, one each.")
+    model = _model_choice(table.get("model", {}))
     return Study(
         _make(RobotChoice, table["robot"], "[robot]"),
-        _model_choice(table.get("model", {})),
+        model,
         tuple(_recording_choice(each) for each in recordings),
         _make(Processing, table.get("processing", {}), "[processing]"),
-        _estimation_choice(table.get("estimation", {})),
+        _estimation_choice(table.get("estimation", {}), default_estimation(model).method),
         folder,
     )
 
@@ -213,9 +222,33 @@ def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
     return load_robot(name, gravity=choice.gravity, locked=choice.locked, tip=choice.tip)
 
 
+def default_estimation(model: ModelChoice) -> EstimationChoice:
+    """How a study estimates that does not say it."""
+    return EstimationChoice(AUTOMATIC_METHOD if model.automatic else PLAIN_METHOD)
+
+
 def build_estimator(choice: EstimationChoice) -> Estimator:
     """The estimator that a study chooses, with its options."""
     return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
+
+
+def lean_on_prior(choice: EstimationChoice, weight: float | None, *, described: bool) -> EstimationChoice:
+    """The choice with the prior that friction was chosen under, as far as the study leaves the method's own open.
+
+    Args:
+        choice: As the study has it.
+        weight: Of the prior; `None` where nothing was judged.
+        described: Whether the description has bodies that can be a prior.
+    """
+    if weight is None:
+        return choice
+    names = {f.name for f in dataclasses.fields(ESTIMATORS[choice.method])}  # pyright: ignore[reportArgumentType]
+    own = {"weight": weight, "prior": "log-det" if described else "mass"}
+    given = choice.options.get(choice.method, {})
+    if given.get("weight", "auto") != "auto" or "prior" in given:
+        return choice
+    options = {**given, **{name: value for name, value in own.items() if name in names}}
+    return dataclasses.replace(choice, options={**choice.options, choice.method: options})
 
 
 def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
@@ -266,24 +299,24 @@ def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
     """Terms and their options; each term's options stand under its name."""
     _known(table, ("terms", *TERMS), "[model]")
     terms = table.get("terms", ())
-    if terms == "auto":
-        raise StudyError('terms = "auto" is not known yet.', possible=", ".join(TERMS), remedy="name the terms.")
+    automatic = terms == "auto"
     shapes = {name: value for name, value in table.items() if name != "terms"}
     for name, value in shapes.items():
         several = isinstance(value, list) and all(isinstance(each, Mapping) for each in value)
         good = isinstance(value, Mapping) or several
         _require(good, f"[model] {name}", "a table of options, or a list of such tables", value)
-    return _make(ModelChoice, {"terms": terms, "shapes": shapes}, "[model]")
+    chosen = {"terms": () if automatic else terms, "shapes": shapes, "automatic": automatic}
+    return _make(ModelChoice, chosen, "[model]")
 
 
-def _estimation_choice(table: Mapping[str, Any]) -> EstimationChoice:
-    """Method and options; each estimator's options stand under its name."""
+def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoice:
+    """Method, by default the one given, and options; each estimator's options stand under its name."""
     _known(table, ("method", "friction_per_recording", *ESTIMATORS), "[estimation]")
     options = {name: value for name, value in table.items() if name in ESTIMATORS}
     for name, value in options.items():
         _require(isinstance(value, Mapping), f"[estimation] {name}", "a table of options", value)
     own = {name: value for name, value in table.items() if name not in ESTIMATORS}
-    choice = _make(EstimationChoice, {**own, "options": options}, "[estimation]")
+    choice = _make(EstimationChoice, {"method": method, **own, "options": options}, "[estimation]")
     for name in options:
         build_estimator(dataclasses.replace(choice, method=name))  # wrong options are refused where they stand
     return choice

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armid.maths.cones import Cone, solve_cones, upper_triangle
-from armid.maths.inertia import pseudo_inertia
+from armid.estimation.consistency import EPSILON, consistency_cones
+from armid.estimation.problem import bare_standard
+from armid.maths.cones import Cone, solve_cones
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array, array
 
-__all__ = ["Blame", "Certificate", "certify_values", "consistency_cones"]
-
-EPSILON = 1e-6
-"""Smallest eigenvalue asked of a pseudo-inertia [kg and kg·m²]: a speck of dust, so that no mass is zero."""
+__all__ = ["Blame", "Certificate", "certify_values"]
 
 FEASIBLE = 1e-6
 """Distance over the values' length at which they count as consistent: what the solver leaves."""
@@ -64,33 +62,6 @@ class Certificate:
     gap: float
 
 
-def consistency_cones(
-    model: DynamicsModel, variables: int, *, epsilon: float = EPSILON, heaviest: float | None = None
-) -> list[Cone]:
-    """Cones that hold standard parameters of real bodies; they are the first of the variables.
-
-    Args:
-        model: Arm and torque terms.
-        variables: Number of variables of the program.
-        epsilon: Smallest eigenvalue of a pseudo-inertia.
-        heaviest: Largest mass of a link [kg].
-    """
-    units = pseudo_inertia(np.eye(10))
-    i, j = upper_triangle(4)
-    inertial = model.inertial_columns.reshape(-1, 10)
-    cones: list[Cone] = []
-    for own in inertial:
-        matrix = np.zeros((10, variables))
-        matrix[:, own] = units[:, i, j].T
-        cones.append(Cone("semidefinite", matrix, -epsilon * (i == j)))
-    bounded = [k for k, parameter in enumerate(model.parameters) if parameter.nonnegative]
-    if bounded:
-        cones.append(Cone("nonnegative", np.eye(variables)[bounded], np.zeros(len(bounded))))
-    if heaviest is not None and len(inertial):
-        cones.append(Cone("nonnegative", -np.eye(variables)[inertial[:, 0]], np.full(len(inertial), heaviest)))
-    return cones
-
-
 def certify_values(
     model: DynamicsModel,
     names: Sequence[str],
@@ -120,7 +91,7 @@ def certify_values(
     distance = np.zeros((len(values) + 1, p + 1))
     distance[0, p] = 1.0
     distance[1:, :p] = linear
-    cones = consistency_cones(model, p + 1, epsilon=epsilon, heaviest=heaviest)
+    cones = consistency_cones(bare_standard(model), p + 1, epsilon=epsilon, heaviest=heaviest)
     solution = solve_cones(cost, [*cones, Cone("norm", distance, np.concatenate([[0.0], -values]))])
     witness = solution.x[:p]
     nearest = linear @ witness

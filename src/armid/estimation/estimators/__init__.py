@@ -2,12 +2,29 @@
 
 from typing import ClassVar, Protocol
 
+from armid.estimation.estimators.essential import EssentialParameters
+from armid.estimation.estimators.log_cholesky import LogCholesky
 from armid.estimation.estimators.ols import OrdinaryLeastSquares
+from armid.estimation.estimators.physical import PhysicallyConsistent
+from armid.estimation.estimators.ridge import Ridge
+from armid.estimation.estimators.robust import RobustLeastSquares
+from armid.estimation.estimators.thesis_nlp import ThesisNLP
 from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.problem import Problem
 
-__all__ = ["ESTIMATORS", "Estimator", "OrdinaryLeastSquares", "WeightedLeastSquares"]
+__all__ = [
+    "ESTIMATORS",
+    "EssentialParameters",
+    "Estimator",
+    "LogCholesky",
+    "OrdinaryLeastSquares",
+    "PhysicallyConsistent",
+    "Ridge",
+    "RobustLeastSquares",
+    "ThesisNLP",
+    "WeightedLeastSquares",
+]
 
 
 class Estimator(Protocol):
@@ -25,6 +42,16 @@ class Estimator(Protocol):
 
 
 ESTIMATORS: dict[str, type[Estimator]] = {
-    estimator.name: estimator for estimator in (OrdinaryLeastSquares, WeightedLeastSquares)
+    estimator.name: estimator
+    for estimator in (
+        OrdinaryLeastSquares,
+        WeightedLeastSquares,
+        RobustLeastSquares,
+        EssentialParameters,
+        Ridge,
+        PhysicallyConsistent,
+        LogCholesky,
+        ThesisNLP,
+    )
 }
 """Estimators by the name of their method."""

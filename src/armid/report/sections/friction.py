@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -59,8 +61,40 @@ def show_friction(material: Material) -> Section | None:
         ("mean", "mean of what is seen"),
         ("law", "fitted law"),
     )
-    tables = (_table(material, evidence, reversals),)
+    chosen = _ladder(material)
+    tables = (_table(material, evidence, reversals), *(() if chosen is None else (chosen,)))
     return Section("Friction", {"laws": _laws(material)}, tables, rows, legend if rows else ())
+
+
+def _ladder(material: Material) -> Table | None:
+    """What the friction ladder looked at and took; nothing where friction was named and not chosen."""
+    path = Path(material.run.folder) / "friction.json"
+    if not path.is_file():
+        return None
+    record = json.loads(path.read_text(encoding="utf-8"))
+    columns = (
+        Column("joint", words=True),
+        Column("candidate", words=True),
+        Column("error with it"),
+        Column("standard error"),
+        Column("", words=True),
+    )
+    rows = [
+        [
+            Cell(each["joint"], kind="name"),
+            Cell(each["candidate"]),
+            Cell(fixed(each["ratio"], 3), each["ratio"]),
+            Cell(fixed(each["deviation"], 3), each["deviation"]),
+            Cell("taken" if each["chosen"] else ""),
+        ]
+        for each in record["evidence"]
+    ]
+    note = record["why"] or (
+        "Error on stretches of motion that were left out, over that without the candidate. All together: "
+        + ", ".join(f"{each['name']} {fixed(each['ratio'], 2)}" for each in record["joints"])
+        + "."
+    )
+    return Table("ladder", "How friction was chosen", columns, rows, note)
 
 
 def _laws(material: Material) -> list[str]:

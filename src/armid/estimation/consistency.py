@@ -1,0 +1,53 @@
+"""Cones that hold the standard parameters of real bodies.
+
+A body exists exactly when its pseudo-inertia is positive semidefinite [Wensing2018]; viscous and Coulomb friction and
+rotor inertia are not negative.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.estimation.problem import Standard
+from armid.maths.cones import Cone, upper_triangle
+from armid.maths.inertia import pseudo_inertia
+from armid.values import Array
+
+__all__ = ["EPSILON", "consistency_cones", "smallest_eigenvalues"]
+
+EPSILON = 1e-6
+"""Smallest eigenvalue asked of a pseudo-inertia [kg and kg·m²]: a speck of dust, so that no mass is zero."""
+
+
+def consistency_cones(
+    standard: Standard, variables: int, *, epsilon: float = EPSILON, heaviest: float | None = None
+) -> list[Cone]:
+    """Cones that hold standard parameters of real bodies; they are the first of the variables.
+
+    Args:
+        standard: The standard parameters.
+        variables: Number of variables of the program.
+        epsilon: Smallest eigenvalue of a pseudo-inertia.
+        heaviest: Largest mass of a link [kg].
+    """
+    units = pseudo_inertia(np.eye(10))
+    i, j = upper_triangle(4)
+    cones: list[Cone] = []
+    for own in standard.inertial:
+        matrix = np.zeros((10, variables))
+        matrix[:, own] = units[:, i, j].T
+        cones.append(Cone("semidefinite", matrix, -epsilon * (i == j)))
+    bounded = np.flatnonzero(standard.nonnegative)
+    if len(bounded):
+        cones.append(Cone("nonnegative", np.eye(variables)[bounded], np.zeros(len(bounded))))
+    if heaviest is not None and len(standard.inertial):
+        masses = standard.inertial[:, 0]
+        cones.append(Cone("nonnegative", -np.eye(variables)[masses], np.full(len(masses), heaviest)))
+    return cones
+
+
+def smallest_eigenvalues(standard: Standard, values: Array) -> Array:
+    """Smallest eigenvalue of each link's pseudo-inertia, shape (links,)."""
+    if not len(standard.inertial):
+        return np.zeros(0)
+    return np.asarray(np.linalg.eigvalsh(pseudo_inertia(values[standard.inertial]))[:, 0], dtype=np.float64)

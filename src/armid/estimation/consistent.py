@@ -1,0 +1,254 @@
+"""Consistent parameters that fit whitened rows best, with a prior or without: the convex programs.
+
+    minimise |A (L θ) - y|    so that θ lies in the cone of real bodies
+
+The prior is added to half the square; `none` is a mass prior too weak to be felt. The residual enters as a
+second-order cone or by its rows, never as AᵀA, which would lose half of the digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armid.errors import EstimationError
+from armid.estimation.consistency import smallest_eigenvalues
+from armid.estimation.constraints import Feasible, Requirements, feasible_set
+from armid.estimation.prior import MASS, Belief, size_of_bodies
+from armid.estimation.problem import Standard
+from armid.maths.barrier import GAP, Smooth, minimise
+from armid.maths.cones import ACCEPTED, Cone, solve_cones
+from armid.values import Array
+
+__all__ = ["Bodies", "Program"]
+
+UNFELT = 1e-6
+"""Weight of a mass prior that stands for none: without any there need be no smallest residual, since bodies of
+infinite mass can come ever nearer to it."""
+
+MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
+"""Added to the eigenvalues asked for, until what the solver's last digits leave is no less than asked."""
+
+GOOD = 2e-7
+"""Gap at which an answer is taken, over the size of the objective: a fifth of the largest that is accepted."""
+
+TRIES = 5
+"""Most programs for one answer; one is usual."""
+
+UNIT = 1e3
+"""Size that columns are scaled down to where noise is so small that they are larger."""
+
+ROOM = 0.1
+"""Most slack that a start of the search is given in each cone; any positive one does."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Bodies:
+    """A solution that was checked.
+
+    Attributes:
+        values: Standard parameters (p,).
+        objective: Half the squared residual beyond the best, and the prior.
+        gap: By how much the minimum may lie below, relative.
+    """
+
+    values: Array
+    objective: float
+    gap: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Program:
+    """What is asked of the parameters, whatever the data.
+
+    Attributes:
+        standard: The standard parameters.
+        asked: Constraints.
+        kind: `mass`, `log-det`, `euclidean` or `none`.
+        belief: The prior.
+        correlation: Rows that count as one independent sample.
+    """
+
+    standard: Standard
+    asked: Requirements
+    kind: str
+    belief: Belief
+    correlation: float = 1.0
+
+    def solve(self, rows: Array, side: Array, weight: float, *, aim: float = GAP) -> Bodies:
+        """The best parameters.
+
+        Args:
+            rows: Whitened rows, shape (k, b).
+            side: Shape (k,).
+            weight: Of the prior of the links, in independent samples.
+            aim: Gap aimed at, where the method can choose.
+
+        Raises:
+            EstimationError: The constraints contradict each other, or no checked solution was found.
+        """
+        trouble: EstimationError | None = None
+        for margin in MARGINS:
+            feasible = feasible_set(self.standard, self.asked, margin)
+            if not feasible.basis.shape[1]:
+                raise EstimationError("Every parameter is given; there is nothing to estimate.")
+            try:
+                found = self._solve(feasible, rows, side, weight, aim)
+            except EstimationError as error:
+                trouble = error
+                continue
+            found = replace(found, values=self._cleared(found.values))
+            if self._holds(found.values):
+                return found
+        raise trouble or EstimationError(
+            "The solver's answer is not physical within its last digits.",
+            remedy="ask for a smaller epsilon, or look at constraints that contradict each other.",
+        )
+
+    def _solve(self, feasible: Feasible, rows: Array, side: Array, weight: float, aim: float) -> Bodies:
+        A = rows @ self.standard.regrouping
+        y = side - A @ feasible.origin
+        A = A @ feasible.basis
+        if self.kind == "log-det":
+            return self._log_det(feasible, A, y, weight, aim)
+        weak = np.diag(self.belief.precision) @ feasible.basis**2
+        believed = np.diag(self.belief.precision)
+        cost = np.zeros(A.shape[1])
+        is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
+        linear = self.kind in ("mass", "none")
+        scale = UNFELT if self.kind == "none" else 1.0
+        if linear:
+            size = size_of_bodies(self.standard) @ feasible.basis
+            cost = self.correlation * (UNFELT if self.kind == "none" else weight) / MASS * size
+        root = np.sqrt(self.correlation * np.where(is_link, 0.0 if linear else weight, scale) * believed)
+        A = np.concatenate([A, (root[:, None] * feasible.basis)[root > 0.0]])
+        y = np.concatenate([y, (root * (self.belief.mean - feasible.origin))[root > 0.0]])
+        try:
+            return _nearest(feasible, A, y, cost, weak)
+        except EstimationError:  # another method for what the first has no digits for
+            found = minimise(Smooth(A, y, (), feasible.cones, cost), self._start(feasible), aim=aim)
+            return Bodies(feasible.of(found.x), found.objective, found.gap)
+
+    def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> Bodies:
+        """By Newton's method, first without the smallest eigenvalue, which the prior nearly always gives."""
+        others = np.setdiff1d(np.arange(len(self.standard.names)), self.standard.inertial)
+        root = np.sqrt(self.correlation * np.diag(self.belief.precision)[others])[:, None]
+        A = np.concatenate([A, root * feasible.basis[others]])
+        y = np.concatenate([y, root[:, 0] * (self.belief.mean - feasible.origin)[others]])
+        terms = self.belief.log_det(self.standard, feasible.origin, feasible.basis, self.correlation * weight)
+        loose = tuple(cone for cone in feasible.cones if cone.kind != "semidefinite")
+        start, nothing = self._start(feasible), np.zeros(A.shape[1])
+        found = minimise(Smooth(A, y, terms, loose, nothing), start, aim=aim)
+        values = feasible.of(found.x)
+        if not self._holds(self._cleared(values)):
+            found = minimise(Smooth(A, y, terms, feasible.cones, nothing), start, aim=aim)
+            values = feasible.of(found.x)
+        return Bodies(values, found.objective, found.gap)
+
+    def _start(self, feasible: Feasible) -> Array:
+        """Unknowns strictly inside: the prior's mean and some friction, or else what a conic program finds."""
+        values = self.belief.mean.copy()
+        free = self.standard.nonnegative & (values <= 0.0)
+        values[free] = ROOM / np.sqrt(np.diag(self.belief.precision)[free])
+        start = feasible.unknowns(values)
+        if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
+            return start
+        return _inside(feasible)
+
+    def _cleared(self, values: Array) -> Array:
+        """Values that the solver left a rounding below zero are zero."""
+        bounded = self.standard.nonnegative & (values < 0.0) & (values > -ACCEPTED)
+        return np.where(bounded, 0.0, values)
+
+    def _holds(self, values: Array) -> bool:
+        """Whether the bodies are physical and every other constraint holds, computed from the values."""
+        least = smallest_eigenvalues(self.standard, values)
+        feasible = feasible_set(self.standard, self.asked)
+        estimated = (feasible.basis[self.standard.inertial] != 0.0).any(axis=(1, 2))
+        x = feasible.unknowns(values)
+        others = [cone for cone in feasible.cones if cone.kind != "semidefinite"]
+        return (
+            bool(np.isfinite(values).all())
+            and bool((least[estimated] >= self.asked.epsilon).all())
+            and bool((values[self.standard.nonnegative] >= 0.0).all())
+            and all(cone.leaves(x) <= ACCEPTED for cone in others)
+        )
+
+
+def _nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Array) -> Bodies:
+    """The unknowns x that minimise ½ |A x - y|² + costᵀ x.
+
+    Solvers count digits from the largest number, which with data of little noise is the right-hand side. So the
+    program is about the change from a place near the answer, and in units of the size that the residual may have
+    there: the first are guesses, the next come from a rougher answer.
+    """
+    x = A.shape[1]
+    length = np.sqrt(np.sum(A**2, axis=0) + precision)
+    whole = np.concatenate([A / length, np.diag(np.sqrt(precision) / length)])
+    near = np.linalg.lstsq(whole, np.concatenate([y, np.zeros(x)]), rcond=None)[0] / length
+    units = [max(float(np.median(length)) / UNIT, 1.0), float(length.max())]
+    trouble = EstimationError("No consistent parameters were found.")
+    for _ in range(TRIES):
+        unit = units.pop(0)
+        try:
+            change, gap = _change(feasible, A / unit, (y - A @ near) / unit, cost / unit**2, near)
+        except EstimationError as error:
+            trouble = error
+            if not units:
+                break
+            continue
+        near = near + change
+        residual = float(np.linalg.norm(A @ near - y))
+        objective = 0.5 * residual**2 + float(cost @ near)
+        relative = gap * unit**2 / max(1.0, abs(objective))
+        if relative <= GOOD:
+            return Bodies(feasible.of(near), objective, relative)
+        trouble = EstimationError(f"The conic solver left a gap of {relative:.1e} of the objective.")
+        units = [max(residual, 1.0), max(0.1 * residual, 1.0)]
+    raise trouble
+
+
+def _change(feasible: Feasible, A: Array, y: Array, cost: Array, near: Array) -> tuple[Array, float]:
+    """The change d (x,) of the unknowns that minimises ½ |A d - y|² + costᵀ d, and the gap."""
+    x = A.shape[1]
+    norm = np.zeros((len(A) + 1, x + 1))
+    norm[0, x], norm[1:, :x] = 1.0, A
+    cones = tuple(replace(c, offset=c.offset + c.matrix @ near) for c in feasible.cones)
+    found = solve_cones(
+        np.append(cost, 0.0),
+        [*_widened(cones, 1), Cone("norm", norm, np.concatenate([[0.0], -y]))],
+        np.append(np.zeros(x), 1.0),
+    )
+    return found.x[:x], found.gap * max(1.0, abs(found.objective))
+
+
+def _inside(feasible: Feasible) -> Array:
+    """Unknowns with as much slack in every cone as there is, up to some."""
+    x = feasible.basis.shape[1]
+    cones: list[Cone] = []
+    for cone in feasible.cones:
+        matrix = np.concatenate([cone.matrix, np.zeros((len(cone.matrix), 1))], axis=1)
+        if cone.kind == "semidefinite":
+            j, i = np.tril_indices(round((np.sqrt(8 * len(matrix) + 1) - 1) / 2))
+            matrix[:, x] = np.where(i == j, -1.0, 0.0)
+        else:
+            matrix[:, x] = -1.0
+        cones.append(Cone(cone.kind, matrix, cone.offset))
+    most = np.zeros((1, x + 1))
+    most[0, x] = -1.0
+    cost = np.zeros(x + 1)
+    cost[x] = -1.0
+    # Without a limit of their size, unknowns that nothing bounds would go anywhere.
+    size = np.concatenate([np.zeros((1, x + 1)), np.eye(x, x + 1)])
+    found = solve_cones(
+        cost, [*cones, Cone("nonnegative", most, np.array([ROOM])), Cone("norm", size, np.append(1e3, np.zeros(x)))]
+    )
+    if found.x[x] <= 0.0:
+        raise EstimationError("The constraints leave no body.", remedy="look at masses, com, equal and fixed.")
+    return found.x[:x]
+
+
+def _widened(cones: tuple[Cone, ...], more: int) -> list[Cone]:
+    """The same cones with further variables that do not touch them."""
+    return [replace(c, matrix=np.concatenate([c.matrix, np.zeros((len(c.matrix), more))], axis=1)) for c in cones]

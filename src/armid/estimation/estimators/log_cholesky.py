@@ -1,0 +1,240 @@
+"""Least squares in parameters that cannot be unphysical: the witness of the convex estimate.
+
+Each link's pseudo-inertia is J = T Tᵀ with T upper triangular and the logarithms of its diagonal as unknowns
+[Rucker2022]; friction and rotor inertia are squares. The problem has no constraints left and is no longer convex: it
+starts from several places, and where it ends is compared with the convex estimate's objective, which is the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from armid.errors import EstimationError, Finding
+from armid.estimation.fit import Fit
+from armid.estimation.outcome import Outcome
+from armid.estimation.per_recording import standard_per_recording
+from armid.estimation.prior import LENGTH, MASS, Belief, believe
+from armid.estimation.problem import Problem, Standard
+from armid.estimation.standard_fit import PriorUse
+from armid.estimation.weighted import Weighted, weigh
+from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
+from armid.values import Array
+
+__all__ = ["LogCholesky"]
+
+RESOLUTION = 1e-5
+"""Smallest residual over torque that counts as noise, as in `physical`."""
+
+TOLERANCE = 1e-7
+"""Relative fall of the objective over the last steps that ends the search."""
+
+PATIENCE = 10
+"""Steps that this fall is counted over: in a curved valley a single one is small."""
+
+SMALLEST = 1e-7
+"""Least diagonal entry of a factor: without it, where a body has no thickness, the search would go on for ever."""
+
+FARTHEST = 4.0
+"""Longest step, in logarithms of all lengths together."""
+
+DAMPING = 1e-3
+"""First damping over the objective, steps being measured in logarithms."""
+
+SPREAD = 0.5
+"""Standard deviation of the logarithms in which a further start differs."""
+
+UPPER = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
+"""Rows and columns of a factor's entries, the diagonal first."""
+
+
+PLAIN = np.diag([0.01, 0.01, 0.01, 1.0])
+"""Pseudo-inertia of a body of a kilogram with radii of ten centimetres."""
+
+SYMMETRIC = np.array(
+    [[vector_from_pseudo_inertia(0.5 * (np.outer(a, b) + np.outer(b, a))) for b in np.eye(4)] for a in np.eye(4)]
+).transpose(2, 0, 1)
+"""Parameters (10, 4, 4) of each symmetrised entry of a pseudo-inertia."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogCholesky:
+    """Least squares over factors of the pseudo-inertias.
+
+    Attributes:
+        prior: `mass`, as in `physical`, or `none`.
+        starts: Searches, the first from the description's bodies or plain ones, the others from near there.
+        seed: Of the other starts.
+        evaluations: Most evaluations of a search.
+    """
+
+    prior: Literal["mass", "none"] = "mass"
+    starts: int = 2
+    seed: int = 0
+    evaluations: int = 1000
+    name: ClassVar[str] = "log-cholesky"
+
+    def __post_init__(self) -> None:
+        if self.prior not in ("mass", "none"):
+            raise EstimationError(f"prior must be mass or none; found {self.prior!r}.", possible="mass, none")
+        for option in ("starts", "evaluations"):
+            if not isinstance(getattr(self, option), int) or getattr(self, option) < 1:
+                raise EstimationError(f"{option} must be a positive number; found {getattr(self, option)!r}.")
+
+    def estimate(self, problem: Problem) -> Fit:
+        """Estimate standard and base parameters.
+
+        Raises:
+            EstimationError: No row counts.
+        """
+        standard = standard_per_recording(problem.require_standard(self.name), problem.base, problem.information)
+        weighted = weigh(problem.information, resolution=RESOLUTION)
+        belief = believe(self.prior, standard, weighted)
+        search = _Search(standard, weighted, belief, self.prior == "mass")
+        rng = np.random.default_rng(self.seed)
+        first = search.start()
+        found: list[_End] = []
+        for k in range(self.starts):
+            start = search.moved(first, SPREAD * rng.standard_normal(search.unknowns)) if k else first
+            found.append(_descend(search, start, self.evaluations))
+        best = min(found, key=lambda each: each.cost)
+        weight = 1.0 if self.prior == "mass" else 0.0
+        prior = PriorUse(self.prior, weight, "that of one sample", weighted.correlation)
+        values = search.values(best.point)
+        costs = ", ".join(f"{each.cost:.8g}" for each in found)
+        said = f"{self.starts} searches ended at objectives {costs}; the convex estimate's is the same function."
+        findings = [Finding("local-search", "info", "", said)]
+        if not best.settled:
+            said = f"The best search was stopped after {self.evaluations} evaluations."
+            findings.append(Finding("not-converged", "warning", "", said, "allow more evaluations."))
+        return Outcome(standard, weighted, belief, prior, values, float("nan")).fit(findings)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Point:
+    """Where a search is.
+
+    Attributes:
+        T: Factors of the pseudo-inertias, shape (links, 4, 4).
+        others: What is not inertial, shape (o,).
+    """
+
+    T: Array
+    others: Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _End:
+    """Where a search ended: its point, objective, and whether it stood still."""
+
+    point: _Point
+    cost: float
+    settled: bool
+
+
+def _descend(search: _Search, point: _Point, evaluations: int) -> _End:
+    """Damped Gauss-Newton steps [Marquardt1963], none longer than the farthest."""
+    residual = search.residual(point)
+    cost, history = 0.5 * float(residual @ residual), [np.inf]
+    damping = DAMPING * cost
+    while evaluations > 0:
+        J = search.jacobian(point)
+        normal, gradient = J.T @ J, J.T @ residual
+        while evaluations > 0:
+            solved = np.linalg.solve(normal + damping * np.eye(len(gradient)), gradient)
+            step = -np.asarray(solved, dtype=np.float64)
+            if np.linalg.norm(step) <= FARTHEST:
+                evaluations -= 1
+                moved = search.moved(point, step)
+                tried = search.residual(moved)
+                lower = 0.5 * float(tried @ tried)
+                if lower < cost:
+                    point, residual, cost, damping = moved, tried, lower, 0.3 * damping
+                    break
+            damping *= 4.0
+            if damping > 1e12 * cost:
+                return _End(point, cost, True)
+        history.append(cost)
+        if len(history) > PATIENCE and history[-PATIENCE] - cost <= TOLERANCE * cost:
+            return _End(point, cost, True)
+    return _End(point, cost, False)
+
+
+class _Search:
+    """Residuals and their derivatives.
+
+    A step changes a factor to T U with U upper triangular and the logarithms of its diagonal as unknowns, which are
+    zero at every point: lengths of steps then mean the same for all bodies, in all frames and units.
+    """
+
+    def __init__(self, standard: Standard, weighted: Weighted, belief: Belief, light: bool) -> None:
+        self.standard = standard
+        self.rows = weighted.rows @ standard.regrouping
+        self.side = weighted.rows @ weighted.values
+        self.where = np.setdiff1d(np.arange(len(standard.names)), standard.inertial)
+        self.positive = standard.nonnegative[self.where]
+        self.scale = 1.0 / np.sqrt(np.diag(belief.precision)[self.where])
+        self.unknowns = 10 * len(standard.inertial) + len(self.where)
+        self.root = np.sqrt(weighted.correlation) / self.scale if light else np.zeros(len(self.where))
+        # ½ |row · T|² summed is the mass prior, which is linear in J = T Tᵀ.
+        size = np.array([1.0 / LENGTH, 1.0 / LENGTH, 1.0 / LENGTH, 1.0])
+        self.size = size * np.sqrt(2.0 * weighted.correlation / MASS) * (1.0 if light else 0.0)
+
+    def start(self) -> _Point:
+        """The description's bodies where they are ones, plain ones otherwise, and some friction."""
+        factors: list[Array] = []
+        for own in self.standard.inertial:
+            J = PLAIN if self.standard.nominal is None else pseudo_inertia(self.standard.nominal[own])
+            if np.linalg.eigvalsh(J)[0] <= SMALLEST:
+                J = PLAIN
+            factors.append(np.asarray(np.linalg.cholesky(J[::-1, ::-1])[::-1, ::-1], dtype=np.float64))
+        return _Point(np.array(factors).reshape(-1, 4, 4), np.where(self.positive, 0.1 * self.scale, 0.0))
+
+    def moved(self, point: _Point, step: Array) -> _Point:
+        """The point after a step."""
+        links = len(point.T)
+        entries = step[: 10 * links].reshape(links, 10)
+        U = np.zeros((links, 4, 4))
+        for e, (i, j) in enumerate(UPPER):
+            U[:, i, j] = np.exp(entries[:, e]) if i == j else entries[:, e]
+        T = point.T @ U
+        diagonal = np.arange(4)
+        T[:, diagonal, diagonal] = np.maximum(T[:, diagonal, diagonal], SMALLEST)
+        change = step[10 * links :]
+        others = np.where(
+            self.positive,
+            np.maximum(point.others * np.exp(change), 1e-12 * self.scale),
+            point.others + self.scale * change,
+        )
+        return _Point(T, others)
+
+    def values(self, point: _Point) -> Array:
+        """Standard parameters (p,)."""
+        result = np.zeros(len(self.standard.names))
+        result[self.standard.inertial] = vector_from_pseudo_inertia(point.T @ np.swapaxes(point.T, 1, 2))
+        result[self.where] = point.others
+        return result
+
+    def residual(self, point: _Point) -> Array:
+        """Residuals of data and prior; half their squared length is the objective."""
+        small = self.size[:, None] * point.T
+        return np.concatenate([self.rows @ self.values(point) - self.side, small.ravel(), self.root * point.others])
+
+    def jacobian(self, point: _Point) -> Array:
+        """Derivative of the residuals by the step."""
+        T = point.T
+        links = len(T)
+        unknowns = 10 * links + len(self.where)
+        i, j = np.array(UPPER).T
+        change = np.zeros((len(self.standard.names), unknowns))
+        small = np.zeros((links, 4, 4, unknowns))
+        blocks = 2.0 * np.einsum("vab,gae,gbe->gve", SYMMETRIC, T[:, :, i], T[:, :, j])
+        for k, own in enumerate(self.standard.inertial):
+            change[own, 10 * k : 10 * k + 10] = blocks[k]
+            small[k, :, j, 10 * k + np.arange(10)] = (self.size[:, None] * T[k, :, i].T).T
+        slope = np.where(self.positive, point.others, self.scale)
+        change[self.where, 10 * links + np.arange(len(slope))] = slope
+        last = self.root[:, None] * change[self.where]
+        return np.concatenate([self.rows @ change, small.reshape(16 * links, unknowns), last])

@@ -1,0 +1,155 @@
+"""Physically consistent standard parameters: what a real arm can have, and nothing else.
+
+Every link's pseudo-inertia at least epsilon, rotor inertia, viscous and Coulomb friction not negative, and what else
+is known of masses and centres of mass; under these the smallest weighted residual, with a prior for what data leave
+open. The problem is convex and small: it is solved on the compressed factors, whatever the length of the recordings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from armid.errors import EstimationError
+from armid.estimation.consistency import EPSILON
+from armid.estimation.consistent import Program
+from armid.estimation.constraints import Requirements, feasible_set
+from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
+from armid.estimation.fit import Fit
+from armid.estimation.outcome import Outcome
+from armid.estimation.per_recording import standard_per_recording
+from armid.estimation.prior import believe
+from armid.estimation.problem import Problem
+from armid.estimation.standard_fit import PriorUse, Trial
+from armid.estimation.weighted import Weighted, rows_of, weigh
+from armid.information.information import Information
+from armid.values import Array
+
+__all__ = ["PhysicallyConsistent"]
+
+RESOLUTION = 1e-5
+"""Smallest residual over torque that counts as noise. No model of an arm is right to more digits, and data that no
+body explains would otherwise be wrong by so many deviations that a solver has no digits left for the constraints."""
+
+WEIGHTS = np.logspace(4.0, -1.0, 11)
+"""Weights of a prior that are tried, strongest first: from links known to a hundredth to hardly known at all."""
+
+TRIED = 1e-4
+"""Gap at which a weight is tried."""
+
+LEAST_ERROR = 1e-4
+"""Held-out variance over that of the residual below which no difference counts."""
+
+PRIORS = ("mass", "log-det", "euclidean", "none")
+
+
+@dataclass(frozen=True, slots=True)
+class PhysicallyConsistent:
+    """Standard parameters of bodies that can exist, by convex optimisation.
+
+    Attributes:
+        prior: What decides where the data do not: `mass`, the smallest bodies; `log-det` or `euclidean`, the
+            description's; `none`, nothing, and such parameters are any that fit.
+        weight: Of the prior, in independent samples a joint; `auto` is by blocked cross-validation for `log-det` and
+            `euclidean`, and one for `mass`.
+        epsilon: Smallest eigenvalue of a pseudo-inertia.
+        heaviest: Largest mass of any link [kg].
+        total_mass: Least and largest mass of all links [kg].
+        masses: Least and largest mass of single links [kg], `{ 3 = [1.0, 4.0] }`.
+        com: Points around centres of mass in link frames [m]: two corners of a box, or more points of a hull.
+        equal: Sets of parameters that have one value, such as `[["XX_7", "YY_7"]]`.
+        fixed: Parameters that are known, `{ XY_7 = 0.0 }`.
+        known: Numbers of links that are as the description says.
+    """
+
+    prior: Literal["mass", "log-det", "euclidean", "none"] = "mass"
+    weight: float | Literal["auto"] = "auto"
+    epsilon: float = EPSILON
+    heaviest: float | None = None
+    total_mass: tuple[float, ...] | None = None
+    masses: Mapping[str, Sequence[float]] = field(default_factory=dict[str, "Sequence[float]"])
+    com: Mapping[str, Sequence[Sequence[float]]] = field(default_factory=dict[str, "Sequence[Sequence[float]]"])
+    equal: tuple[Sequence[str], ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict[str, float])
+    known: tuple[int, ...] = ()
+    name: ClassVar[str] = "physical"
+
+    def __post_init__(self) -> None:
+        if self.prior not in PRIORS:
+            raise EstimationError(f"prior must be one of these; found {self.prior!r}.", possible=", ".join(PRIORS))
+        if self.weight != "auto" and not (_number(self.weight) and 0.0 < self.weight < math.inf):
+            raise EstimationError(f"weight must be auto or a positive number; found {self.weight!r}.")
+        if not (_number(self.epsilon) and 0.0 < self.epsilon < 1.0):
+            raise EstimationError(f"epsilon must be a small positive number; found {self.epsilon!r}.")
+        if self.heaviest is not None and not (_number(self.heaviest) and self.heaviest > 0.0):
+            raise EstimationError(f"heaviest must be a positive mass [kg]; found {self.heaviest!r}.")
+        for option in ("masses", "com", "fixed"):
+            if not isinstance(getattr(self, option), Mapping):
+                raise EstimationError(f"{option} must be a table; found {getattr(self, option)!r}.")
+        if not all(isinstance(group, list | tuple) for group in self.equal):
+            raise EstimationError(f"equal must be a list of lists of names; found {self.equal!r}.")
+        object.__setattr__(self, "equal", tuple(tuple(group) for group in self.equal))
+
+    def estimate(self, problem: Problem) -> Fit:
+        """Estimate standard and base parameters.
+
+        Raises:
+            EstimationError: The description gives no prior that was asked for, constraints contradict each other, or
+                no solution passed its checks.
+        """
+        information = problem.information
+        standard = standard_per_recording(problem.require_standard(self.name), problem.base, information)
+        weighted = weigh(information, resolution=RESOLUTION)
+        belief = believe(self.prior, standard, weighted)
+        asked = Requirements(
+            self.epsilon, self.heaviest, self.total_mass, self.masses, self.com, self.equal, self.fixed, self.known
+        )
+        program = Program(standard, asked, self.prior, belief, weighted.correlation)
+        prior = self._weigh_prior(information, program, weighted)
+        bodies = program.solve(weighted.rows, weighted.rows @ weighted.values, prior.weight)
+        basis = feasible_set(standard, asked).basis
+        return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, basis).fit()
+
+    def _weigh_prior(self, information: Information, program: Program, weighted: Weighted) -> PriorUse:
+        """The prior with its weight and why it has it."""
+        correlation = weighted.correlation
+        if self.prior == "none":
+            return PriorUse(self.prior, 0.0, "of this kind has none", correlation)
+        if self.prior == "mass" and self.weight == "auto":
+            return PriorUse(self.prior, 1.0, "that of one sample", correlation)
+        if self.weight != "auto":
+            return PriorUse(self.prior, float(self.weight), "given", correlation)
+        parts = split(information, folds(information))
+        if not parts:
+            return PriorUse(self.prior, 1.0, "that of one sample, for want of blocks to leave out", correlation)
+        samples = float(weighted.whole.rows.max()) / correlation
+        weights = WEIGHTS[WEIGHTS <= max(samples, WEIGHTS[-1])]  # no opinion outweighs all that was seen
+        errors = np.full((len(weights), len(parts)), np.inf)
+        for f, part in enumerate(parts):
+            rows, side = rows_of(part.training, weighted.weights)
+            for k, weight in enumerate(weights):
+                values = program.solve(rows, side, float(weight), aim=TRIED).values
+                errors[k, f] = _error(part.held_out, program.standard.regrouping @ values, weighted.weights)
+        chosen = one_standard_error(errors)
+        how = f"the strongest within a standard error of the best of {len(weights)} on {len(parts)} folds left out"
+        trials = tuple(Trial(float(w), float(e)) for w, e in zip(weights, errors.mean(axis=1), strict=True))
+        return PriorUse(self.prior, float(weights[chosen]), how, correlation, trials)
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _error(held_out: Information, values: Array, weights: Array) -> float:
+    """Mean over joints of the logarithm of the held-out variance over that of the residual.
+
+    A joint whose torque is heavy, and whose noise rises with it, would otherwise decide alone.
+    """
+    rows = held_out.rows.sum(axis=0)
+    counted = rows > 0
+    variance = weights**2 * held_out_squares(held_out, values) / np.maximum(rows, 1)
+    return float(np.log(np.maximum(variance[counted], LEAST_ERROR)).mean())

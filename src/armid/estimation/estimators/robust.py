@@ -1,0 +1,259 @@
+"""Robust estimate: rows that fit badly count for less, joint by joint and row by row.
+
+    minimise Σ_j Σ_m ϱ(r_jm / s_j),        r_jm = τ_jm - x_jm π,        ψ = ϱ'
+
+by weighted least squares with weights ψ(u) / u that follow from the residuals u = r / s before [Holland1977], in a
+second pass over the rows. The scale s_j is the median of |r_j|, made that of a normal distribution. `huber` is convex
+and has one answer; `tukey` gives rows far off no say at all, has several, and starts from Huber's.
+
+The covariance is not that of least squares with these weights. The estimate answers to its rows by the slope ψ' and
+not by the weight [Huber1981, section 7.6]. Both averaged over a joint's rows, κ = mean ψ' / mean weight, it moves by
+
+    H⁻¹ Σ_j Σ_m x_jmᵀ ψ_jm / s_j,        H = Σ_j κ_j Σ_m (ψ_jm / u_jm) x_jmᵀ x_jm / s_j².
+
+Rows of weight κ ψ / u and torque x π + r / κ have this very H, these scores and the same estimate, so that whatever
+makes covariances from blocks, a sandwich or a jackknife of scores in ψ, works on their factors unchanged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import EstimationError, Finding
+from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.estimators.wls import RESOLUTION, WeightedLeastSquares
+from armid.estimation.fit import Fit
+from armid.estimation.least_squares import Solution, solve
+from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.problem import Problem
+from armid.estimation.uncertainty import scale_covariance
+from armid.information.information import Information, JointFactors, stack, total
+from armid.information.setup import column_source
+from armid.information.weighted import Rows, Segment, weighted_information
+from armid.values import Array
+
+__all__ = ["RobustLeastSquares"]
+
+HUBER, TUKEY = 1.345, 4.685
+"""Constants at which the estimate is as sure as least squares on 95 % of the rows, on normal noise [Holland1977]."""
+
+NORMAL_MEDIAN = 0.6744897501960817
+"""Median of the size of a standard normal number."""
+
+SETTLED = 1e-3
+"""Change of a parameter over its deviation that ends the iteration. Changes shrink by a twentieth or more each time,
+which leaves the estimate within a few hundredths of a deviation of its end."""
+
+ROUNDING = 1e-10
+"""The same over the largest parameter, for data without noise, whose deviations are those of arithmetic."""
+
+SCALED = 20
+"""Iterations after which the scales stand still. A median jumps from one row to the next and could do so for ever;
+with fixed scales every iteration lowers the sum."""
+
+SLIGHT = 0.5
+"""Rows of a smaller weight are counted in the finding. On normal noise these are 1 in 100, or with Huber 1 in 140."""
+
+FLATTEST = 0.1
+"""Smallest share κ that is used: below it half the rows lie beyond the bend and no covariance means anything."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobustLeastSquares:
+    """The estimate that rows far off, as from contact, hardly move.
+
+    Attributes:
+        loss: `tukey`, which leaves out what is far off, or `huber`, which counts it less.
+        constant: Residual over scale at which rows begin to count less (`huber`) or have no say (`tukey`); the usual
+            one where not given.
+        iterations: Most passes over the rows with one loss.
+    """
+
+    loss: Literal["huber", "tukey"] = "tukey"
+    constant: float | None = None
+    iterations: int = 300
+    name: ClassVar[str] = "robust"
+
+    def __post_init__(self) -> None:
+        if self.loss not in ("huber", "tukey"):
+            raise EstimationError(f"Unknown loss {self.loss!r}.", possible="huber, tukey")
+        if self.constant is not None and not 0.0 < self.constant < np.inf:
+            raise EstimationError(f"constant must be above 0; found {self.constant!r}.", possible="1.345, 4.685")
+
+    def estimate(self, problem: Problem) -> Fit:
+        """Estimate the base parameters.
+
+        Raises:
+            EstimationError: The data do not determine them, the weights do not settle, or there are no samples.
+        """
+        model, base, observations = problem.require_samples(self.name)
+        start = WeightedLeastSquares().estimate(problem)
+        passes = _Passes(problem, Rows(column_source(model, base), observations))
+        huber = _Loss("huber", self.constant if self.loss == "huber" and self.constant else HUBER)
+        found = self._settle(passes, huber, _State(start.values, passes.scale(start.values)), moving=True)
+        if self.loss == "tukey":
+            found = self._settle(passes, _Loss("tukey", self.constant or TUKEY), found, moving=False)
+        return passes.fit(start, found, model.robot.joint_names)
+
+    def _settle(self, passes: _Passes, loss: _Loss, state: _State, *, moving: bool) -> _State:
+        """Iterate until the parameters stand still."""
+        for k in range(self.iterations):
+            updated = passes.improve(state, loss, moving=moving and k < SCALED)
+            change = np.abs(updated.values - state.values)
+            rounding = ROUNDING * np.abs(updated.values).max(initial=0.0)
+            settled = bool((change <= SETTLED * updated.deviation + rounding).all())
+            state = updated
+            if settled:
+                return state
+        raise EstimationError(
+            f"The weights of the rows did not settle in {self.iterations} iterations.",
+            possible="wls, huber, or more iterations",
+            remedy='use loss = "huber", or method = "wls" and look at the residual of each joint.',
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Loss:
+    """ϱ by its weight ψ(u) / u and its slope ψ'(u)."""
+
+    kind: str
+    constant: float
+
+    def weight(self, u: Array) -> Array:
+        if self.kind == "huber":
+            return self.constant / np.maximum(np.abs(u), self.constant)
+        return np.maximum(1.0 - (u / self.constant) ** 2, 0.0) ** 2
+
+    def slope(self, u: Array) -> Array:
+        if self.kind == "huber":
+            return np.where(np.abs(u) <= self.constant, 1.0, 0.0)
+        square = (u / self.constant) ** 2
+        return np.where(square < 1.0, (1.0 - square) * (1.0 - 5.0 * square), 0.0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _State:
+    """Where the iteration stands: parameters (b,), scales (n,), and what it was that made them."""
+
+    values: Array
+    scale: Array
+    loss: _Loss | None = None
+    deviation: Array = field(default_factory=lambda: np.zeros(0))
+
+
+class _Passes:
+    """Passes over the rows of a problem."""
+
+    def __init__(self, problem: Problem, every: Rows) -> None:
+        self.information = problem.information
+        self.every = every
+        self.names = every.source.names
+        self.own = np.array([name not in problem.information.names for name in self.names])
+        rows = problem.information.rows.sum(axis=0)
+        whole = total(problem.information)
+        torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
+        self.floor = RESOLUTION * torque / np.sqrt(np.maximum(rows, 1))
+        self.floor[torque == 0.0] = 1.0  # a joint of which no row counts; any scale will do
+        self.free = 1.0 - problem.information.count / max(float(rows.sum()), problem.information.count + 1.0)
+
+    def residual(self, segment: Segment, j: int, values: Array) -> Array:
+        """Residuals (M,) of one joint's rows."""
+        layout, recording = self.every.source.layout, self.every.observations.runs[segment.run].recording
+        numbers = self._numbers(recording)[layout.parameters[j]]
+        a, b = layout.offset[j], layout.offset[j + 1]
+        return segment.x[b - 1] - values[numbers] @ segment.x[a : b - 1]
+
+    def _numbers(self, recording: int) -> NDArray[np.intp]:
+        """Where each base parameter stands among the information's, which may have copies for each recording."""
+        if not self.own.any():
+            return np.arange(len(self.names))
+        index = {name: k for k, name in enumerate(self.information.names)}
+        copies = [f"{name}[{recording + 1}]" if own else name for name, own in zip(self.names, self.own, strict=True)]
+        return np.array([index[name] for name in copies], dtype=np.intp)
+
+    def scale(self, values: Array) -> Array:
+        """Scale (n,) of each joint's residuals from their median, the parameters' share paid."""
+        sizes: list[list[Array]] = [[] for _ in self.floor]
+        for segment in self.every:
+            for j, own in enumerate(sizes):
+                own.append(np.abs(self.residual(segment, j, values))[segment.mask[:, j]])
+        joined = [np.concatenate(own) for own in sizes]
+        median = np.array([float(np.median(own)) if len(own) else 0.0 for own in joined])
+        return np.maximum(median / (NORMAL_MEDIAN * np.sqrt(self.free)), self.floor)
+
+    def improve(self, state: _State, loss: _Loss, *, moving: bool) -> _State:
+        """One iteration: weights from the residuals, parameters from the weighted rows, scales from these."""
+        solution = solve(self.weighted(state, loss, blocks=False), 1.0 / state.scale)
+        scale = self.scale(solution.values) if moving else state.scale
+        return _State(solution.values, scale, loss, np.sqrt(np.diag(solution.inverse)))
+
+    def weighted(self, state: _State, loss: _Loss, *, blocks: bool) -> Information:
+        """Factors of the weighted rows, with the parameters of the problem's information."""
+
+        def weigh(segment: Segment, j: int) -> Array:
+            return loss.weight(self.residual(segment, j, state.values) / state.scale[j])
+
+        return separate_by_recording(weighted_information(self.every, weigh, blocks=blocks), self.own)
+
+    def fit(self, start: Fit, state: _State, joints: tuple[str, ...]) -> Fit:
+        """The estimate with what its covariance is made of.
+
+        Args:
+            start: The fit by weighted least squares, for what does not change.
+            state: Where the iteration ended.
+            joints: Names of the joints.
+        """
+        loss = state.loss
+        assert loss is not None  # the iteration has run
+        kappa, squares, slight = self._means(state, loss)
+        working = _working(self.weighted(state, loss, blocks=True), state.values, kappa)
+        working = replace(working, scale_deviation=self.information.scale_deviation)
+        whole, weights = total(working), 1.0 / state.scale
+        solution = Solution(whole, weights)
+        A, _ = stack(whole, weights * np.sqrt(squares / kappa))  # mean ψ² for every mean ψ' of H
+        white = solution.inverse @ (A.T @ A) @ solution.inverse
+        once = total(self.information)
+        return replace(
+            start,
+            values=state.values,
+            deviation=np.sqrt(np.diag(white)),
+            covariance=white + scale_covariance(whole, weights, solution.inverse),
+            residual_rms=np.sqrt(held_out_squares(once, state.values) / np.maximum(once.rows[0], 1)),
+            weights=weights,
+            findings=(_finding(slight, once.rows[0], joints),),
+            information=working,
+        )
+
+    def _means(self, state: _State, loss: _Loss) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Of each joint: κ, mean ψ² over mean weight with the parameters' share paid, rows with a slight weight."""
+        sums = np.zeros((len(self.floor), 4))
+        for segment in self.every:
+            for j, row in enumerate(sums):
+                u = self.residual(segment, j, state.values)[segment.mask[:, j]] / state.scale[j]
+                weight = loss.weight(u)
+                row += [loss.slope(u).sum(), weight.sum(), ((weight * u) ** 2).sum(), (weight < SLIGHT).sum()]
+        kappa = np.maximum(sums[:, 0] / np.maximum(sums[:, 1], 1.0), FLATTEST)
+        squares = sums[:, 2] / (self.free * np.maximum(sums[:, 1], 1.0))
+        return kappa, squares, sums[:, 3].astype(np.int64)
+
+
+def _working(weighted: Information, values: Array, kappa: Array) -> Information:
+    """Factors of rows of weight κ ψ / u and torque x π + r / κ, from those of weight ψ / u and torque."""
+    joints: list[JointFactors] = []
+    for share, joint in zip(kappa, weighted.joints, strict=True):
+        R = np.sqrt(share) * joint.R
+        R[:, :, -1] = R[:, :, -1] / share + (1.0 - 1.0 / share) * (R[:, :, :-1] @ values[joint.parameters])
+        joints.append(JointFactors(joint.parameters, R))
+    return replace(weighted, joints=tuple(joints))
+
+
+def _finding(slight: NDArray[np.int64], rows: NDArray[np.int64], joints: tuple[str, ...]) -> Finding:
+    """How many rows count less than half."""
+    shares = ", ".join(
+        f"{name} {count} of {of}" for name, count, of in zip(joints, slight.tolist(), rows.tolist(), strict=True)
+    )
+    return Finding("rows-down-weighted", "info", "", f"Rows that count less than half: {shares}.")

@@ -1,0 +1,205 @@
+"""The thesis's own estimate of physical parameters, (3.52) and (3.53) [Halper2024].
+
+    minimise |ρ - W π(μ)|²    over μ = (m, r, I about the centre of mass, friction)    with bounds and inequalities
+
+The inequalities are heuristics: they neither imply nor follow from a body's existence, so that the result is usually
+not physical, and says so. IPOPT solves it with exact first and second derivatives, from several starts, since the
+problem is not convex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import EstimationError, Finding, MissingExtraError
+from armid.estimation.fit import Fit
+from armid.estimation.outcome import Outcome
+from armid.estimation.per_recording import standard_per_recording
+from armid.estimation.prior import believe
+from armid.estimation.problem import Problem, Standard
+from armid.estimation.standard_fit import PriorUse
+from armid.estimation.weighted import Weighted, weigh
+from armid.values import Array
+
+__all__ = ["ThesisNLP"]
+
+CONSTRAINTS = ("3.52d", "3.53a", "3.53b", "3.53c", "3.53d", "3.53e", "3.53f")
+"""All inequalities beside the bounds; (3.52c), positive masses, is the lower bound of the masses."""
+
+RESOLUTION = 1e-5
+"""Smallest residual over torque that counts as noise, as in `physical`."""
+
+LEAST_MOMENT = 1e-4
+"""(3.53d): smallest moment of inertia [kg·m²]."""
+
+POSITIVE = 1e-12
+"""Least leading minor of a tensor that is to be positive definite, (3.52d) [(kg·m²)³ and less]."""
+
+SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level", "Feasible_Point_Found")
+
+
+@dataclass(frozen=True, slots=True)
+class ThesisNLP:
+    """The thesis's nonlinear program.
+
+    Attributes:
+        constraints: Inequalities that are kept, of `3.52d` and `3.53a` to `3.53f`.
+        mass: Bounds of a mass [kg].
+        com: Largest coordinate of a centre of mass, either way [m].
+        moment: Bounds of a moment of inertia about the centre of mass [kg·m²].
+        product: Largest product of inertia, either way [kg·m²].
+        friction: Largest friction parameter, either way where it has a sign.
+        long: Numbers of the links that are long along z, (3.53e), and along y, (3.53f).
+        starts: Searches from random places, the first from the middle of the bounds.
+        seed: Of the other starts.
+        iterations: Most iterations of a search.
+    """
+
+    constraints: tuple[str, ...] = CONSTRAINTS
+    mass: tuple[float, ...] = (0.05, 15.0)
+    com: float = 0.5
+    moment: tuple[float, ...] = (1e-4, 2.0)
+    product: float = 1.0
+    friction: float = 100.0
+    long: tuple[Sequence[int], ...] = ((1, 3, 5), (2, 4))
+    starts: int = 2
+    seed: int = 0
+    iterations: int = 1000
+    name: ClassVar[str] = "thesis-nlp"
+    excludes_bodies: ClassVar[bool] = True  # its inequalities refuse bodies that exist
+
+    def __post_init__(self) -> None:
+        unknown = [c for c in self.constraints if c not in CONSTRAINTS]
+        if unknown:
+            raise EstimationError(f"Unknown constraint {unknown[0]!r}.", possible=", ".join(CONSTRAINTS))
+        for option in ("mass", "moment"):
+            bounds = getattr(self, option)
+            if len(bounds) != 2 or not 0.0 < bounds[0] < bounds[1]:
+                raise EstimationError(f"{option} must be a least and a larger largest value; found {bounds!r}.")
+        for option in ("com", "product", "friction", "starts", "iterations"):
+            if not getattr(self, option) > 0:
+                raise EstimationError(f"{option} must be positive; found {getattr(self, option)!r}.")
+        if len(self.long) != 2:
+            raise EstimationError(f"long must be two lists of links; found {self.long!r}.")
+        object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
+
+    def estimate(self, problem: Problem) -> Fit:
+        """Estimate physical, standard and base parameters; every joint's rows count alike.
+
+        Raises:
+            MissingExtraError: casadi is not installed.
+            EstimationError: No search ended at a point that keeps the constraints.
+        """
+        standard = standard_per_recording(problem.require_standard(self.name), problem.base, problem.information)
+        weighted = weigh(problem.information, plain=True, resolution=RESOLUTION)
+        program = _Program(self, standard, weighted)
+        rng = np.random.default_rng(self.seed)
+        low, high = program.low, program.high
+        ends = [program.solve(0.5 * (low + high) if k == 0 else rng.uniform(low, high)) for k in range(self.starts)]
+        good = [each for each in ends if each[2] in SOLVED]
+        if not good:
+            raise EstimationError(
+                f"IPOPT found no solution from {self.starts} starts ({', '.join(sorted({e[2] for e in ends}))}).",
+                remedy="wider bounds, fewer constraints or more starts.",
+            )
+        values = min(good, key=lambda each: each[0])[1]
+        costs = ", ".join(f"{each[0]:.8g}" if each[2] in SOLVED else each[2] for each in ends)
+        findings = [Finding("local-search", "info", "", f"{self.starts} searches ended at objectives {costs}.")]
+        belief = believe("none", standard, weighted)
+        prior = PriorUse("none", 0.0, "bounds and inequalities only", weighted.correlation)
+        return Outcome(standard, weighted, belief, prior, values, float("nan")).fit(findings)
+
+
+class _Program:
+    """The program in casadi, built once for all starts."""
+
+    def __init__(self, options: ThesisNLP, standard: Standard, weighted: Weighted) -> None:
+        try:
+            casadi: Any = import_module("casadi")
+        except ModuleNotFoundError as error:
+            raise MissingExtraError("casadi", "The method thesis-nlp", "nlp") from error
+        self.standard, self.casadi = standard, casadi
+        self.others = np.setdiff1d(np.arange(len(standard.names)), standard.inertial)
+        self.low, self.high = _bounds(options, standard, self.others)
+        unknowns = casadi.MX.sym("mu", len(self.low))
+        values = self._standard(unknowns)
+        # Scaled by the torque, so that the solver's tolerances mean the same for every arm.
+        self.scale = 1.0 / max(float(np.sum((weighted.rows @ weighted.values) ** 2)), 1e-300)
+        residual = casadi.mtimes(casadi.DM(weighted.rows @ standard.regrouping), values)
+        residual = residual - casadi.DM(weighted.rows @ weighted.values)
+        limits = self._inequalities(options, unknowns)
+        cost = 0.5 * self.scale * casadi.dot(residual, residual)
+        self.to_standard: Any = casadi.Function("standard", [unknowns], [values])
+        settings = {
+            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": options.iterations, "tol": 1e-9},
+            "print_time": False,
+        }
+        program = {"x": unknowns, "f": cost, "g": casadi.vertcat(*limits)}
+        self.solver: Any = casadi.nlpsol("thesis", "ipopt", program, settings)
+        self.limits = len(limits)
+
+    def solve(self, start: Array) -> tuple[float, Array, str]:
+        """Objective, standard parameters and IPOPT's word from one start."""
+        found = self.solver(
+            x0=start, lbx=self.low, ubx=self.high, lbg=np.zeros(self.limits), ubg=np.full(self.limits, np.inf)
+        )
+        values = np.array(self.to_standard(found["x"]), dtype=np.float64).ravel()
+        return float(found["f"]) / self.scale, values, str(self.solver.stats()["return_status"])
+
+    def _standard(self, unknowns: Any) -> Any:
+        """Standard parameters of the unknowns: link by link m, r, I about the centre of mass, then the others."""
+        casadi = self.casadi
+        result: list[Any] = [0.0] * len(self.standard.names)
+        for k, own in enumerate(self.standard.inertial):
+            m, x, y, z, xx, xy, yy, xz, yz, zz = (unknowns[10 * k + e] for e in range(10))
+            values = (m, m * x, m * y, m * z)
+            values += (xx + m * (y * y + z * z), xy - m * x * y, yy + m * (x * x + z * z))
+            values += (xz - m * x * z, yz - m * y * z, zz + m * (x * x + y * y))
+            for at, value in zip(own, values, strict=True):
+                result[at] = value
+        for e, at in enumerate(self.others):
+            result[at] = unknowns[10 * len(self.standard.inertial) + e]
+        return casadi.vertcat(*result)
+
+    def _inequalities(self, options: ThesisNLP, unknowns: Any) -> list[Any]:
+        """Left-hand sides that must not be negative."""
+        limits: list[Any] = []
+        for k, own in enumerate(self.standard.inertial):
+            link = int(self.standard.names[own[0]].rsplit("_", 1)[1])
+            xx, xy, yy, xz, yz, zz = (unknowns[10 * k + e] for e in range(4, 10))
+            axes, products = (xx, yy, zz), (xy, xz, yz)
+            if "3.52d" in options.constraints:
+                minor = xx * yy - xy * xy
+                det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+                limits += [minor - POSITIVE, det - POSITIVE]
+            if "3.53a" in options.constraints:
+                limits += [xx + yy - zz, yy + zz - xx, zz + xx - yy]
+            if "3.53b" in options.constraints:
+                limits += [100.0 * a - b for a in axes for b in axes if a is not b]
+            if "3.53c" in options.constraints:
+                limits += [0.1 * a - sign * p for a in axes for p in products for sign in (1.0, -1.0)]
+            if "3.53d" in options.constraints:
+                limits += [a - LEAST_MOMENT for a in axes]
+            if "3.53e" in options.constraints and link in options.long[0]:
+                limits += [xx - 3.0 * zz, yy - 3.0 * zz]
+            if "3.53f" in options.constraints and link in options.long[1]:
+                limits += [xx - 3.0 * yy, zz - 3.0 * yy]
+        return limits
+
+
+def _bounds(options: ThesisNLP, standard: Standard, others: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Bounds of the unknowns."""
+    (least, most), (small, large), far, cross = options.mass, options.moment, options.com, options.product
+    low = [least, -far, -far, -far, small, -cross, small, -cross, -cross, small]
+    high = [most, far, far, far, large, cross, large, cross, cross, large]
+    links = len(standard.inertial)
+    sign = np.where(standard.nonnegative[others], 0.0, -options.friction)
+    return np.concatenate([np.tile(low, links), sign]), np.concatenate(
+        [np.tile(high, links), np.full(len(others), options.friction)]
+    )

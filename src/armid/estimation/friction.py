@@ -1,0 +1,225 @@
+"""The friction ladder: which friction each joint has, as unseen motion judges it.
+
+Hysteresis at reversals, friction under load, velocity laws, ripple and asymmetry stand beside the model as
+candidates. All of their columns are made once; the rest is small algebra on the factors (`friction_search`). A prior
+keeps the bodies near the description, since data that leave the bodies open cannot tell friction from them; its
+weight is found on the same stretches. What is chosen are ordinary torque terms: the estimate itself is made the usual
+way, from a model that has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import EstimationError
+from armid.estimation.crossvalidation import folds
+from armid.estimation.estimate import torque_parameters
+from armid.estimation.estimators.ridge import Ridge
+from armid.estimation.friction_candidates import RUNGS, Superset, candidates, described, superset, terms_of
+from armid.estimation.friction_folds import Prior, Stretches, make_stretches
+from armid.estimation.friction_search import Climb, Trial, climb
+from armid.estimation.prior import believe
+from armid.estimation.problem import Problem, standard_of
+from armid.estimation.weighted import Weighted, weigh
+from armid.information.information import Information, JointFactors
+from armid.information.observations import Observations
+from armid.information.stream import inform
+from armid.kernel import factor_columns
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import LoadCoulomb, Term
+from armid.values import Array
+
+__all__ = ["Evidence", "Ladder", "choose_friction"]
+
+FOLDS = 8
+"""Stretches that are left out in turn: each trains on most of the data, and a standard error has seven degrees."""
+
+LONG = 3
+"""Long stretches, in which other poses come than in the rest: what imitates gravity fails there."""
+
+FEWEST = 8
+"""Blocks below which nothing is chosen: a few seconds of motion are no evidence for or against friction."""
+
+LOWEST = 1e-3
+"""Ratios below count as this where a deviation is divided by them; noise-free data would give none."""
+
+STRENGTHS = np.logspace(4.0, -4.0, 17)
+"""Weights of the prior that are tried, strongest first, in independent samples."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What stretches that were left out say of a candidate on a joint, beside what the joint then had.
+
+    Attributes:
+        joint: Name of the joint.
+        rung: The kind of friction.
+        candidate: The terms in words, with their shapes.
+        ratio: Held-out RMS with it over that without.
+        deviation: Standard error of the ratio, from the scatter between stretches.
+        chosen: Whether the joint has it.
+    """
+
+    joint: str
+    rung: str
+    candidate: str
+    ratio: float
+    deviation: float
+    chosen: bool
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Ladder:
+    """Friction that was chosen, and why.
+
+    Attributes:
+        model: The model with the chosen terms, and with `load_parameters` where one of them needs the load.
+        added: The terms that were added, restricted to their joints.
+        evidence: Every candidate of every joint that was looked at.
+        ratio: Held-out RMS with the chosen terms over that without, shape (n,); one where nothing was judged.
+        deviation: Standard error of the ratio, shape (n,).
+        prior_weight: Weight of the prior towards the description with which all of this was judged, in independent
+            samples of the data as the chosen model explains them: what an estimate with this model best uses. `None`
+            where nothing was judged.
+        why: Why nothing was looked at; empty where it was.
+    """
+
+    model: DynamicsModel
+    added: tuple[Term, ...]
+    evidence: tuple[Evidence, ...]
+    ratio: Array
+    deviation: Array
+    prior_weight: float | None
+    why: str = ""
+
+
+def choose_friction(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> Ladder:
+    """Choose friction for each joint by the error on stretches of motion that were left out.
+
+    Args:
+        model: Arm with the terms that it has in any case: rigid bodies, viscous and Coulomb friction, offset.
+        observations: The training recordings.
+        threads: Threads of the kernel.
+
+    Raises:
+        ArmidError: No row counts.
+    """
+    base = find_base_parameters(model)
+    problem = Problem(inform(model, base, observations, threads=threads), standard_of(model, base), model, base)
+    used = int(problem.information.rows.any(axis=1).sum())
+    if used < FEWEST:
+        ones = np.ones(model.n)
+        why = f"{used} blocks of rows are too few to judge friction on; {FEWEST} are the least."
+        return Ladder(model, (), (), ones, np.zeros(model.n), None, why)
+    weighted = weigh(problem.information)
+    weight, prior = _prior(problem, weighted)
+    loaded = _loaded(problem, weight)
+    allowed = candidates(loaded, observations)
+    wide = superset(loaded, base, allowed)
+    information = inform(wide.model, wide.base, observations, threads=threads)
+    widened = _widened(prior, wide)
+    stretches, long = (
+        make_stretches(information, folds(information, count), weighted.weights, widened) for count in (FOLDS, LONG)
+    )
+    found = climb(stretches, long, wide, allowed, RUNGS)
+    added = terms_of(loaded, found.chosen)
+    needs = any(isinstance(term, LoadCoulomb) for term in added)
+    chosen = replace(loaded if needs else model, terms=(*model.terms, *added))
+    weight *= weighted.correlation / _correlation(_narrowed(information, found.kept), weighted)
+    return Ladder(chosen, added, _evidence(model, found.trials), *_outcome(stretches, wide, found), weight)
+
+
+def _loaded(problem: Problem, weight: float) -> DynamicsModel:
+    """The model with the bodies of a first estimate for what depends on the load, unless it knows them already."""
+    model, base = problem.model, problem.base
+    assert model is not None and base is not None  # `choose_friction` gives them
+    if model.load_parameters is not None or not model.has_rigid_bodies:
+        return model
+    theta = torque_parameters(base, Ridge(weight=weight).estimate(problem))
+    return replace(model, load_parameters=theta[model.inertial_columns].reshape(model.n, 10))
+
+
+def _correlation(information: Information, before: Weighted) -> float:
+    """Rows that count as one independent sample as the chosen model explains them."""
+    try:
+        return weigh(information).correlation
+    except EstimationError:  # weights that do not settle, where rows hardly outnumber the parameters
+        return before.correlation
+
+
+def _narrowed(information: Information, kept: NDArray[np.intp]) -> Information:
+    """The information with only some of the parameters' columns."""
+    number = np.full(information.count, -1, dtype=np.int32)
+    number[kept] = np.arange(len(kept))
+    joints: list[JointFactors] = []
+    for joint in information.joints:
+        at = np.flatnonzero(number[joint.parameters] >= 0)
+        R = joint.R[:, :, np.append(at, joint.R.shape[2] - 1)]
+        factors = [factor_columns(np.ascontiguousarray(each.T))[0] for each in R]
+        joints.append(JointFactors(number[joint.parameters[at]], np.stack(factors)))
+    return replace(information, names=tuple(information.names[k] for k in kept), joints=tuple(joints))
+
+
+def _prior(problem: Problem, weighted: Weighted) -> tuple[float, Prior]:
+    """Weight of the prior on the base parameters by stretches left out, and the prior with it."""
+    standard = problem.require_standard("friction ladder")
+    nominal = None if standard.nominal is None else standard.nominal[standard.inertial]
+    known = nominal is not None and len(nominal) > 0 and bool((nominal[:, 0] > 0.0).all())
+    belief = believe("log-det" if known else "mass", standard, weighted)
+    L = standard.regrouping
+    mean = L @ belief.mean
+    inverse = np.linalg.inv(L @ np.linalg.solve(belief.precision, L.T))
+    precision = np.asarray(inverse * weighted.correlation, dtype=np.float64)
+    information = problem.information
+    kept, ridge = np.arange(information.count), np.zeros(information.count)
+    data = make_stretches(information, folds(information, FOLDS), weighted.weights, Prior(mean, 0.0 * precision))
+    errors = np.stack(
+        [
+            replace(data, prior=Prior(mean, strength * precision)).errors(kept, ridge) @ weighted.weights**2
+            for strength in STRENGTHS
+        ]
+    )
+    best = int(np.argmin(errors.sum(axis=1)))
+    return float(STRENGTHS[best]), Prior(mean, STRENGTHS[best] * precision)
+
+
+def _widened(prior: Prior, wide: Superset) -> Prior:
+    """The prior on all parameters of the superset: nothing is believed of the pieces."""
+    b = wide.base.count
+    mean, precision = np.zeros(b), np.zeros((b, b))
+    own = np.flatnonzero(wide.own)
+    mean[own] = prior.mean
+    precision[np.ix_(own, own)] = prior.precision
+    return Prior(mean, precision)
+
+
+def _outcome(stretches: Stretches, wide: Superset, found: Climb) -> tuple[Array, Array]:
+    """Held-out RMS of each joint with the chosen friction over that without, and its standard error, shapes (n,)."""
+    own = np.flatnonzero(wide.own)
+    without = stretches.errors(own, found.ridge)
+    with_ = stretches.errors(found.kept, found.ridge)
+    total = np.where(without.sum(axis=0) > 0.0, without.sum(axis=0), 1.0)
+    ratio = np.sqrt(np.where(without.sum(axis=0) > 0.0, with_.sum(axis=0) / total, 1.0))
+    scatter = np.std((with_ - ratio**2 * without) / total, axis=0, ddof=1) * np.sqrt(len(without))
+    return ratio, scatter / (2.0 * np.maximum(ratio, LOWEST))
+
+
+def _evidence(model: DynamicsModel, trials: Sequence[Trial]) -> tuple[Evidence, ...]:
+    """Trials in words, joint by joint."""
+    names = model.robot.joint_names
+    return tuple(
+        Evidence(
+            names[trial.joint],
+            trial.rung,
+            described(trial.pieces),
+            trial.ratio,
+            trial.deviation / (2.0 * max(trial.ratio, LOWEST)),
+            trial.chosen,
+        )
+        for trial in sorted(trials, key=lambda trial: trial.joint)
+    )

@@ -1,0 +1,189 @@
+"""From standard parameters to a fit: what the data say of each, what it cost, and what should be said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.estimation.consistency import smallest_eigenvalues
+from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.fit import Fit
+from armid.estimation.prior import Belief
+from armid.estimation.problem import Standard
+from armid.estimation.standard_fit import PriorUse, Proof, StandardFit, inverse_of, shares, status_of
+from armid.estimation.uncertainty import scale_covariance
+from armid.estimation.weighted import Weighted
+from armid.information.information import stack
+from armid.maths.linalg import condition, scaled_condition
+from armid.values import Array
+
+__all__ = ["Outcome"]
+
+STUDENT = 1.96
+"""Half width of a 95 % interval in standard deviations."""
+
+PRICE = 0.05
+"""Residual cost of consistency from which on something is said: noise alone makes it far less than a hundredth."""
+
+PUSHED = 2.0
+"""Deviations by which data must push a parameter across its bound to be named."""
+
+AT_BOUND = 1e-3
+"""Deviations from its bound at which a parameter stands at it."""
+
+NAMED = 0.01
+"""Part in an unseen direction, columns of unit length, from which on a parameter is named."""
+
+REMEDY = 'use method = "physical" for simulation or export.'
+
+PHYSICAL = -1e-9
+"""Smallest eigenvalue of a pseudo-inertia that rounding leaves [kg and kg·m²]."""
+
+
+class Outcome:
+    """An estimate of standard parameters, however it was found.
+
+    Args:
+        standard: The standard parameters.
+        weighted: The data.
+        belief: The prior for weight 1; what is known of any arm where there was none.
+        prior: What was used of it.
+        values: The estimate, shape (p,).
+        gap: Duality gap of the method; NaN where it knows none.
+        basis: Parameters (p,) that each unknown moves, shape (p, x); the identity where not given.
+    """
+
+    def __init__(
+        self,
+        standard: Standard,
+        weighted: Weighted,
+        belief: Belief,
+        prior: PriorUse,
+        values: Array,
+        gap: float,
+        basis: Array | None = None,
+    ) -> None:
+        self.standard, self.weighted, self.belief, self.prior = standard, weighted, belief, prior
+        self.values, self.gap = values, gap
+        self.base: Array = standard.regrouping @ values
+        self.told = prior.kind in ("log-det", "euclidean")
+        self.basis: Array = np.eye(len(values)) if basis is None else basis
+        curvature = belief.curvature(standard, values, prior.weight if self.told else 1.0)
+        self.precision: Array = weighted.correlation * (self.basis.T @ curvature @ self.basis)
+        seen = weighted.rows @ standard.regrouping @ self.basis
+        self.information: Array = seen.T @ seen
+
+    def fit(self, further: Sequence[Finding] = ()) -> Fit:
+        """The estimate, with further findings of the method."""
+        whole, weights = self.weighted.whole, self.weighted.weights
+        precision = self._prior_precision()
+        white = self.weighted.inverse
+        if precision is not None:
+            white = inverse_of(self.weighted.rows.T @ self.weighted.rows + precision)
+        unweighted = stack(whole)[0]
+        rows = whole.rows[0]
+        squares = held_out_squares(whole, self.base)
+        standard, findings = self._standard(squares)
+        return Fit(
+            whole.names,
+            self.base,
+            np.sqrt(np.diag(white)),
+            white + scale_covariance(whole, weights, white),
+            "white",
+            max(float(rows.sum() - self.weighted.spent.sum()), 1.0),
+            np.sqrt(squares / np.maximum(rows, 1)),
+            rows,
+            condition(unweighted),
+            scaled_condition(unweighted),
+            weights,
+            prior_precision=precision,
+            findings=(*further, *findings),
+            standard=standard,
+        )
+
+    def _prior_precision(self) -> Array | None:
+        """Precision (b, b) of the prior in base parameters; `None` where data alone determine them."""
+        if not self.told and not len(self.weighted.unseen) and self.basis.shape[0] == self.basis.shape[1]:
+            return None
+        moved = self.standard.regrouping @ self.basis
+        size = 1.0 / np.sqrt(np.diag(self.precision))
+        whitened = np.linalg.solve(size[:, None] * self.precision * size, (moved * size).T)
+        covariance = (moved * size) @ whitened
+        # What is given has no variance; a millionth of the others' stands for that.
+        length = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        length = np.where(length > 0.0, length, np.median(length) if length.any() else 1.0)
+        return inverse_of(covariance + 1e-6 * np.diag(length**2))
+
+    def _standard(self, squares: Array) -> tuple[StandardFit, tuple[Finding, ...]]:
+        """Standard parameters with what the data say of each, and what is to be said of the whole."""
+        standard, values = self.standard, self.values
+        covariance, share = shares(self.information, self.precision)
+        follow = self.basis != 0.0
+        deviation = np.sqrt(
+            self.weighted.correlation * np.maximum(np.diag(self.basis @ covariance @ self.basis.T), 0)
+        )
+        given = ~follow.any(axis=1)
+        resolution = follow @ share
+        # The pull of the data on a parameter at its bound, over what white noise makes of it.
+        white = np.sqrt(np.maximum(np.diag(self.basis @ covariance @ self.basis.T), 0.0))
+        pull = standard.regrouping.T @ (
+            self.weighted.rows.T @ (self.weighted.rows @ (self.base - self.weighted.values))
+        )
+        at_bound = standard.nonnegative & (values <= AT_BOUND * np.maximum(deviation, np.finfo(np.float64).tiny))
+        held = at_bound & (pull * white > PUSHED) & ~given
+        least = smallest_eigenvalues(standard, values)
+        free = self.weighted.weights**2 @ self.weighted.squares
+        price = float(self.weighted.weights**2 @ squares / free - 1.0) if free > 0.0 else 0.0
+        lowest = float(values[standard.nonnegative].min(initial=np.inf))
+        proof = Proof(price, float(least.min(initial=np.inf)), lowest, self.gap)
+        fit = StandardFit(
+            standard.names,
+            standard.units,
+            values,
+            deviation,
+            self._intervals(deviation),
+            resolution,
+            status_of(resolution, self.told, given, held),
+            self.prior,
+            proof,
+        )
+        return fit, (*self.belief.findings, *self._findings(price, held))
+
+    def _intervals(self, deviation: Array) -> Array:
+        """95 % intervals (p, 2), cut where physics forbids values."""
+        half = STUDENT * deviation
+        ends = np.stack([self.values - half, self.values + half], axis=1)
+        positive = self.standard.nonnegative.copy()
+        for own in self.standard.inertial:
+            positive[own[[0, 4, 6, 9]]] = True  # mass and the moments of inertia about the axes
+        ends[positive, 0] = np.maximum(ends[positive, 0], 0.0)
+        return ends
+
+    def _findings(self, price: float, held: Array) -> list[Finding]:
+        """What the reader of the result should know."""
+        found: list[Finding] = []
+        least = smallest_eigenvalues(self.standard, self.values)
+        for own, smallest in zip(self.standard.inertial, least, strict=True):
+            if smallest < PHYSICAL:
+                said = f"No body has the link's values: smallest eigenvalue of its pseudo-inertia {smallest:.2g}."
+                found.append(Finding("not-physical", "warning", self.standard.names[own[0]], said, REMEDY))
+        if self.told:
+            said = f"The {self.prior.kind} prior weighs {self.prior.weight:.3g} independent samples a joint"
+            found.append(Finding("prior-weight", "info", "", f"{said}, {self.prior.how}."))
+        if len(self.weighted.unseen):
+            length = np.linalg.norm(stack(self.weighted.whole)[0], axis=0)
+            part = np.abs(self.weighted.unseen * np.where(length > 0.0, length, 1.0)).max(axis=0)
+            named = [name for name, p in zip(self.weighted.whole.names, part, strict=True) if p > NAMED]
+            said = f"The data leave {len(self.weighted.unseen)} directions of the base parameters open, in "
+            remedy = "record a motion that shows them; until then the prior says what they are."
+            found.append(Finding("prior-dominated", "warning", "", f"{said}{', '.join(named)}.", remedy))
+        if price > PRICE:
+            said = f"Consistency and prior cost {100.0 * price:.3g} % of the squared residual."
+            remedy = "look for what the model lacks, a wrong sign of torque or gravity, or poor excitation."
+            found.append(Finding("price-of-consistency", "warning", "", said, remedy))
+        if held.any():
+            names = ", ".join(name for name, is_held in zip(self.standard.names, held, strict=True) if is_held)
+            found.append(Finding("held-at-zero", "info", "", f"The data would have these negative: {names}."))
+        return found

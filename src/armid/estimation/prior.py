@@ -1,0 +1,180 @@
+"""What is believed of the standard parameters before the data: how it is measured, and what it weighs.
+
+`log-det`: for each link the divergence tr(J₀⁻¹J) - log det(J₀⁻¹J) - 4 from the description's pseudo-inertia J₀
+[Lee2020]. It does not depend on frames and units, grows beyond bounds where a body stops to be one, and is half the
+squared relative change for small changes. `euclidean`: half the squared change over the description's mean mass and
+its radius of gyration. `mass`: the size of the bodies, mass and second moments over a length squared, over ten
+kilograms. It moves what is known to a standard deviation of s kg by s / 10 of that deviation: nothing where data
+speak, and down to the smallest bodies where they do not. In all three, what is not inertial is believed to be zero
+within what would make the joint's whole torque.
+
+The unit of the weight is one independent sample: with weight 1 a change of 100 % costs what a residual of one
+standard deviation does in one independent row of a joint. It is the weight of what is believed of links; friction and
+the like, of which a description says nothing, keep the weight 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import EstimationError, Finding
+from armid.estimation.problem import Standard
+from armid.estimation.weighted import Weighted
+from armid.maths.barrier import LogDet
+from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
+from armid.values import Array
+
+__all__ = ["LENGTH", "MASS", "Belief", "believe", "size_of_bodies"]
+
+LENGTH = 0.3
+"""Length that makes masses, first moments and inertias of an arm comparable [m]: half of a link's."""
+
+THINNEST = 0.01
+"""Smallest radius of gyration about a plane through the centre of mass that a description is believed [m]. Some give
+rods and points; nothing an arm is made of is thinner."""
+
+MASS = 10.0
+"""Deviation of a mass of which nothing is known [kg]: a link of an arm of any size armid has met."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Belief:
+    """A prior for weight 1.
+
+    Attributes:
+        mean: Shape (p,).
+        precision: Its second derivative at the mean, shape (p, p).
+        links: Inverses of the description's pseudo-inertias for log-det, shape (links, 4, 4); none otherwise.
+        findings: What had to be changed in the description.
+    """
+
+    mean: Array
+    precision: Array
+    links: Array
+    findings: tuple[Finding, ...] = ()
+
+    def curvature(self, standard: Standard, values: Array, weight: float) -> Array:
+        """Second derivative at some values for a weight of the links' prior, shape (p, p)."""
+        result = self.precision.copy()
+        for own in standard.inertial:
+            result[np.ix_(own, own)] *= weight
+        if not len(self.links):
+            return result
+        J = pseudo_inertia(values[standard.inertial])
+        for own, matrix in zip(standard.inertial, J, strict=True):
+            result[np.ix_(own, own)] = weight * _relative(matrix)
+        return result
+
+    def log_det(self, standard: Standard, origin: Array, basis: Array, weight: float) -> tuple[LogDet, ...]:
+        """Divergences of the links that unknowns move."""
+        units = pseudo_inertia(np.eye(10)).transpose(1, 2, 0)
+        terms: list[LogDet] = []
+        for own, inverse in zip(standard.inertial, self.links, strict=True):
+            if basis[own].any():
+                matrix, offset = units @ basis[own], pseudo_inertia(origin[own])
+                constant = float(np.sum(inverse * offset)) - float(np.linalg.slogdet(inverse)[1]) - 4.0
+                cost = np.einsum("ab,bav->v", inverse, matrix)
+                terms.append(LogDet(matrix, offset, cost, constant, weight))
+        return tuple(terms)
+
+
+def believe(kind: str, standard: Standard, weighted: Weighted) -> Belief:
+    """The prior of a kind: `log-det`, `euclidean`, or what is known of any arm (`mass`, `none`).
+
+    Raises:
+        EstimationError: The description gives no inertial parameters, or no mass for a link.
+    """
+    p = len(standard.names)
+    precision = np.zeros((p, p))
+    others = np.setdiff1d(np.arange(p), standard.inertial)
+    precision[others, others] = _others(standard, weighted, others)
+    mean = np.zeros(p)
+    none = np.zeros((0, 4, 4))
+    if kind in ("mass", "none"):
+        _fill(precision, standard, MASS, LENGTH)
+        return Belief(mean, precision, none)
+    nominal, findings = _nominal(standard)
+    mean[standard.inertial] = nominal
+    J = pseudo_inertia(nominal)
+    if kind == "euclidean":
+        mass = float(nominal[:, 0].mean())
+        radius = float(np.sqrt(np.trace(J[:, :3, :3], axis1=1, axis2=2).sum() / nominal[:, 0].sum()))
+        _fill(precision, standard, mass, radius)
+        return Belief(mean, precision, none, findings)
+    for own, matrix in zip(standard.inertial, J, strict=True):
+        precision[np.ix_(own, own)] = _relative(matrix)
+    return Belief(mean, precision, np.asarray(np.linalg.inv(J), dtype=np.float64), findings)
+
+
+def size_of_bodies(standard: Standard) -> Array:
+    """Linear measure (p,) of the bodies: masses, and second moments over a length squared [kg]."""
+    result = np.zeros(len(standard.names))
+    traces = np.trace(pseudo_inertia(np.eye(10))[:, :3, :3], axis1=1, axis2=2) / LENGTH**2
+    for own in standard.inertial:
+        result[own] = traces
+        result[own[0]] += 1.0
+    return result
+
+
+def _fill(precision: Array, standard: Standard, mass: float, length: float) -> None:
+    """Independent deviations of a mass, times a length for first moments and its square for inertias."""
+    scale = mass * np.concatenate([[1.0], np.full(3, length), np.full(6, length**2)])
+    for own in standard.inertial:
+        precision[own, own] = 1.0 / scale**2
+
+
+def _relative(J: Array) -> Array:
+    """Second derivative (10, 10) of -log det at a pseudo-inertia."""
+    moved = np.einsum("ij,kjl->kil", np.linalg.inv(J), pseudo_inertia(np.eye(10)))
+    return np.einsum("aij,bji->ab", moved, moved)
+
+
+def _others(standard: Standard, weighted: Weighted, others: NDArray[np.intp]) -> Array:
+    """Precision of what is not inertial: one where it alone would make the torque of a joint that it acts on."""
+    precision = np.zeros(len(others))
+    for joint, rows in zip(weighted.whole.joints, weighted.whole.rows[0], strict=True):
+        torque = float(np.sum(joint.R[0, :, -1] ** 2))
+        if rows and torque > 0.0:
+            columns = joint.R[0, :, :-1] @ standard.regrouping[joint.parameters][:, others]
+            precision += np.sum(columns**2, axis=0) / torque
+    return np.where(precision > 0.0, precision, 1.0)
+
+
+def _nominal(standard: Standard) -> tuple[Array, tuple[Finding, ...]]:
+    """Inertial parameters (links, 10) of the description, moved inside the cone where they lie outside or on it."""
+    if standard.nominal is None:
+        raise EstimationError(
+            "A prior towards the description needs its inertial parameters, and it gives none.",
+            possible='prior = "mass" or "none"',
+        )
+    result = standard.nominal[standard.inertial].copy()
+    findings: list[Finding] = []
+    for k, own in enumerate(standard.inertial):
+        name = standard.names[own[0]]
+        J = pseudo_inertia(result[k])
+        mass = J[3, 3]
+        if not mass > 0.0:
+            raise EstimationError(
+                f"The description gives the link of {name} the mass {mass:g} kg; no prior follows from that.",
+                possible='prior = "mass" or "none", or known masses of all links',
+            )
+        com = J[:3, 3] / mass
+        about, vectors = np.linalg.eigh(J[:3, :3] - mass * np.outer(com, com))
+        least = THINNEST**2 * mass
+        if about[0] < least:
+            J[:3, :3] = (vectors * np.maximum(about, least)) @ vectors.T + mass * np.outer(com, com)
+            result[k] = vector_from_pseudo_inertia(J)
+            what = "no body has its inertia" if about[0] < 0.0 else "its inertia is that of a thing without thickness"
+            findings.append(
+                Finding(
+                    "nominal-projected",
+                    "warning" if about[0] < 0.0 else "info",
+                    name,
+                    f"In the description {what} (smallest second moment {about[0]:.2g} kg·m²); the prior uses the "
+                    f"nearest with a radius of {1000 * THINNEST:g} mm.",
+                )
+            )
+    return result, tuple(findings)

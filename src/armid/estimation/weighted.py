@@ -1,0 +1,154 @@
+"""Data as one whitened block of rows, also where they leave directions of the parameters unseen.
+
+The weight of each joint is that of weighted least squares without constraints: one over the deviation of its
+residual. Constraints and priors cannot make noise smaller, so the residual with them would only count their own price
+as noise and lower the weight of the joints that pay it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armid.errors import EstimationError
+from armid.information.information import Information, stack, total
+from armid.maths.linalg import RANK_TOLERANCE, unit_columns
+from armid.values import Array
+
+__all__ = ["Weighted", "rows_of", "weigh"]
+
+ITERATIONS = 100
+STANDSTILL = 1e-6
+"""Largest relative change of a deviation that ends the iteration: some 1e-5 of a deviation in any parameter."""
+
+RESOLUTION = 1e-7
+"""Smallest residual over torque that counts as noise: half of what double precision resolves."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Weighted:
+    """What data say, whitened: half the squared length of rows · (π - values) is what any π costs over the best.
+
+    Attributes:
+        whole: The information as one block.
+        weights: Weight of each joint's rows, shape (n,).
+        rows: Shape (k, b) with k at most b.
+        values: Best values, the shortest in columns of unit length where they are not unique, shape (b,).
+        inverse: Pseudo-inverse of rowsᵀ rows, shape (b, b).
+        unseen: Directions of the parameters that the data do not see, shape (k, b); none for full rank.
+        squares: Squared residual of each joint at the values, unweighted, shape (n,).
+        spent: Degrees of freedom that each joint's rows spent, shape (n,).
+        correlation: Rows that count as one independent sample, from the scatter between blocks.
+    """
+
+    whole: Information
+    weights: Array
+    rows: Array
+    values: Array
+    inverse: Array
+    unseen: Array
+    squares: Array
+    spent: Array
+    correlation: float
+
+
+def weigh(information: Information, *, plain: bool = False, resolution: float = RESOLUTION) -> Weighted:
+    """Weights that have settled, and the data under them.
+
+    Args:
+        information: Any number of blocks.
+        plain: One weight for all joints, from the residual of all rows, as ordinary least squares has it.
+        resolution: Smallest residual over torque that counts as noise.
+
+    Raises:
+        EstimationError: No row counts, or the weights do not settle.
+    """
+    whole = total(information)
+    rows = whole.rows[0]
+    if not rows.any():
+        raise EstimationError("No row of the recordings counts.", remedy="trim or mask less.")
+    torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
+    floor = resolution * torque / np.sqrt(np.maximum(rows, 1))
+    floor[torque == 0.0] = 1.0  # a joint of which no row counts, or that never carried torque; any weight will do
+    deviation = np.maximum(torque / np.sqrt(np.maximum(rows, 1)), floor)
+    A, y = stack(whole)
+    joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
+    for _ in range(ITERATIONS):
+        weight = (1.0 / deviation)[joint]
+        values, half, _ = _solve(weight[:, None] * A, weight * y)
+        left = np.bincount(joint, (y - A @ values) ** 2, whole.n).astype(np.float64)
+        spent = np.bincount(joint, np.sum((weight[:, None] * (A @ half)) ** 2, axis=1), whole.n).astype(np.float64)
+        updated = np.maximum(np.sqrt(left / np.maximum(rows - spent, 1.0)), floor)
+        if plain:
+            updated = np.full(
+                whole.n, max(np.sqrt(left.sum() / max(rows.sum() - spent.sum(), 1.0)), floor[rows > 0].min())
+            )
+        settled = bool((np.abs(updated - deviation) <= STANDSTILL * deviation + floor).all())
+        if settled:
+            return _weighted(information, whole, 1.0 / deviation, left, spent)
+        deviation = updated
+    raise EstimationError(
+        f"The weights of the joints did not settle in {ITERATIONS} iterations.",
+        remedy='use method = "ols" and look at the residual of each joint.',
+    )
+
+
+def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:
+    """Triangular whitened rows and right-hand side of some blocks, shapes (k, b) and (k,)."""
+    A, y = stack(total(information), weights)
+    R: Any = np.linalg.qr(np.column_stack([A, y]), mode="r")[: A.shape[1]]
+    return R[:, :-1], R[:, -1]
+
+
+def _weighted(information: Information, whole: Information, weights: Array, left: Array, spent: Array) -> Weighted:
+    A, y = stack(whole, weights)
+    values, half, unseen = _solve(A, y)
+    rows: Any = np.linalg.qr(A, mode="r")
+    inverse = half @ half.T
+    return Weighted(
+        whole,
+        weights,
+        rows,
+        values,
+        inverse,
+        unseen,
+        left,
+        spent,
+        _correlation(information, weights, values, inverse),
+    )
+
+
+def _solve(A: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Least squares: values (b,), a square root (b, k) of the pseudo-inverse of AᵀA, unseen directions (m, b)."""
+    scaled, length = unit_columns(A)
+    if len(A) >= A.shape[1]:
+        Q, R = np.linalg.qr(scaled)
+        # The diagonal of R only bounds the rank from above: a cheap way out for data that see everything clearly.
+        if np.abs(np.diag(R)).min() > 1e-6:
+            half = np.linalg.inv(R)
+            if np.abs(half).max() < 1e6:
+                return half @ (Q.T @ y) / length, half / length[:, None], np.zeros((0, A.shape[1]))
+    U, s, V = np.linalg.svd(scaled, full_matrices=True)
+    seen = int(np.count_nonzero(s > RANK_TOLERANCE * max(float(s[0]), 1.0)))
+    half = V[:seen].T / s[:seen]
+    return half @ (U[:, :seen].T @ y) / length, half / length[:, None], V[seen:] / length
+
+
+def _correlation(information: Information, weights: Array, values: Array, inverse: Array) -> float:
+    """Variance of the blocks' pull on the estimate over that of white residuals; one where blocks are too few.
+
+    Residuals that go on over many rows pull together. Blocks are few and have had their share in the estimate, which
+    makes the number small rather than large; it only sets the unit of a prior's weight.
+    """
+    used = np.flatnonzero(information.rows.any(axis=1))
+    if len(used) < 4:
+        return 1.0
+    pull = np.zeros((len(used), len(values)))
+    for weight, joint in zip(weights, information.joints, strict=True):
+        R = weight * joint.R[used]
+        residual = R[:, :, -1] - R[:, :, :-1] @ values[joint.parameters]
+        pull[:, joint.parameters] += np.einsum("bij,bi->bj", R[:, :, :-1], residual)
+    seen = max(float(np.linalg.matrix_rank(inverse)), 1.0)
+    return max(float(np.einsum("bi,ij,bj->", pull, inverse, pull)) / seen, 1.0)

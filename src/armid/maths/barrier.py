@@ -1,0 +1,281 @@
+"""Least squares with log-det terms over cones: a barrier method that carries its own certificate.
+
+    minimise  ½ |A x - y|² + bᵀx + Σ_i w_i (c_iᵀx + d_i - log det X_i(x))    so that every cone holds
+
+For each μ of a falling sequence Newton's method minimises the same with barriers of weight μ in place of the cones,
+and with no w_i smaller than μ: from a start where the log-det terms are small, the path to the data is short. At the
+minimum for μ the cones' multipliers μ / s are feasible for the dual, so that the gap is μ times the number of barrier
+parameters; what the last Newton step left is added to it [Nesterov1994].
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armid.errors import EstimationError
+from armid.maths.cones import ACCEPTED, Cone, symmetric
+from armid.values import Array
+
+__all__ = ["LogDet", "Smooth", "SmoothSolution", "minimise"]
+
+SHRINK = 0.1
+"""Factor from one weight of the barriers to the next: four or five Newton steps each, whatever the size."""
+
+GAP = 1e-9
+"""Gap aimed at, over the size of the objective, at least one: a thousandth of what is accepted."""
+
+STEPS = 200
+"""Newton steps for one weight of the barriers before giving up; damped steps come first where the start is far."""
+
+LOST = 1e-3
+"""Relative difference of two computations of the decrement above which normal equations are not trusted."""
+
+ROUNDED = 1e-16
+"""Step over the size of the unknowns that changes nothing."""
+
+LINE = 40
+"""Most evaluations along a step; three or four are usual."""
+
+CENTRED = 1e-3
+"""Squared Newton decrement over the barrier's weight at which μ may fall."""
+
+SMALL = 0.5
+"""Largest squared decrement over the barrier's weight for which it bounds the distance from the minimum."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LogDet:
+    """A term weight · (cost · x + constant - log det X) of a symmetric matrix X = matrix · x + offset.
+
+    Attributes:
+        matrix: Shape (m, m, variables).
+        offset: Shape (m, m).
+        cost: Shape (variables,).
+        constant: A number.
+        weight: Positive.
+    """
+
+    matrix: Array
+    offset: Array
+    cost: Array
+    constant: float
+    weight: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Smooth:
+    """What is minimised.
+
+    Attributes:
+        A: Shape (rows, variables).
+        y: Shape (rows,).
+        terms: Log-det terms.
+        cones: `nonnegative` and `semidefinite` ones.
+        cost: b, shape (variables,).
+    """
+
+    A: Array
+    y: Array
+    terms: tuple[LogDet, ...]
+    cones: tuple[Cone, ...]
+    cost: Array
+
+    def objective(self, x: Array) -> float:
+        """Value at x; infinite where a matrix of a log-det term is not positive definite."""
+        value = 0.5 * float(np.sum((self.A @ x - self.y) ** 2)) + float(self.cost @ x)
+        for term in self.terms:
+            eigenvalues = np.linalg.eigvalsh(term.matrix @ x + term.offset)
+            if eigenvalues[0] <= 0.0:
+                return float("inf")
+            value += term.weight * (float(term.cost @ x) + term.constant - float(np.log(eigenvalues).sum()))
+        return value
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SmoothSolution:
+    """Answer, checked.
+
+    Attributes:
+        x: The variables, strictly inside every cone.
+        objective: Value there.
+        gap: By how much the minimum may lie below, over the size of the objective, at least one.
+        steps: Newton steps taken.
+    """
+
+    x: Array
+    objective: float
+    gap: float
+    steps: int
+
+
+class _Barriers:
+    """All log-det and cone terms, with the matrices of one order side by side."""
+
+    def __init__(self, problem: Smooth) -> None:
+        self.problem = problem
+        variables = problem.A.shape[1]
+        rows = [cone for cone in problem.cones if cone.kind == "nonnegative"]
+        self.rows = np.concatenate([np.zeros((0, variables)), *(cone.matrix for cone in rows)])
+        self.offsets = np.concatenate([np.zeros(0), *(cone.offset for cone in rows)])
+        found = [(term.matrix, term.offset, term.weight) for term in problem.terms]
+        found += [
+            (np.moveaxis(symmetric(cone.matrix.T), 0, 2), symmetric(cone.offset), 0.0)
+            for cone in problem.cones
+            if cone.kind == "semidefinite"
+        ]
+        self.groups: list[tuple[Array, Array, Array]] = []
+        for order in sorted({len(offset) for _, offset, _ in found}):
+            group = [each for each in found if len(each[1]) == order]
+            flat = np.stack([matrix.reshape(order * order, variables) for matrix, _, _ in group])
+            self.groups.append((flat, np.stack([o for _, o, _ in group]), np.array([w for *_, w in group])))
+        self.parameters = len(self.offsets) + sum(len(offset) for _, offset, weight in found if weight == 0.0)
+        self.orders = len(self.offsets) + sum(len(offset) for _, offset, _ in found)
+        self.costs = np.array([term.cost for term in problem.terms]).reshape(-1, variables)
+        self.weights = np.array([term.weight for term in problem.terms])
+
+    def matrices(self, x: Array) -> list[Array]:
+        """Symmetric matrices (g, m, m) of each group at x."""
+        return [(flat @ x).reshape(offset.shape) + offset for flat, offset, _ in self.groups]
+
+    def inside(self, x: Array) -> bool:
+        """Whether x lies strictly inside."""
+        if not (np.isfinite(x).all() and (self.rows @ x + self.offsets > 0.0).all()):
+            return False
+        try:
+            for matrix in self.matrices(x):
+                np.linalg.cholesky(matrix)
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+    def step(self, x: Array, mu: float) -> tuple[Array, float]:
+        """Newton step, as far as it leads down, and the squared decrement of the whole of it."""
+        p = self.problem
+        gradient = p.A.T @ (p.A @ x - p.y) + p.cost + np.maximum(self.weights, mu) @ self.costs
+        slack = self.rows @ x + self.offsets
+        gradient -= mu * (self.rows.T @ (1.0 / slack))
+        parts = [p.A, math.sqrt(mu) * (self.rows / slack[:, None])]
+        whitened: list[Array] = []
+        for matrix, (flat, offset, weight) in zip(self.matrices(x), self.groups, strict=True):
+            order = offset.shape[1]
+            half = np.linalg.inv(np.linalg.cholesky(matrix))
+            both = (half[:, :, None, :, None] * half[:, None, :, None, :]).reshape(len(half), order**2, order**2)
+            white = both @ flat
+            scale = np.maximum(weight, mu)
+            gradient -= scale @ white[:, :: order + 1].sum(axis=1)
+            parts.append((np.sqrt(scale)[:, None, None] * white).reshape(-1, len(x)))
+            whitened.append(white)
+        direction = _newton(np.concatenate(parts), gradient)
+        moved = p.A @ direction
+        rates, scales = [self.rows @ direction / slack], [np.full(len(slack), mu)]
+        for white, (_, offset, weight) in zip(whitened, self.groups, strict=True):
+            spread = np.linalg.eigvalsh((white @ direction).reshape(offset.shape))
+            rates.append(np.asarray(spread, dtype=np.float64).ravel())
+            scales.append(np.repeat(np.maximum(weight, mu), offset.shape[1]))
+        rate, scale = np.concatenate(rates), np.concatenate(scales)
+        slope = float(gradient @ direction) + float(scale @ rate)  # without the logarithms
+        return direction * _lowest(float(moved @ moved), slope, rate, scale), float(-gradient @ direction)
+
+
+def _newton(root: Array, gradient: Array) -> Array:
+    """The d with rootᵀ root d = -gradient; by QR where the product has lost what matters."""
+    size = 1.0 / np.maximum(np.linalg.norm(root, axis=0), np.finfo(np.float64).tiny)
+    scaled = root * size
+    side = -size * gradient
+    with contextlib.suppress(np.linalg.LinAlgError):
+        found = np.linalg.solve(scaled.T @ scaled, side)
+        curved, along = float(np.sum((scaled @ found) ** 2)), float(side @ found)
+        if abs(curved - along) <= LOST * abs(along):
+            return size * found
+    R: Any = np.linalg.qr(scaled, mode="r")
+    R[np.diag_indices(len(R))] += np.where(np.diag(R) == 0.0, np.finfo(np.float64).eps, 0.0)
+    found = np.zeros_like(side)
+    for _ in range(3):  # semi-normal equations, refined
+        rest = side - scaled.T @ (scaled @ found)
+        found += np.linalg.solve(R, np.linalg.solve(R.T, rest))
+    return size * found
+
+
+def _lowest(square: float, slope: float, rate: Array, scale: Array) -> float:
+    """The α > 0 that minimises ½ square α² + slope α - Σ scale log(1 + rate α), convex: Newton within a bracket.
+
+    A fixed share of the way to the border would bring eigenvalues there that are a long way from it at the minimum,
+    and from there they come back by a factor of two each step.
+    """
+    low, high = 0.0, 1.0 / max(-float(rate.min(initial=0.0)), 1e-300)
+    alpha = min(1.0, 0.5 * high)
+    for _ in range(LINE):
+        part = rate / (1.0 + rate * alpha)
+        first = square * alpha + slope - float(scale @ part)
+        if first > 0.0:
+            high = alpha
+        else:
+            low = alpha
+        move = first / (square + float(scale @ part**2))
+        alpha -= move
+        if not low < alpha < high:
+            alpha = 0.5 * (low + high) if high < 1e299 else 2.0 * low
+        if abs(move) <= 0.01 * alpha:
+            break
+    return alpha
+
+
+def minimise(problem: Smooth, start: Array, *, aim: float = GAP) -> SmoothSolution:
+    """Minimise, and prove how good the answer is.
+
+    Args:
+        problem: What is minimised; it must have a minimum.
+        start: A point strictly inside every cone and log-det term, shape (variables,).
+        aim: Gap aimed at.
+
+    Raises:
+        EstimationError: The start lies outside, or no proof was reached.
+    """
+    barriers = _Barriers(problem)
+    x = np.array(start, dtype=np.float64)
+    mu = max(1.0, problem.objective(x) / max(barriers.orders, 1))
+    if not barriers.inside(x):
+        raise EstimationError("The start of the search is no consistent body.", remedy="start from a consistent one.")
+    taken = 0
+    while True:
+        absolute = aim * max(1.0, abs(problem.objective(x)))
+        last = mu * barriers.parameters <= absolute and bool((mu <= barriers.weights).all())
+        x, decrement, steps = _centre(barriers, x, mu, min(CENTRED * mu, 0.1 * absolute) if last else CENTRED * mu)
+        taken += steps
+        if last:
+            break
+        mu *= SHRINK
+    objective = problem.objective(x)
+    # The decrement bounds what is left only where it is small against the barriers' weight [Nesterov1994].
+    left = mu * barriers.parameters + decrement if decrement <= SMALL * mu else float("inf")
+    gap = left / max(1.0, abs(objective))
+    if not gap <= max(ACCEPTED, 2.0 * aim):
+        raise EstimationError(
+            f"The search for consistent parameters gave no answer (gap {gap:.1e} after {taken} steps).",
+            remedy="check the size of the values: parameters of one arm should not differ by more than 1e8.",
+        )
+    return SmoothSolution(x, objective, gap, taken)
+
+
+def _centre(barriers: _Barriers, x: Array, mu: float, enough: float) -> tuple[Array, float, int]:
+    """Newton's method for one weight of the barriers, its last squared decrement, and the steps."""
+    decrement = float("inf")
+    for k in range(STEPS):
+        try:
+            with np.errstate(over="raise", invalid="raise", divide="raise"):
+                direction, decrement = barriers.step(x, mu)
+        except (FloatingPointError, np.linalg.LinAlgError):  # no digits are left; the gap tells how good x is
+            return x, decrement, k
+        if decrement <= enough:
+            return x, max(decrement, 0.0), k
+        while not barriers.inside(x + direction):  # within rounding of the border
+            direction = 0.5 * direction
+            if not np.abs(direction).max() > ROUNDED * np.abs(x).max():
+                return x, decrement, k
+        x = x + direction
+    return x, decrement, STEPS

@@ -1,0 +1,225 @@
+"""All methods on one data set: what each leaves of the torque, what it makes of unseen motion, whether bodies exist.
+
+Recordings are read, processed and informed once. The error on unseen motion is that on the recordings kept for
+validation; without any, each method that is quick estimates again with each of some stretches of the training data
+left out.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError, EstimationError
+from armid.estimation.crossvalidation import folds, held_out_squares
+from armid.estimation.estimate import collapse
+from armid.estimation.estimators import ESTIMATORS, Estimator, LogCholesky, ThesisNLP
+from armid.estimation.fit import Fit
+from armid.estimation.problem import Problem
+from armid.information.information import Information, select, total
+from armid.information.observations import Observations
+from armid.information.stream import inform
+from armid.study.identify import Prepared, Progress, observe_recordings, stated_problem
+from armid.study.study import build_estimator
+from armid.validation.consistency import Certificate, certify_values
+from armid.values import Array
+
+__all__ = ["MethodScore", "MethodTable", "compare_methods", "compare_record"]
+
+PATIENCE = 1.0
+"""Longest estimate that is made again for every fold [s]: five of them for each of several methods are enough."""
+
+VALIDATE = "keep a recording for validation."
+
+UnseenError = Callable[[Estimator, Fit, float], Array]
+"""Root mean square error (n,) of a method on motion that the estimate has not seen, given that and its seconds."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MethodScore:
+    """One method's row. Where it fails only the reason is known.
+
+    Attributes:
+        method: Name of the method.
+        training: Root mean square of each joint's residual in the band, shape (n,) [N·m or N].
+        unseen: The same on unseen motion, shape (n,); NaN where that could not be had.
+        certificate: Whether bodies with these base parameters exist, and how far the nearest are.
+        eigenvalue: Smallest of all links' pseudo-inertias, where the method estimates bodies.
+        dropped: Number of parameters that the method holds at zero.
+        seconds: Time for the estimate [s].
+        failure: Why there is no estimate, or none without a part of the data; empty where all went well.
+    """
+
+    method: str
+    training: Array
+    unseen: Array
+    certificate: Certificate | None = None
+    eigenvalue: float | None = None
+    dropped: int = 0
+    seconds: float = 0.0
+    failure: str = ""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MethodTable:
+    """All methods.
+
+    Attributes:
+        joints: Names of the joints.
+        unseen: What the unseen motion is: `validation` recordings, or `cross-validation` on the training ones.
+        scores: A row for each method.
+        seconds: Time for all of it, beyond the run's own estimate [s].
+    """
+
+    joints: tuple[str, ...]
+    unseen: str
+    scores: tuple[MethodScore, ...]
+    seconds: float
+
+
+def compare_methods(
+    prepared: Prepared, methods: Sequence[str] = tuple(ESTIMATORS), *, progress: Progress | None = None
+) -> MethodTable:
+    """Every method with the study's options for it, on the study's training data.
+
+    Args:
+        prepared: The study as far as all methods share it.
+        methods: Names of the methods.
+        progress: Told of methods done.
+
+    Raises:
+        ArmidError: The validation recordings cannot be processed, or no row of them counts.
+    """
+    began = time.perf_counter()
+    problem = stated_problem(prepared)
+    held_out = [(choice, recording) for choice, recording in prepared.recordings if choice.role == "validate"]
+    if held_out:
+        observations, _ = observe_recordings(held_out, prepared.study.processing, prepared.model.robot)
+        unseen = _on_recordings(prepared, total(inform(prepared.model, prepared.base, observations)))
+    else:
+        unseen = _on_folds(problem)
+    scores: list[MethodScore] = []
+    for k, name in enumerate(methods):
+        if progress is not None:
+            progress("comparison", k / len(methods))
+        scores.append(_score(prepared, problem, name, unseen))
+    kind = "validation" if held_out else "cross-validation"
+    return MethodTable(prepared.model.robot.joint_names, kind, tuple(scores), time.perf_counter() - began)
+
+
+def compare_record(table: MethodTable) -> dict[str, Any]:
+    """The contents of `compare.json`; totals are over joints, the root of the sum of squares."""
+    return {
+        "joints": table.joints,
+        "unseen": table.unseen,
+        "methods": [
+            {
+                "name": each.method,
+                "training_rms": each.training,
+                "training_total": float(np.linalg.norm(each.training)),
+                "unseen_rms": each.unseen,
+                "unseen_total": float(np.linalg.norm(each.unseen)),
+                "consistent": None if each.certificate is None else each.certificate.feasible,
+                "distance": None if each.certificate is None else each.certificate.distance,
+                "relative_distance": None if each.certificate is None else each.certificate.relative_distance,
+                "smallest_eigenvalue": each.eigenvalue,
+                "dropped": each.dropped,
+                "seconds": each.seconds,
+                "failure": each.failure or None,
+            }
+            for each in table.scores
+        ],
+        "seconds": table.seconds,
+    }
+
+
+def _score(prepared: Prepared, problem: Problem, name: str, unseen: UnseenError) -> MethodScore:
+    """One method's row; a failure is a row too."""
+    model, base = prepared.model, prepared.base
+    nothing = np.full(model.n, np.nan)
+    began = time.perf_counter()
+    try:
+        method = _quick(build_estimator(replace(prepared.study.estimation, method=name)))
+        fit = method.estimate(problem)
+    except (ArmidError, np.linalg.LinAlgError) as error:
+        return MethodScore(name, nothing, nothing, seconds=time.perf_counter() - began, failure=_reason(error))
+    seconds = time.perf_counter() - began
+    failure = ""
+    certificate, error_unseen = None, nothing
+    try:
+        certificate = certify_values(model, base.names, collapse(base.names, fit), base.regrouping)
+        error_unseen = unseen(method, fit, seconds)
+    except (ArmidError, np.linalg.LinAlgError) as error:
+        failure = _reason(error)
+    eigenvalue = None if fit.standard is None else fit.standard.proof.smallest_eigenvalue
+    dropped = len(fit.dropped)
+    return MethodScore(name, fit.residual_rms, error_unseen, certificate, eigenvalue, dropped, seconds, failure)
+
+
+def _quick(method: Estimator) -> Estimator:
+    """The method with one search where it makes several: a table tells methods apart, and none is kept."""
+    return replace(method, starts=1) if isinstance(method, LogCholesky | ThesisNLP) else method
+
+
+def _reason(error: Exception) -> str:
+    """Why a method failed."""
+    return error.problem if isinstance(error, ArmidError) else str(error)
+
+
+def _on_recordings(prepared: Prepared, unseen: Information) -> UnseenError:
+    """Error on recordings that are kept for validation."""
+
+    def error(method: Estimator, fit: Fit, seconds: float) -> Array:
+        del method, seconds
+        return _rms(held_out_squares(unseen, collapse(prepared.base.names, fit)), unseen.rows[0])
+
+    return error
+
+
+def _on_folds(problem: Problem) -> UnseenError:
+    """Error on each of some stretches of the training data, from an estimate without it."""
+    information = problem.information
+    fold = folds(information)
+    numbers = np.unique(fold)
+
+    def error(method: Estimator, fit: Fit, seconds: float) -> Array:
+        del fit
+        if len(numbers) < 2:
+            raise EstimationError(
+                "The recording is too short to leave a part of it out.", remedy="keep a recording for validation."
+            )
+        if seconds > PATIENCE:
+            raise EstimationError(
+                f"Not repeated with each of {len(numbers)} folds left out: one estimate takes {seconds:.1f} s.",
+                remedy=VALIDATE,
+            )
+        squares = np.zeros(information.n)
+        for k in numbers:
+            found = method.estimate(_without(problem, fold == k))
+            squares += held_out_squares(select(information, fold == k), found.values)
+        return _rms(squares, information.rows.sum(axis=0))
+
+    return error
+
+
+def _without(problem: Problem, left_out: NDArray[np.bool_]) -> Problem:
+    """The problem without some blocks, in the factors and in the samples."""
+    information = problem.information
+    observations = problem.observations
+    if observations is not None:
+        runs = list(observations.runs)
+        for k, run in enumerate(runs):
+            gone = np.unique(run.block)[left_out[information.run == k]]
+            runs[k] = replace(run, mask=run.mask & ~np.isin(run.block, gone)[:, None])
+        observations = Observations(tuple(runs), observations.band)
+    return replace(problem, information=select(information, ~left_out), observations=observations)
+
+
+def _rms(squares: Array, rows: NDArray[np.int64]) -> Array:
+    """Root mean square (n,); NaN for a joint of which no row counts."""
+    return np.sqrt(np.where(rows > 0, squares / np.maximum(rows, 1), np.nan))
