@@ -13,6 +13,7 @@ __all__ = [
     "ArmidError",
     "EstimationError",
     "Finding",
+    "LabError",
     "MissingExtraError",
     "ModelError",
     "OutputError",
@@ -61,6 +62,10 @@ class StudyError(ArmidError):
 
 class EstimationError(ArmidError):
     """Data from which the asked estimate does not follow."""
+
+
+class LabError(ArmidError):
+    """An arm, a controller or sensors that cannot be simulated, or a simulation that ran away."""
 
 
 class OutputError(ArmidError):

@@ -23,6 +23,7 @@ from armid.cli.payload import payload
 from armid.cli.predict import predict
 from armid.cli.recalibrate import recalibrate
 from armid.cli.report import report
+from armid.cli.simulate import simulate
 from armid.cli.validate import validate
 from armid.errors import ArmidError
 
@@ -75,6 +76,7 @@ def options(
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     base,
+    simulate,
     identify,
     validate,
     predict,

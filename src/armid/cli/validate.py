@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -17,27 +18,50 @@ def validate(
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings of the same arm.")],
     rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
     torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Also roll the model out and compare motion, in short windows.")
+    ] = False,
+    window: Annotated[float, typer.Option(metavar="S", help="Length of a rolled-out window, s.")] = 0.5,
+    tolerance: Annotated[
+        float, typer.Option(help="Position error that a rolled-out joint may have, rad or m.")
+    ] = 0.01,
+    controller: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Roll out under this controller: a JSON with its gains, as truth.json."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Check a run on unseen recordings, read and processed as the run's own were.
 
     Example:
         armid validate runs/today next_week.csv
+
+        armid validate runs/today next_week.csv --simulate --window 0.3
     """
     from armid.cli.console import output_console, print_findings, print_verdict, validation_table
+    from armid.cli.rolled_out import motion_table, roll_out
     from armid.study.apply import validate_run
+    from armid.study.forward import motion_record
     from armid.study.records import to_json, validation_record
     from armid.study.run import load_run
 
     loaded = load_run(run)
-    found, findings = validate_run(loaded, recordings, changed_reading(rate, torque_sign))
+    how, closed = changed_reading(rate, torque_sign), controller is not None
+    found, findings = validate_run(loaded, recordings, how)
     print_findings(findings)
+    wanted = simulate or closed
+    motion = roll_out(loaded, recordings, how, window, tolerance, controller) if wanted else ()
     if json:
-        sys.stdout.write(to_json(validation_record(found)) + "\n")
+        record = validation_record(found)
+        if motion:
+            record["motion"] = motion_record(motion, closed=closed)
+        sys.stdout.write(to_json(record) + "\n")
     else:
         console = output_console()
         units = [joint.effort_unit for joint in loaded.robot.joints]
         console.print(validation_table(found, (), units))
+        if motion:
+            console.print(motion_table(loaded.robot, motion, closed=closed))
         print_verdict(console, found)
     if found.verdict == "fail":
         raise typer.Exit(1)

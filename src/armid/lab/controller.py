@@ -1,0 +1,145 @@
+"""The closed loop: what the drives are asked for, and what they give.
+
+Every controller here is a feed-forward along the planned motion plus linear feedback of the drive's own position and
+velocity, τ = feed-forward(t) + KP e + KD ė + KI ∫e. They differ in the feed-forward alone:
+
+- computed-torque: inverse dynamics of a nominal model along the plan, without friction;
+- pd-gravity: its torque of gravity along the plan;
+- pid: nothing; the integral holds the arm.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from armid import kernel
+from armid.errors import LabError
+from armid.lab.truths import Truth
+from armid.model.motion import Motion
+from armid.values import Array
+
+__all__ = ["CONTROLLERS", "Controller", "Drive", "Gains", "feedforward", "gains", "some_poses"]
+
+CONTROLLERS = ("computed-torque", "pd-gravity", "pid")
+"""Kinds of controllers."""
+
+UNKNOWN_EFFORT = 100.0
+"""Effort limit [N·m or N] where none is known."""
+
+SLOWER = 0.25
+"""Largest frequency of the loop over what limits it, a sample of the controller or the current loop, in radians."""
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """A joint controller.
+
+    Attributes:
+        kind: One of `CONTROLLERS`.
+        compliance: Position error at which feedback asks for the joint's full effort [rad or m]. Gains follow, but
+            for joints so light that the loop would be faster than its clock.
+        damping: Damping ratio of the loop with the mean inertia of the joint.
+        integral: KI over KP [1/s]; `None` is 0, and 2 for `pid`.
+        rate: How often it runs [Hz]; 0 at every step of the simulation.
+        model_scale: Its nominal model over the true one.
+        friction: Share of viscous and Coulomb friction that it feeds forward along the plan.
+    """
+
+    kind: Literal["computed-torque", "pd-gravity", "pid"] = "computed-torque"
+    compliance: float = 0.03
+    damping: float = 0.8
+    integral: float | None = None
+    rate: float = 0.0
+    model_scale: float = 1.0
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in CONTROLLERS:
+            raise LabError(f"There is no controller {self.kind!r}.", possible=", ".join(CONTROLLERS))
+        good = self.compliance > 0.0 and self.damping > 0.0 and self.rate >= 0.0 and (self.integral or 0.0) >= 0.0
+        if not good:
+            raise LabError("A controller's compliance and damping must be positive, rate and integral not negative.")
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What stands between the controller's wish and the torque.
+
+    Attributes:
+        bandwidth: Corner frequency of the current loop, of first order [Hz]; 0 for one without delay.
+        saturation: Largest torque over the joint's effort limit; 0 for no saturation.
+    """
+
+    bandwidth: float = 0.0
+    saturation: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (self.bandwidth >= 0.0 and self.saturation >= 0.0):
+            raise LabError("A drive's bandwidth and saturation must not be negative.")
+
+    def limits(self, truth: Truth) -> Array:
+        """Largest torque of each joint (n,) [N·m or N]."""
+        return (self.saturation or np.inf) * np.array([joint.effort_limit for joint in truth.robot.joints])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Gains:
+    """Linear feedback, joint by joint.
+
+    Attributes:
+        proportional: KP, shape (n,) [N·m/rad or N/m].
+        derivative: KD, shape (n,) [N·m·s/rad or N·s/m].
+        integral: KI, shape (n,) [N·m/(rad·s) or N/(m·s)].
+    """
+
+    proportional: Array
+    derivative: Array
+    integral: Array
+
+
+def gains(controller: Controller, drive: Drive, truth: Truth, motion: Motion, step: float) -> Gains:
+    """Gains that suit an arm along a motion.
+
+    Args:
+        controller: What is asked.
+        drive: Its current loop limits the gains.
+        truth: The arm.
+        motion: Where it moves; its mean inertias count.
+        step: Time from one sample of the controller to the next [s].
+    """
+    mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, some_poses(motion.q))
+    mass = mass + np.diag(truth.rotor)
+    inertia = np.einsum("njj->nj", mass).mean(axis=0)
+    # A joint that others yield to is lighter than its inertia; that mode must not outrun the clock.
+    lightest = 1.0 / np.einsum("njj->nj", np.linalg.inv(mass)).max(axis=0)
+    limits = np.array([joint.effort_limit for joint in truth.robot.joints])
+    wanted = np.where(np.isfinite(limits), limits, UNKNOWN_EFFORT) / controller.compliance
+    fastest = SLOWER / (step + (1.0 / (2.0 * math.pi * drive.bandwidth) if drive.bandwidth else 0.0))
+    kp = np.minimum(wanted, lightest * fastest**2)
+    kd = 2.0 * controller.damping * np.minimum(np.sqrt(kp * inertia), lightest * fastest)
+    ki = controller.integral if controller.integral is not None else 2.0 * (controller.kind == "pid")
+    return Gains(kp, kd, ki * kp)
+
+
+def some_poses(q: Array, count: int = 100) -> Array:
+    """About so many of the positions (N, n) of a motion, evenly spread."""
+    return q[:: max(1, len(q) // count)]
+
+
+def feedforward(controller: Controller, truth: Truth, motion: Motion) -> Array:
+    """Torque (N, n) [N·m or N] that the controller adds along the planned motion."""
+    if controller.kind == "pid":
+        torque = np.zeros_like(motion.q)
+    else:
+        dynamic = float(controller.kind == "computed-torque")
+        dq, ddq = dynamic * motion.dq, dynamic * motion.ddq
+        torque = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, motion.q, dq, ddq) + truth.rotor * ddq
+        torque *= controller.model_scale
+    if controller.friction:
+        known = truth.friction
+        torque += controller.friction * (known.viscous * motion.dq + known.coulomb * np.sign(motion.dq))
+    return torque

@@ -1,0 +1,353 @@
+"""What goes wrong with logs, one kind a class: a recording and a source of chance in, a spoilt recording out.
+
+Each class of `FAULTS` is a table of a `lab.toml`. What a fault does is that and nothing else: whatever it does not
+name stays bit for bit as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from armid.errors import LabError
+from armid.lab.sensors import interpolate
+from armid.lab.timing_faults import (
+    QUANTITIES,
+    Gap,
+    LostRows,
+    NoClock,
+    RepeatedRows,
+    ShuffledRows,
+    check_share,
+    clock_of,
+)
+from armid.maths.signals import butterworth
+from armid.measurement.recording import Recording
+from armid.values import Array, digest
+
+__all__ = [
+    "FAULTS",
+    "DeadChannel",
+    "Degrees",
+    "Delayed",
+    "Fault",
+    "Filtered",
+    "Gap",
+    "LostRows",
+    "NoClock",
+    "PositionOffset",
+    "RepeatedRows",
+    "Saturated",
+    "Scaled",
+    "ShuffledRows",
+    "StuckChannel",
+    "SwappedJoints",
+    "TorqueSign",
+    "WrappedPosition",
+    "spoil",
+]
+
+
+class Fault(Protocol):
+    """What every fault offers."""
+
+    name: ClassVar[str]
+    """What it is called in a `lab.toml`."""
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the fault."""
+        ...
+
+
+def spoil(recording: Recording, faults: Sequence[Fault], seed: int) -> Recording:
+    """The recording with faults, one after another."""
+    rng = np.random.default_rng(seed)
+    for fault in faults:
+        recording = fault.apply(recording, rng)
+    parts = [x for x in (recording.q, recording.dq, recording.effort) if x is not None]
+    return replace(recording, sha256=digest(*parts))
+
+
+def _column(recording: Recording, quantity: str, joint: int) -> Array:
+    """A copy of a quantity, to be changed at one joint."""
+    values = getattr(recording, quantity, None) if quantity in QUANTITIES else None
+    if values is None:
+        raise LabError(f"The recording has no {quantity!r}.", possible=", ".join(QUANTITIES))
+    if not 0 <= joint < recording.n:
+        raise LabError(f"There is no joint {joint}; joints count from 0 to {recording.n - 1} here.")
+    return values.copy()
+
+
+@dataclass(frozen=True, slots=True)
+class Delayed:
+    """One quantity later than the others.
+
+    Attributes:
+        seconds: By how much [s].
+        quantity: `q`, `dq` or `effort`.
+    """
+
+    seconds: float = 0.01
+    quantity: str = "effort"
+    name: ClassVar[str] = "delayed"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the quantity late; it holds its first value until it has any."""
+        del rng
+        time = clock_of(recording)
+        rate = (recording.samples - 1) / (time[-1] - time[0])
+        places = np.arange(recording.samples) - self.seconds * rate
+        late = interpolate(_column(recording, self.quantity, 0), np.clip(places, 0.0, recording.samples - 1.0))
+        return replace(recording, **{self.quantity: late})
+
+
+@dataclass(frozen=True, slots=True)
+class Filtered:
+    """A causal low-pass before logging.
+
+    Attributes:
+        cutoff: Corner frequency [Hz].
+        quantity: `q`, `dq` or `effort`.
+        order: Of the Butterworth filter.
+    """
+
+    cutoff: float = 20.0
+    quantity: str = "effort"
+    order: int = 2
+    name: ClassVar[str] = "filtered"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the quantity filtered."""
+        del rng
+        from scipy.signal import sosfilt, sosfilt_zi
+
+        values, time = _column(recording, self.quantity, 0), clock_of(recording)
+        sections = butterworth(self.order, self.cutoff, (recording.samples - 1) / (time[-1] - time[0]))
+        state = sosfilt_zi(sections)[:, :, None] * values[0]
+        return replace(recording, **{self.quantity: sosfilt(sections, values, axis=0, zi=state)[0]})
+
+
+@dataclass(frozen=True, slots=True)
+class DeadChannel:
+    """A channel that says zero throughout.
+
+    Attributes:
+        joint: Index of the joint, from 0.
+        quantity: `q`, `dq` or `effort`.
+    """
+
+    joint: int = 0
+    quantity: str = "effort"
+    name: ClassVar[str] = "dead-channel"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the channel at zero."""
+        del rng
+        values = _column(recording, self.quantity, self.joint)
+        values[:, self.joint] = 0.0
+        return replace(recording, **{self.quantity: values})
+
+
+@dataclass(frozen=True, slots=True)
+class StuckChannel:
+    """A channel that stays at a value from some time on.
+
+    Attributes:
+        joint: Index of the joint, from 0.
+        quantity: `q`, `dq` or `effort`.
+        start: When it gets stuck, over the length of the recording.
+        seconds: For how long [s]; infinite for the rest of the recording.
+    """
+
+    joint: int = 0
+    quantity: str = "effort"
+    start: float = 0.5
+    seconds: float = math.inf
+    name: ClassVar[str] = "stuck-channel"
+
+    def __post_init__(self) -> None:
+        check_share("start", self.start)
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the channel stuck."""
+        del rng
+        time, values = clock_of(recording), _column(recording, self.quantity, self.joint)
+        begin = time[0] + self.start * (time[-1] - time[0])
+        stuck = np.flatnonzero((time >= begin) & (time < begin + self.seconds))
+        if len(stuck):
+            values[stuck, self.joint] = values[stuck[0], self.joint]
+        return replace(recording, **{self.quantity: values})
+
+
+@dataclass(frozen=True, slots=True)
+class Saturated:
+    """A channel that cannot say more than a bound.
+
+    Attributes:
+        joint: Index of the joint, from 0.
+        share: The bound over the channel's own largest value.
+        quantity: `q`, `dq` or `effort`.
+    """
+
+    joint: int = 0
+    share: float = 0.5
+    quantity: str = "effort"
+    name: ClassVar[str] = "saturated"
+
+    def __post_init__(self) -> None:
+        check_share("share", self.share)
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the channel cut off."""
+        del rng
+        values = _column(recording, self.quantity, self.joint)
+        bound = self.share * np.abs(values[:, self.joint]).max()
+        values[:, self.joint] = np.clip(values[:, self.joint], -bound, bound)
+        return replace(recording, **{self.quantity: values})
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A quantity in another unit or on the other side of a gear, as a current where a torque is expected.
+
+    Attributes:
+        factors: What each joint's values are multiplied by; one number for all.
+        quantity: `q`, `dq` or `effort`.
+    """
+
+    factors: tuple[float, ...] = (0.1,)
+    quantity: str = "effort"
+    name: ClassVar[str] = "scaled"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the quantity scaled."""
+        del rng
+        if len(self.factors) not in (1, recording.n):
+            raise LabError(f"{len(self.factors)} factors do not fit {recording.n} joints.")
+        return replace(recording, **{self.quantity: _column(recording, self.quantity, 0) * np.array(self.factors)})
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueSign:
+    """Torques of the opposite sign.
+
+    Attributes:
+        joints: Indices of the joints, from 0; all, if none is given.
+    """
+
+    joints: tuple[int, ...] = ()
+    name: ClassVar[str] = "torque-sign"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with these torques turned round."""
+        del rng
+        effort = _column(recording, "effort", max(self.joints, default=0))
+        effort[:, list(self.joints) or slice(None)] *= -1.0
+        return replace(recording, effort=effort)
+
+
+@dataclass(frozen=True, slots=True)
+class SwappedJoints:
+    """Two joints' values in each other's columns, under the names as they were.
+
+    Attributes:
+        first: Index of a joint, from 0.
+        second: Index of another.
+        quantities: What is swapped.
+    """
+
+    first: int = 0
+    second: int = 1
+    quantities: tuple[str, ...] = ("effort",)
+    name: ClassVar[str] = "swapped-joints"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the columns swapped."""
+        del rng
+        swapped: dict[str, Any] = {}
+        for quantity in self.quantities:
+            values = _column(recording, quantity, max(self.first, self.second))
+            values[:, [self.first, self.second]] = values[:, [self.second, self.first]]
+            swapped[quantity] = values
+        return replace(recording, **swapped)
+
+
+@dataclass(frozen=True, slots=True)
+class Degrees:
+    """Angles in degrees where radians are expected; only for arms whose joints all turn."""
+
+    name: ClassVar[str] = "degrees"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with positions, velocities and accelerations in degrees."""
+        del rng
+        present = {name: getattr(recording, name) for name in ("q", "dq", "ddq")}
+        return replace(recording, **{name: np.rad2deg(x) for name, x in present.items() if x is not None})
+
+
+@dataclass(frozen=True, slots=True)
+class PositionOffset:
+    """An encoder whose zero is elsewhere.
+
+    Attributes:
+        joint: Index of the joint, from 0.
+        offset: What it says too much [rad or m].
+    """
+
+    joint: int = 1
+    offset: float = 0.1
+    name: ClassVar[str] = "position-offset"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with the joint's positions off."""
+        del rng
+        q = _column(recording, "q", self.joint)
+        q[:, self.joint] += self.offset
+        return replace(recording, q=q)
+
+
+@dataclass(frozen=True, slots=True)
+class WrappedPosition:
+    """Angles that jump by a turn, from one end of an interval to the other.
+
+    Attributes:
+        upper: Upper end of the interval of one turn, which holds all logged angles [rad].
+    """
+
+    upper: float = math.pi
+    name: ClassVar[str] = "wrapped-position"
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """The recording with angles inside the interval."""
+        del rng
+        turn = 2.0 * math.pi
+        q = recording.q - turn * np.ceil((recording.q - self.upper) / turn)
+        return replace(recording, q=q)
+
+
+FAULTS: Mapping[str, type[Any]] = {
+    kind.name: kind
+    for kind in (
+        LostRows,
+        Gap,
+        RepeatedRows,
+        NoClock,
+        ShuffledRows,
+        Delayed,
+        Filtered,
+        DeadChannel,
+        StuckChannel,
+        Saturated,
+        Scaled,
+        TorqueSign,
+        SwappedJoints,
+        Degrees,
+        PositionOffset,
+        WrappedPosition,
+    )
+}
+"""Kinds of faults by name."""

@@ -1,0 +1,268 @@
+"""The truth's friction: what gears do beyond what is identified, joint by joint.
+
+Friction is the sum of a dry part between two bounds, which a sticking joint does not reach, and a smooth part:
+
+    dry     ±(FS + FT exp(-(|q̇|/v)^shape) + FSL |load|) + FSA     against the motion
+    smooth  FV(T) q̇ + FO + FR sin(teeth q + phase) + Σ FH_k (q - z_k) / r_k
+
+T is the joint's own temperature, warmed by the power that its friction takes; z_k is dragged along by q once a spring
+of Maxwell slip is stretched by r_k [AlBender2005]. One class serves a step at a time and whole motions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from armid.errors import LabError
+from armid.model.motion import Motion
+from armid.values import Array, array
+
+__all__ = ["Friction", "MaxwellSlip", "Stribeck", "ToothRipple", "Warmth", "friction_along"]
+
+
+def _columns(kind: object, *names: str) -> None:
+    """Make fields arrays of one number a joint, not negative."""
+    for name in names:
+        values = array(getattr(kind, name), (None,), name)
+        if (values < 0.0).any():
+            raise LabError(f"{name} must not be negative; found {values.min():g}.")
+        object.__setattr__(kind, name, values)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Stribeck:
+    """Dry friction beyond that of Coulomb, gone once the joint moves.
+
+    Attributes:
+        extra: FT, at standstill, shape (n,) [N·m or N].
+        velocity: Where it has fallen to 1/e, shape (n,) [rad/s or m/s].
+        shape: How sharply it falls.
+    """
+
+    extra: Array
+    velocity: Array
+    shape: float = 2.0
+
+    def __post_init__(self) -> None:
+        _columns(self, "extra", "velocity")
+        if not self.velocity.all() or not self.shape > 0.0:
+            raise LabError("The Stribeck velocity and shape must be positive.")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MaxwellSlip:
+    """Hysteresis at reversals: E springs a joint that slip at a deflection.
+
+    Attributes:
+        torque: FH at which each slips, shape (E, n) [N·m or N].
+        deflection: r of each, shape (E, n), positive [rad or m].
+    """
+
+    torque: Array
+    deflection: Array
+
+    def __post_init__(self) -> None:
+        torque = array(self.torque, (None, None), "torque of Maxwell slip")
+        deflection = array(self.deflection, torque.shape, "deflection of Maxwell slip")
+        if (torque < 0.0).any() or not (deflection > 0.0).all():
+            raise LabError("Maxwell slip needs torques that are not negative and positive deflections.")
+        object.__setattr__(self, "torque", torque)
+        object.__setattr__(self, "deflection", deflection)
+
+    @property
+    def stiffness(self) -> Array:
+        """Of all springs together, shape (n,) [N·m/rad or N/m]."""
+        return (self.torque / self.deflection).sum(axis=0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ToothRipple:
+    """A torque that repeats with the teeth of the gear.
+
+    Attributes:
+        amplitude: FR, shape (n,) [N·m or N].
+        teeth: Waves over one radian, shape (n,), times 2π [1/rad or 1/m].
+        phase: At q = 0, shape (n,) [rad].
+    """
+
+    amplitude: Array
+    teeth: Array
+    phase: Array
+
+    def __post_init__(self) -> None:
+        _columns(self, "amplitude", "teeth")
+        object.__setattr__(self, "phase", array(self.phase, self.teeth.shape, "phase"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Warmth:
+    """Viscous friction that falls as the gear warms up: FV(T) = FV exp(-coefficient T).
+
+    T is the rise over a joint that has rested. It grows with the power of friction and falls by itself.
+
+    Attributes:
+        coefficient: Shape (n,) [1/K].
+        heating: Rise for each unit of energy, shape (n,) [K/J].
+        time_constant: Of cooling, shape (n,) [s].
+        initial: Rise at the beginning, shape (n,) [K].
+    """
+
+    coefficient: Array
+    heating: Array
+    time_constant: Array
+    initial: Array
+
+    def __post_init__(self) -> None:
+        _columns(self, "coefficient", "heating", "time_constant", "initial")
+        if not self.time_constant.all():
+            raise LabError("The time constant of cooling must be positive.")
+
+    def next(self, rise: Array, power: Array, step: float) -> Array:
+        """The rise (n,) [K] a step [s] later, while friction takes this power (n,) [W]."""
+        return rise + step * (self.heating * power - rise / self.time_constant)
+
+
+def _none() -> Array:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Friction:
+    """Friction of n joints. Arrays have one number a joint; what is not given is not there.
+
+    Attributes:
+        viscous: FV, shape (n,) [N·m·s/rad or N·s/m].
+        coulomb: FS, shape (n,) [N·m or N].
+        offset: FO, shape (n,) [N·m or N].
+        asymmetry: FSA, by which it is larger forward than in the mean, shape (n,), at most FS [N·m or N].
+        load: FSL, for each unit of the torque that the gear transmits, shape (n,).
+        stribeck: More of it near standstill.
+        slip: Hysteresis at reversals.
+        ripple: Ripple of the teeth.
+        warmth: Warm-up.
+    """
+
+    viscous: Array
+    coulomb: Array
+    offset: Array = field(default_factory=_none)
+    asymmetry: Array = field(default_factory=_none)
+    load: Array = field(default_factory=_none)
+    stribeck: Stribeck | None = None
+    slip: MaxwellSlip | None = None
+    ripple: ToothRipple | None = None
+    warmth: Warmth | None = None
+
+    def __post_init__(self) -> None:
+        _columns(self, "viscous", "coulomb")
+        n = len(self.viscous)
+        for name in ("offset", "asymmetry", "load"):
+            given = getattr(self, name)
+            object.__setattr__(self, name, array(given if np.size(given) else np.zeros(n), (n,), name))
+        lengths = {len(self.coulomb)}
+        if self.stribeck is not None:
+            lengths |= {len(self.stribeck.extra), len(self.stribeck.velocity)}
+        if self.slip is not None:
+            lengths.add(self.slip.torque.shape[1])
+        if self.ripple is not None:
+            lengths |= {len(self.ripple.amplitude), len(self.ripple.teeth)}
+        if self.warmth is not None:
+            lengths |= {len(self.warmth.coefficient), len(self.warmth.initial)}
+        if lengths != {n}:
+            raise LabError(f"Friction of {n} joints has parts for {', '.join(map(str, sorted(lengths)))}.")
+        if (np.abs(self.asymmetry) > self.coulomb).any() or (self.load < 0.0).any():
+            raise LabError("Friction would drive a joint: asymmetry exceeds coulomb, or load is negative.")
+
+    @classmethod
+    def none(cls, n: int) -> Friction:
+        """No friction on n joints."""
+        return cls(np.zeros(n), np.zeros(n))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.viscous)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is viscous and Coulomb friction alone."""
+        parts = (self.stribeck, self.slip, self.ripple, self.warmth)
+        rest = self.offset.any() or self.asymmetry.any() or self.load.any()
+        return not rest and all(part is None for part in parts)
+
+    def dry(self, dq: Array, load: Array) -> Array:
+        """Mean of the two bounds of dry friction, shape (..., n) [N·m or N]; add or take off `asymmetry`.
+
+        Args:
+            dq: Velocity, shape (..., n).
+            load: Torque that the gear transmits, shape (..., n).
+        """
+        level = self.coulomb + self.load * np.abs(load)
+        if self.stribeck is not None:
+            level = level + self.stribeck.extra * np.exp(
+                -((np.abs(dq) / self.stribeck.velocity) ** self.stribeck.shape)
+            )
+        return level
+
+    def of_position(self, q: Array, states: Array | None) -> Array:
+        """Offset, ripple and hysteresis, shape (..., n) [N·m or N].
+
+        Args:
+            q: Position, shape (..., n).
+            states: Ends z of the springs, shape (..., E, n), where there are any.
+        """
+        torque = self.offset
+        if self.ripple is not None:
+            torque = torque + self.ripple.amplitude * np.sin(self.ripple.teeth * q + self.ripple.phase)
+        if self.slip is not None and states is not None:
+            stretch = (q[..., None, :] - states) / self.slip.deflection
+            torque = torque + (self.slip.torque * stretch).sum(axis=-2)
+        return torque
+
+    def viscosity(self, rise: Array | None) -> Array:
+        """Viscous coefficient at a temperature rise (..., n) [K]."""
+        if self.warmth is None or rise is None:
+            return self.viscous
+        return self.viscous * np.exp(-self.warmth.coefficient * rise)
+
+
+def friction_along(friction: Friction, motion: Motion, load: Array) -> tuple[Array, Array | None]:
+    """Friction (N, n) along a motion at a constant rate, and the temperature rise (N, n) [K] where there is one.
+
+    Where a joint rests its dry friction is taken as zero; only a simulation in closed loop knows better.
+
+    Args:
+        friction: The truth.
+        motion: Contiguous samples.
+        load: Torque that the gears transmit, shape (N, n) [N·m or N].
+    """
+    q, dq = motion.q, motion.dq
+    torque = friction.dry(dq, load) * np.sign(dq) + friction.asymmetry * np.abs(np.sign(dq))
+    torque += friction.of_position(q, _springs(friction, q))
+    if friction.warmth is None:
+        return torque + friction.viscous * dq, None
+    rise = np.empty_like(q)
+    now = friction.warmth.initial
+    steps = np.diff(motion.time, append=motion.time[-1:])
+    for k in range(motion.samples):  # each temperature is made by the friction of the one before
+        rise[k] = now
+        viscous = friction.viscosity(now) * dq[k]
+        power = np.maximum((torque[k] + viscous) * dq[k], 0.0)
+        torque[k] += viscous
+        now = friction.warmth.next(now, power, steps[k])
+    return torque, rise
+
+
+def _springs(friction: Friction, q: Array) -> Array | None:
+    """Ends of the springs (N, E, n) along positions (N, n), relaxed at the beginning."""
+    if friction.slip is None:
+        return None
+    widths = friction.slip.deflection
+    springs = np.empty((len(q), *widths.shape))
+    for e, width in enumerate(widths):
+        end = q[0]
+        for k, here in enumerate(q):
+            end = np.minimum(np.maximum(end, here - width), here + width)
+            springs[k, e] = end
+    return springs

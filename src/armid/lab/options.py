@@ -1,0 +1,172 @@
+"""Everything that a simulation can be told, and how a `lab.toml` says it: its tables are the classes' fields."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError, LabError
+from armid.lab.controller import Controller, Drive
+from armid.lab.faults import FAULTS, Fault
+from armid.lab.friction import Friction
+from armid.lab.sensors import Sensing
+from armid.lab.truths import Truth, with_effects
+from armid.values import Array
+
+__all__ = ["Arm", "LabOptions", "load_options", "parse_options"]
+
+T = TypeVar("T")
+
+MODES = ("closed-loop", "inverse-dynamics")
+"""How the arm is moved."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Arm:
+    """What an arm is beyond its built-in truth.
+
+    Attributes:
+        effects: Names in `armid.lab.truths.EFFECTS`, in proportion to the friction that the arm has.
+        friction: Friction instead of the built-in one.
+        rotor: Rotor inertia, shape (n,) [kg·m²].
+        stiffness: Of elastic drives, shape (n,) [N·m/rad].
+        spring_damping: Of elastic drives, shape (n,) [N·m·s/rad].
+    """
+
+    effects: tuple[str, ...] = ()
+    friction: Friction | None = None
+    rotor: Array | None = None
+    stiffness: Array | None = None
+    spring_damping: Array | None = None
+
+    def of(self, truth: Truth) -> Truth:
+        """The truth with what is said here; effects see the friction that is given."""
+        if self.friction is not None:
+            truth = replace(truth, friction=self.friction)
+        truth = with_effects(truth, self.effects)
+        given = {name: getattr(self, name) for name in ("rotor", "stiffness", "spring_damping")}
+        return replace(truth, **{name: value for name, value in given.items() if value is not None})
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LabOptions:
+    """A simulation.
+
+    Attributes:
+        mode: `closed-loop` in MuJoCo, or `inverse-dynamics` along the plan.
+        repetitions: How often the motion is run through.
+        lead_in: Time from rest to the plan in closed loop [s].
+        physics_rate: Steps a second, at least [Hz]; the next multiple of the log's rate is taken.
+        arm: The arm beyond its built-in truth.
+        controller: What asks for torque.
+        drive: What gives it.
+        sensing: What is logged.
+        faults: What goes wrong with the log.
+    """
+
+    mode: Literal["closed-loop", "inverse-dynamics"] = "closed-loop"
+    repetitions: int = 1
+    lead_in: float = 2.0
+    physics_rate: float = 4000.0
+    arm: Arm = field(default_factory=Arm)
+    controller: Controller = field(default_factory=Controller)
+    drive: Drive = field(default_factory=Drive)
+    sensing: Sensing = field(default_factory=Sensing)
+    faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise LabError(f"There is no mode {self.mode!r}.", possible=", ".join(MODES))
+        if self.repetitions < 1 or isinstance(self.repetitions, bool):
+            raise LabError(f"A motion is run through at least once; found {self.repetitions} repetitions.")
+        if not (self.lead_in >= 0.0 and self.physics_rate > 0.0):
+            raise LabError("lead_in must not be negative, and physics_rate positive.")
+
+
+def load_options(path: Path | str) -> LabOptions:
+    """Read a `lab.toml`.
+
+    Raises:
+        LabError: It is missing, no TOML, or has an unknown key or a wrong value.
+    """
+    path = Path(path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise LabError(f"{path} cannot be read: {error}.", remedy="give the path of a lab.toml.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise LabError(f"{path} is no valid TOML: {error}.") from error
+    return parse_options(table)
+
+
+def parse_options(table: Mapping[str, Any]) -> LabOptions:
+    """Options from the tables of a `lab.toml`; faults stand in `[[faults]]` tables with a `kind`."""
+    return _made(LabOptions, table, "lab.toml")
+
+
+def _made(kind: type[T], table: object, where: str) -> T:
+    """A dataclass from a table with its fields as keys, tables in it included."""
+    if not isinstance(table, Mapping):
+        raise LabError(f"{where} must be a table; found {table!r:.60}.")
+    fields = {f.name: f for f in dataclasses.fields(kind) if f.init}  # pyright: ignore[reportArgumentType]
+    hints = typing.get_type_hints(kind)
+    for key in table:
+        if key not in fields:
+            close = get_close_matches(str(key), fields, 1)
+            hint = f"did you mean {close[0]!r}?" if close else ""
+            raise LabError(f"{where} has no key {key!r}.", possible=", ".join(fields), remedy=hint)
+    missing = [
+        name
+        for name, f in fields.items()
+        if name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+    ]
+    if missing:
+        raise LabError(f"{where} lacks {', '.join(missing)}.")
+    values = {key: _value(hints[key], value, f"{where}: {key}") for key, value in table.items()}
+    try:
+        return kind(**values)
+    except ArmidError as error:
+        raise LabError(f"{where}: {error.problem}", possible=error.possible, remedy=error.remedy) from error
+    except (TypeError, ValueError) as error:
+        raise LabError(f"{where} has a value of the wrong type: {error}.") from error
+
+
+def _value(hint: Any, value: Any, where: str) -> Any:
+    """A field's value of the type that its class says."""
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        hint = next(each for each in typing.get_args(hint) if each is not type(None))
+    if dataclasses.is_dataclass(hint):
+        return _made(typing.cast("type[Any]", hint), value, where)
+    if typing.get_args(hint)[:1] == (Fault,):
+        return tuple(_fault(each, where) for each in _listed(value, where))
+    if typing.get_origin(hint) is np.ndarray or hint == NDArray[np.float64]:
+        return value
+    if typing.get_origin(hint) is tuple:
+        return tuple(_listed(value, where))
+    plain = {float: (int, float), int: (int,), str: (str,), bool: (bool,)}.get(hint)
+    if plain is not None and (not isinstance(value, plain) or (isinstance(value, bool) and hint is not bool)):
+        raise LabError(f"{where} must be {'a number' if hint in (float, int) else 'a text'}; found {value!r:.60}.")
+    return value
+
+
+def _listed(value: Any, where: str) -> list[Any]:
+    if not isinstance(value, list | tuple):
+        raise LabError(f"{where} must be a list; found {value!r:.60}.")
+    return list(typing.cast("list[Any]", value))
+
+
+def _fault(table: Any, where: str) -> Fault:
+    kind = str(table.get("kind")) if isinstance(table, Mapping) else ""
+    if kind not in FAULTS:
+        raise LabError(f"{where} has no kind {kind!r}.", possible=", ".join(FAULTS))
+    return _made(FAULTS[kind], {key: value for key, value in table.items() if key != "kind"}, f"{where}: {kind}")

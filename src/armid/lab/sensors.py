@@ -1,0 +1,161 @@
+"""What a log says of what happened: each channel filtered, delayed, sampled, disturbed and rounded, in this order."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from armid.errors import LabError
+from armid.lab.trace import MARGIN, Trace
+from armid.maths.signals import butterworth
+from armid.measurement.recording import Recording
+from armid.values import Array, digest
+
+__all__ = ["Channel", "Sensing", "sense"]
+
+NEIGHBOURS = 4
+"""Samples that a value between samples is interpolated from, by a cubic."""
+
+HIGHEST_RATE = 8000.0
+"""Samples a second [Hz] that a log may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """What happens to one quantity on its way into the log; numbers are in its own unit and alike for all joints.
+
+    Attributes:
+        noise: Standard deviation of white noise.
+        resolution: Step of quantisation; 0 for none.
+        bias: What it is off by.
+        drift: What it is off by more each second.
+        delay: By which it is late [s].
+        cutoff: Corner frequency of the controller's low-pass, a causal Butterworth filter [Hz]; 0 for none.
+        order: Of that filter.
+    """
+
+    noise: float = 0.0
+    resolution: float = 0.0
+    bias: float = 0.0
+    drift: float = 0.0
+    delay: float = 0.0
+    cutoff: float = 0.0
+    order: int = 2
+
+    def __post_init__(self) -> None:
+        for name in ("noise", "resolution", "delay", "cutoff"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise LabError(f"{name} of a channel must not be negative; found {getattr(self, name)}.")
+        if self.delay > MARGIN:
+            raise LabError(f"A channel may be late by {MARGIN:g} s at most; found {self.delay:g} s.")
+
+
+@dataclass(frozen=True, slots=True)
+class Sensing:
+    """A log.
+
+    Attributes:
+        rate: Rows a second [Hz].
+        position: The channel of positions.
+        effort: The channel of torques.
+        velocity: The channel of velocities; `None` where none are logged.
+        side: Where positions and torques are measured: at the `drive`, before friction and rotors, or at the `link`.
+        jitter: Standard deviation of the time at which a row is taken [s]; at most a fifth of a row counts.
+        stamps: What the time column says: `true` times, `even` ones, or `none`.
+    """
+
+    rate: float = 1000.0
+    position: Channel = field(default_factory=lambda: Channel(noise=1e-5))
+    effort: Channel = field(default_factory=lambda: Channel(noise=0.3))
+    velocity: Channel | None = None
+    side: Literal["drive", "link"] = "drive"
+    jitter: float = 0.0
+    stamps: Literal["true", "even", "none"] = "true"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate <= HIGHEST_RATE:
+            raise LabError(f"A log has up to {HIGHEST_RATE:g} rows a second; found a rate of {self.rate:g} Hz.")
+        if self.side not in ("drive", "link"):
+            raise LabError(f"There is no side {self.side!r}.", possible="drive, link")
+        if self.stamps not in ("true", "even", "none"):
+            raise LabError(f"There are no stamps {self.stamps!r}.", possible="true, even, none")
+        if not 0.0 <= self.jitter < math.inf:
+            raise LabError(f"Jitter must not be negative; found {self.jitter}.")
+
+
+MOST_JITTER = 0.2
+"""Largest shift of a row over the time between rows, so that rows stay in order."""
+
+
+def sense(
+    trace: Trace, sensing: Sensing, joint_names: tuple[str, ...], source: str, rng: np.random.Generator
+) -> Recording:
+    """The log of what happened.
+
+    Args:
+        trace: What happened, at a multiple of the log's rate or finer than it.
+        sensing: The sensors.
+        joint_names: Names of the channels.
+        source: Name of the recording.
+        rng: Source of noise and jitter.
+    """
+    even = np.arange(round((trace.time[-1] + trace.time[1] - trace.time[0]) * sensing.rate)) / sensing.rate
+    taken = even
+    if sensing.jitter:
+        most = MOST_JITTER / sensing.rate
+        taken = even + np.clip(rng.normal(0.0, sensing.jitter, len(even)), -most, most)
+        taken = np.minimum(taken, trace.time[-1])
+    links = sensing.side == "link" or trace.drive_q is None
+    q = trace.q if links else trace.drive_q
+    dq = trace.dq if links else trace.drive_dq
+    effort = trace.effort if sensing.side == "drive" else trace.transmitted
+    assert q is not None and dq is not None
+    logged: dict[str, Any] = {
+        "q": _logged(trace.time, q, taken, sensing.position, rng),
+        "effort": _logged(trace.time, effort, taken, sensing.effort, rng),
+    }
+    if sensing.velocity is not None:
+        logged["dq"] = _logged(trace.time, dq, taken, sensing.velocity, rng)
+    return Recording(
+        time={"true": taken, "even": even, "none": None}[sensing.stamps],
+        **logged,
+        rate=sensing.rate if sensing.stamps == "none" else None,
+        joint_names=joint_names,
+        consecutive=True,
+        source=source,
+        sha256=digest(*logged.values()),
+    )
+
+
+def _logged(time: Array, values: Array, taken: Array, channel: Channel, rng: np.random.Generator) -> Array:
+    """One quantity as it is logged, shape (M, n)."""
+    rate = 1.0 / (time[1] - time[0])
+    if channel.cutoff:
+        from scipy.signal import sosfilt, sosfilt_zi
+
+        sections = butterworth(channel.order, channel.cutoff, rate)
+        state = sosfilt_zi(sections)[:, :, None] * values[0]
+        values = sosfilt(sections, values, axis=0, zi=state)[0]
+    result = interpolate(values, (taken - channel.delay - time[0]) * rate)
+    result += channel.bias + channel.drift * taken[:, None]
+    if channel.noise:
+        result += channel.noise * rng.standard_normal(result.shape)
+    return np.round(result / channel.resolution) * channel.resolution if channel.resolution else result
+
+
+def interpolate(values: Array, places: Array) -> Array:
+    """Values (N, n) at places (M,) between samples, by cubics through four neighbours; exact on samples."""
+    whole = np.round(places)
+    if np.abs(places - whole).max(initial=0.0) < 1e-6:  # rounding of times that are on the grid
+        return values[np.clip(whole.astype(np.intp), 0, len(values) - 1)].copy()
+    first = np.clip(np.floor(places).astype(np.intp) - 1, 0, max(len(values) - NEIGHBOURS, 0))
+    s = np.clip(places - first, 0.0, NEIGHBOURS - 1.0)
+    result = np.zeros((len(places), values.shape[1]))
+    for k in range(NEIGHBOURS):
+        others = [m for m in range(NEIGHBOURS) if m != k]
+        weight = np.prod([(s - m) / (k - m) for m in others], axis=0)
+        result += weight[:, None] * values[first + k]
+    return result

@@ -1,0 +1,141 @@
+"""Writing recordings: the formats that `load_recording` reads, in the names that it looks for first."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import MissingExtraError, OutputError
+from armid.measurement.recording import Recording
+from armid.values import Array, replace_file
+
+__all__ = ["WRITERS", "save_recording"]
+
+EXTRA = "io"
+
+PATTERNS = (("q", "q{}"), ("dq", "dq{}"), ("ddq", "ddq{}"), ("effort", "tau{}"))
+
+EPOCH = 1_600_000_000
+"""Second at which a bag begins whose recording begins at 0: stamps of zero stand for no clock."""
+
+FLOAT = "%.17g"
+"""Numbers in full, so that a text table gives back every bit."""
+
+
+def save_recording(recording: Recording, path: Path | str) -> Path:
+    """Write a recording whole or not at all, in the format that the suffix says.
+
+    Args:
+        recording: The recording; which samples count is not written.
+        path: Ends in one of `WRITERS`.
+
+    Raises:
+        OutputError: Another suffix, or it cannot be written.
+        MissingExtraError: The format needs a package that is not installed.
+    """
+    path = Path(path)
+    writer = WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise OutputError(f"{path} is of a format that cannot be written.", possible=", ".join(WRITERS))
+    return replace_file(path, writer(recording))
+
+
+def _columns(recording: Recording) -> dict[str, Array]:
+    """A column for each number of a row."""
+    columns = {} if recording.time is None else {"t": recording.time}
+    for name, pattern in PATTERNS:
+        values = getattr(recording, name)
+        if values is not None:
+            columns |= {pattern.format(j + 1): values[:, j] for j in range(recording.n)}
+    return columns
+
+
+def _matrices(recording: Recording) -> dict[str, Array]:
+    """A matrix for each quantity, names as in MATLAB."""
+    names = {"t": recording.time, "q": recording.q, "dq": recording.dq, "ddq": recording.ddq, "tau": recording.effort}
+    return {name: values for name, values in names.items() if values is not None}
+
+
+def _csv(recording: Recording) -> bytes:
+    columns, text = _columns(recording), io.StringIO()
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(text, table, delimiter=",", header=",".join(columns), comments="", fmt=FLOAT)
+    return text.getvalue().encode()
+
+
+def _npz(recording: Recording) -> bytes:
+    buffer = io.BytesIO()
+    names = {"joint_names": np.array(recording.joint_names)} if recording.joint_names else {}
+    np.savez(buffer, **_matrices(recording), **names)  # pyright: ignore[reportArgumentType]
+    return buffer.getvalue()
+
+
+def _mat(recording: Recording) -> bytes:
+    from scipy.io import savemat
+
+    buffer = io.BytesIO()
+    names = np.array(recording.joint_names, dtype=object)
+    content: dict[str, object] = dict(_matrices(recording))
+    savemat(buffer, content | ({"joint_names": names} if recording.joint_names else {}))
+    return buffer.getvalue()
+
+
+def _parquet(recording: Recording) -> bytes:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise MissingExtraError("pyarrow", "Writing Parquet", EXTRA) from error
+    buffer = io.BytesIO()
+    pq.write_table(pa.table(_columns(recording)), buffer)
+    return buffer.getvalue()
+
+
+def _mcap(recording: Recording) -> bytes:
+    """A ROS 2 bag of `sensor_msgs/JointState` on `/joint_states`."""
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise MissingExtraError("rosbags", "Writing MCAP", EXTRA) from error
+    store = get_typestore(Stores.ROS2_JAZZY)
+    state, header, stamp = (
+        store.types[name]
+        for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    )
+    empty = np.zeros((recording.samples, 0))
+    velocity = empty if recording.dq is None else recording.dq
+    effort = empty if recording.effort is None else recording.effort
+    clock = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
+    received = EPOCH * 10**9 + np.round((clock - min(0.0, clock.min(initial=0.0))) * 1e9).astype(np.int64)
+    names = list(recording.channels)
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / "bag"
+        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            topic = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
+            for k, at in enumerate(received.tolist()):
+                said = 0 if recording.time is None else at
+                time = stamp(sec=said // 10**9, nanosec=said % 10**9)
+                message = state(
+                    header=header(stamp=time, frame_id=""),
+                    name=names,
+                    position=recording.q[k],
+                    velocity=velocity[k],
+                    effort=effort[k],
+                )
+                writer.write(topic, at, store.serialize_cdr(message, state.__msgtype__))
+        return next(bag.glob("*.mcap")).read_bytes()
+
+
+WRITERS: Mapping[str, Callable[[Recording], bytes]] = {
+    ".csv": _csv,
+    ".parquet": _parquet,
+    ".npz": _npz,
+    ".mat": _mat,
+    ".mcap": _mcap,
+}
+"""Formats that can be written, by suffix."""

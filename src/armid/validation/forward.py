@@ -1,0 +1,252 @@
+"""The identified model set free: which motion follows from a torque, and not only which torque from a motion.
+
+The model's own mass matrix and bias torque are integrated by leapfrog,
+
+    (M + h/2 D) a = τ - bias(q, v̂) - rest(v̂) - dry,   v(k+1/2) = v(k-1/2) + h a,   q(k+1) = q(k) + h v(k+1/2)
+
+for many windows of a recording at once. Velocity dependence is linearised (D), dry friction sticks or slides
+(`armid.maths.stiction`): widths over which a sign turns are there for estimation, and become zero here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid import kernel
+from armid.errors import ArmidError
+from armid.maths.stiction import settle_friction
+from armid.model.dynamics import DynamicsModel
+from armid.model.expression import symbols
+from armid.model.motion import Motion
+from armid.values import Array, array
+
+__all__ = ["Feedback", "Windows", "roll_out", "sharpened"]
+
+SIGNED = ("coulomb", "asymmetric-coulomb", "load-coulomb", "stribeck")
+"""Terms whose width only blurs a sign."""
+
+LEAST_RATE = 1000.0
+"""Steps a second [Hz], at least: leapfrog's error falls with their square, and arms end far below a tenth of it."""
+
+STABLE = 0.8
+"""Largest product of step and frequency of a feedback; leapfrog is stable below 2."""
+
+REST = 1e-9
+"""Velocity [rad/s or m/s] on either side of rest at which dry friction is read off."""
+
+NUDGE = 1e-4
+"""Change of velocity [rad/s or m/s] over which friction's slope is taken; laws bend over a hundred times as much."""
+
+RUNAWAY = 100.0
+"""Speed [rad/s or m/s] at which a window has run away; arms end at ten."""
+
+LOOKED_AT = 50
+"""Steps from one look at the mass matrix to the next."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Feedback:
+    """Linear feedback of the controller that was running, τ = … + KP e + KD ė + KI ∫e, joint by joint.
+
+    What the controller was asked for need not be known: at the recorded motion it gave the recorded torque, so that
+    on another motion it gives that plus the feedback of the difference.
+
+    Attributes:
+        proportional: KP, shape (n,) [N·m/rad or N/m].
+        derivative: KD, shape (n,) [N·m·s/rad or N·s/m].
+        integral: KI, shape (n,) [N·m/(rad·s) or N/(m·s)].
+    """
+
+    proportional: Array
+    derivative: Array
+    integral: Array
+
+    def __post_init__(self) -> None:
+        kp = array(self.proportional, (None,), "proportional")
+        object.__setattr__(self, "proportional", kp)
+        object.__setattr__(self, "derivative", array(self.derivative, kp.shape, "derivative"))
+        object.__setattr__(self, "integral", array(self.integral, kp.shape, "integral"))
+        if any((gain < 0.0).any() for gain in (kp, self.derivative, self.integral)):
+            raise ArmidError("Gains of a feedback must not be negative.")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Windows:
+    """Stretches of recorded motion, W of S samples each, one every `step` seconds.
+
+    Attributes:
+        q: Positions, shape (W, S, n) [rad or m].
+        dq: Velocities, shape (W, S, n).
+        ddq: Accelerations, shape (W, S, n).
+        torque: Torque of the joints, shape (W, S, n) [N·m or N].
+        memory: States of the model's memory nodes at the first samples, shape (W, m).
+        step: Time from sample to sample [s].
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    torque: Array
+    memory: Array
+    step: float
+
+
+def sharpened(model: DynamicsModel) -> DynamicsModel:
+    """The model with true signs where a width blurs them; its parameters stay what they are."""
+    terms: list[Any] = list(model.terms)
+    sharp = [dataclasses.replace(term, width=0.0) if term.name in SIGNED else term for term in terms]
+    return dataclasses.replace(model, terms=tuple(sharp))
+
+
+def roll_out(model: DynamicsModel, parameters: Array, windows: Windows, feedback: Feedback | None = None) -> Array:
+    """Positions (W, S, n) [rad or m] that follow from the first states and the torque.
+
+    A window ends in NaN from where it runs away, or where the mass matrix is not positive.
+
+    Args:
+        model: Arm and torque terms.
+        parameters: Standard parameters, shape (p,), or any with the same torque.
+        windows: What was recorded.
+        feedback: Of the controller that was running; without one the recorded torque acts alone.
+    """
+    run = _RollOut(sharpened(model), parameters, windows, feedback)
+    found = np.empty_like(windows.q)
+    samples = windows.q.shape[1]
+    for k in range(samples):
+        found[:, k] = np.where(run.alive[:, None], run.q, np.nan)
+        if k + 1 < samples:
+            run.advance(k)
+    return found
+
+
+class _RollOut:
+    """All windows at one instant."""
+
+    def __init__(self, model: DynamicsModel, parameters: Array, windows: Windows, feedback: Feedback | None) -> None:
+        self.model, self.theta, self.windows, self.feedback = model, parameters, windows, feedback
+        self.friction = _Friction(model, parameters)
+        self.inertial = parameters[model.inertial_columns].reshape(model.n, 10)
+        self.alive = np.ones(len(windows.q), dtype=bool)
+        self.q = windows.q[:, 0].copy()
+        mass = model.mass_matrix(self.q, parameters)
+        self._bury(np.linalg.eigvalsh(mass)[:, 0] > 0.0)
+        self.substeps = self._substeps(mass)
+        self.h = windows.step / self.substeps
+        self.a = windows.ddq[:, 0].copy()
+        self.half = windows.dq[:, 0] - 0.5 * self.h * self.a
+        self.ends = windows.memory.copy()
+        self.summed = np.zeros_like(self.q)
+        self.count = 0
+
+    def _substeps(self, mass: Array) -> int:
+        """Steps from one sample to the next."""
+        rate = LEAST_RATE
+        if self.feedback is not None and self.alive.any():
+            mobility = np.einsum("wjj->wj", np.linalg.inv(mass[self.alive]))
+            rate = max(rate, math.sqrt(float((self.feedback.proportional * mobility).max())) / STABLE)
+        return max(1, math.ceil(rate * self.windows.step * (1.0 - 1e-9)))
+
+    def _bury(self, well: NDArray[np.bool_]) -> None:
+        self.alive &= well
+
+    def advance(self, k: int) -> None:
+        """From sample k to the next."""
+        for i in range(self.substeps):
+            self._step(k, i / self.substeps)
+
+    def _between(self, values: Array, k: int, share: float) -> Array:
+        """Recorded values (W, n) between two samples."""
+        return values[:, k] if share == 0.0 else (1.0 - share) * values[:, k] + share * values[:, k + 1]
+
+    def _step(self, k: int, share: float) -> None:
+        h, model = self.h, self.model
+        torque = self._between(self.windows.torque, k, share)
+        now = self.half + 0.5 * h * self.a
+        rest, slope, dry = self.friction.at(self.q, now, self.a, self.ends)
+        linear = slope
+        if self.feedback is not None:
+            error = self._between(self.windows.q, k, share) - self.q
+            rate = self._between(self.windows.dq, k, share) - now
+            self.summed += h * error
+            gain = self.feedback
+            torque = torque + gain.proportional * error + gain.derivative * rate + gain.integral * self.summed
+            linear = slope + gain.derivative
+        zero = np.zeros_like(self.q)
+        bias = kernel.inverse_dynamics(model.tree, self.inertial, self.q, now, zero)
+        mass = model.mass_matrix(self.q, self.theta)
+        if self.count % LOOKED_AT == 0:
+            self._bury(np.linalg.eigvalsh(mass)[:, 0] > 0.0)
+        self.count += 1
+        matrix = mass + 0.5 * h * linear[:, :, None] * np.eye(model.n)
+        matrix[~self.alive] = np.eye(model.n)
+        pull = torque - bias - rest - linear * (self.half - now)
+        mobility = np.asarray(h * np.linalg.inv(matrix), dtype=np.float64)
+        free = self.half + (mobility @ pull[:, :, None])[:, :, 0]
+        new = free
+        if dry.any():
+            _, new = settle_friction(mobility, free, dry, dry)
+        self._bury(np.abs(new).max(axis=1) < RUNAWAY)
+        new = np.where(self.alive[:, None], new, self.half)
+        self.a = np.where(self.alive[:, None], (new - self.half) / h, 0.0)
+        self.half = np.where(self.alive[:, None], new, 0.0)
+        self.q = self.q + h * self.half
+        self.ends = self.friction.remembered(self.q, self.ends)
+
+
+class _Friction:
+    """What the terms beside the rigid bodies say of a state, taken apart into dry friction and the rest."""
+
+    def __init__(self, model: DynamicsModel, parameters: Array) -> None:
+        self.model = model
+        # What is proportional to the acceleration is in the mass matrix already.
+        self.kept = np.array(
+            [
+                e
+                for e, (_, p, law, _) in enumerate(model.entries)
+                if "ddq" not in symbols(law.expression) and parameters[p]
+            ],
+            dtype=np.int64,
+        )
+        self.loaded = any("load" in symbols(law.expression) for _, law in model.laws)
+        self.theta = parameters
+
+    def at(self, q: Array, dq: Array, ddq: Array, states: Array) -> tuple[Array, Array, Array]:
+        """Friction but for its dry part, its slope, and the bound of the dry part, each (W, n)."""
+        if not len(self.kept):
+            return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
+        small = np.full_like(dq, REST)
+        away = np.where(dq < 0.0, -NUDGE, NUDGE)
+        up, down, here, beside = np.split(self._torque(q, [small, -small, dq, dq + away], ddq, states), 4)
+        dry = np.maximum(0.5 * (up - down), 0.0)
+        rest = here - dry * np.sign(dq)
+        # Friction that falls with the speed is left to the next step: it is gentle, and must not drive this one.
+        slope = np.maximum((beside - here) / away, 0.0)
+        return rest, np.where(dq == 0.0, 0.0, slope), dry
+
+    def _torque(self, q: Array, velocities: list[Array], ddq: Array, states: Array) -> Array:
+        """Torque of the kept columns at several velocities of the same positions, one after another."""
+        times = len(velocities)
+        many = np.tile(q, (times, 1))
+        acceleration = np.tile(ddq, (times, 1)) if self.loaded else np.zeros_like(many)
+        memory = np.tile(states, (times, 1)) if self.model.nodes else None
+        motion = Motion(
+            np.arange(len(many), dtype=np.float64), many, np.concatenate(velocities), acceleration, memory
+        )
+        columns = self.model.term_columns(motion, self.kept)
+        torque = np.zeros((self.model.n, len(many)))
+        np.add.at(torque, columns.joint, columns.values * self.theta[columns.parameter][:, None])
+        return torque.T
+
+    def remembered(self, q: Array, states: Array) -> Array:
+        """States (W, m) of the memory nodes once the joints are at q."""
+        if not self.model.nodes:
+            return states
+        driven = np.stack([sum(w * q[:, j] for j, w in node.coordinate) for node in self.model.nodes], axis=1)
+        width = np.array([node.memory.width for node in self.model.nodes])
+        return np.minimum(np.maximum(states, driven - width), driven + width)
