@@ -2,59 +2,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armid.excitation.channels import States
 from armid.kernel.tree import Tree
-from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["SCALE", "Workspace", "point_gradient", "point_speed"]
+__all__ = ["SCALE", "Workspace", "box_workspace", "carried_by", "point_gradient", "point_speed"]
 
 SCALE = 0.1
 """Distance [m] that counts as a whole limit where what is limited is a distance: one at the border, zero so far
 inside."""
 
 
-def point_gradient(
-    robot: Robot, tree: Tree, poses: tuple[Array, Array], link: int, points: Array, forces: Array
-) -> Array:
-    """Gradient by q of Σ forces · points.
+def carried_by(tree: Tree, links: Sequence[int]) -> Array:
+    """One where a joint moves a link, else zero, shape (m, n)."""
+    mask = np.zeros((len(links), tree.n))
+    for row, link in zip(mask, links, strict=True):
+        row[tree.ancestors(link)] = 1.0
+    return mask
+
+
+def _axes(tree: Tree, poses: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Directions of the joints' axes (N, n, 3), and their moments about the base's origin."""
+    R, p = poses
+    axes: Array = np.einsum("njik,jk->nji", R, tree.axis)
+    moments: Array = np.cross(p, axes)
+    return axes, moments
+
+
+def point_gradient(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Array, forces: Array) -> Array:
+    """Gradient by q of forces · points: the torque that the forces make about each joint.
 
     Args:
-        robot: The arm.
-        tree: Its geometry.
+        tree: The arm's geometry.
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of its links.
-        link: Which link carries the points; -1 for the base.
-        points: Shape (N, ..., 3), in the base frame [m].
-        forces: Shape (N, ..., 3).
+        mask: Which joints move each point, shape (m, n).
+        points: In the base frame, shape (N, m, 3) [m].
+        forces: Shape (N, m, 3).
 
     Returns:
-        Shape (N, ..., n).
+        Shape (N, m, n).
     """
-    R, p = poses
-    gradient = np.zeros((*points.shape[:-1], robot.n))
-    lift = (slice(None), *(None,) * (points.ndim - 2))
-    for j in tree.ancestors(link):
-        axis = (R[:, j] @ tree.axis[j])[lift]
-        arm = axis if tree.prismatic[j] else np.cross(axis, points - p[:, j][lift])
-        gradient[..., j] = (forces * arm).sum(axis=-1)
-    return gradient
+    axes, moments = _axes(tree, poses)
+    turning = np.cross(points, forces) @ axes.transpose(0, 2, 1) + forces @ moments.transpose(0, 2, 1)
+    if tree.prismatic.any():
+        turning = np.where(tree.prismatic.astype(bool), forces @ axes.transpose(0, 2, 1), turning)
+    return turning * mask
 
 
-def point_speed(tree: Tree, poses: tuple[Array, Array], link: int, points: Array, speed: Array) -> Array:
-    """Bound (N,) [m/s] of the speed of points (N, 3) of a link, from the joints' speeds (n,) [rad/s or m/s]."""
-    R, p = poses
-    total = np.zeros(len(points))
-    for j in tree.ancestors(link):
-        axis = R[:, j] @ tree.axis[j]
-        reach = (
-            np.ones(len(points)) if tree.prismatic[j] else np.linalg.norm(np.cross(axis, points - p[:, j]), axis=1)
-        )
-        total += speed[j] * reach
-    return total
+def point_speed(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Array, speed: Array) -> Array:
+    """Bound (N, m) [m/s] of the speed of points (N, m, 3), from the joints' speeds (n,) [rad/s or m/s]."""
+    axes, moments = _axes(tree, poses)
+    arms = np.cross(axes[:, None], points[:, :, None]) + moments[:, None]
+    reach = np.where(tree.prismatic.astype(bool), 1.0, np.linalg.norm(arms, axis=-1))
+    return (reach * mask) @ speed
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -86,13 +91,20 @@ class Workspace:
 
     def pull(self, states: States, weights: Array) -> Array:
         """Gradient (m, n k)."""
-        tip, link = self._tip(states), states.robot.tip.parent
         forces = weights[:, :, None] * self.normals / SCALE
-        places = np.broadcast_to(tip[:, None], forces.shape)
-        by_q = point_gradient(states.robot, states.tree, states.poses, link, places, forces)
-        return states.pull_positions(by_q)
+        places = np.broadcast_to(self._tip(states)[:, None], forces.shape)
+        mask = carried_by(states.tree, [states.robot.tip.parent] * len(self.labels))
+        return states.pull_positions(point_gradient(states.tree, states.poses, mask, places, forces))
 
     def between(self, states: States, step: float) -> Array:
         """How far the tip may go between points of a grid, as a share."""
-        speed = point_speed(states.tree, states.poses, states.robot.tip.parent, self._tip(states), states.speed_bound)
+        mask = carried_by(states.tree, [states.robot.tip.parent])
+        speed = point_speed(states.tree, states.poses, mask, self._tip(states)[:, None], states.speed_bound)
         return np.full(len(self.labels), 0.5 * step * float(speed.max()) / SCALE)
+
+
+def box_workspace(low: Sequence[float], high: Sequence[float]) -> Workspace:
+    """The tip stays inside a box of the base frame, between two corners (3,) [m]."""
+    normals = np.vstack([-np.eye(3), np.eye(3)])
+    labels = tuple(f"{side} {axis}" for side in ("low", "high") for axis in "xyz")
+    return Workspace("tip", labels, normals, np.concatenate([-np.asarray(low), np.asarray(high)]))

@@ -115,8 +115,7 @@ class SeriesBasis:
         """Unknowns (n k,) of the series nearest to coefficients (n, 2 L + 1), which need not be at rest."""
         c = np.array(coefficients, dtype=np.float64)
         c[:, -1] -= self.start
-        result: Array = c @ self.null_space
-        return result.ravel()
+        return (c @ self.null_space).ravel()
 
     def unknowns_of(self, excitation: Excitation) -> Array:
         """Unknowns (n k,) of an excitation of the same shape."""
@@ -133,7 +132,7 @@ class SeriesBasis:
 
     def times(self, samples: int) -> Array:
         """Even times of one period, shape (samples,) [s]."""
-        return np.arange(samples) * (self.period / samples)
+        return np.arange(float(samples)) * (self.period / samples)
 
     def peaks_between(self, x: ArrayLike, order: int) -> Array:
         """What the derivative of an order can reach at most, whatever the phases, shape (n,).
