@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from armid.estimation import estimators
+from armid.excitation import formats
 from armid.measurement import readers as recording_readers
 from armid.model import terms
 from armid.robot import readers as robot_readers
@@ -18,6 +19,7 @@ CATALOGUES = {
     "terms": (terms, terms.TERMS, {"term"}),
     "estimators": (estimators, estimators.ESTIMATORS, set()),
     "robot readers": (robot_readers, robot_readers.READERS, set()),
+    "formats of controllers": (formats, formats.FORMATS, {"track"}),
     "recording readers": (recording_readers, recording_readers.READERS, set()),
 }
 """Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""

@@ -40,8 +40,9 @@ class States:
         self.objective = objective
         self.basis = objective.basis
         self.robot = objective.goal.model.robot
-        self.tree = objective.columns.source.tree
+        self.tree = objective.tree
         self.x = x
+        self.nearest: dict[int, tuple[Array, Array, Array, Array]] = {}
         self._filled = filled
 
     @cached_property

@@ -228,11 +228,11 @@ class Clearance:
 
     def values(self, states: States) -> Array:
         """One less the room that is left over a tenth of a metre, shape (N, m)."""
-        return 1.0 - (self.bodies.nearest(states.poses)[0] - self.margin) / SCALE
+        return 1.0 - (self._nearest(states)[0] - self.margin) / SCALE
 
     def pull(self, states: States, weights: Array) -> Array:
         """Gradient (m, n k): the nearest points move with the links that carry them."""
-        _, first, second, normal = self.bodies.nearest(states.poses)
+        _, first, second, normal = self._nearest(states)
         forces = -weights[:, :, None] * normal / SCALE
         by_q = np.zeros((*weights.shape, states.tree.n))
         for side, points, sign in ((0, first, 1.0), (1, second, -1.0)):
@@ -241,19 +241,38 @@ class Clearance:
         return states.pull_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """How far each pair may come together between points of a grid, as a share."""
-        _, first, second, _ = self.bodies.nearest(states.poses)
-        total = np.zeros(len(self.labels))
-        for side, points in ((0, first), (1, second)):
-            mask = carried_by(states.tree, self.bodies.links(side))
-            # Any point of a body is at most the body's length and radius from the nearest one.
-            speed = point_speed(states.tree, states.poses, mask, points, states.speed_bound).max(axis=0)
-            total += speed + self._size(side) * (mask @ states.speed_bound)
+        """How far each pair may come together between points of a grid, as a share.
+
+        Half a step at the speeds of the two bodies. For pairs that are far apart a rougher bound does: no point of
+        the arm is further from an axis than the widest spread of all points.
+        """
+        distance, first, second, _ = self._nearest(states)
+        speed, origins = states.speed_bound, states.poses[1]
+        spread = 2.0 * max(float(np.abs(points).max(initial=0.0)) for points in (first, second, origins)) * 3.0**0.5
+        size = self._size()
+        reach = np.where(states.tree.prismatic.astype(np.bool_), 1.0, spread)
+        total = np.full(len(self.labels), 2.0 * float(speed @ reach)) + 2.0 * size.max() * float(speed.sum())
+        close = np.flatnonzero(distance.min(axis=0) - 0.5 * step * total < self.margin)
+        if len(close):
+            near = self.bodies.only(close)
+            total[close] = 0.0
+            for side, points in ((0, first), (1, second)):
+                mask = carried_by(states.tree, near.links(side))
+                # Any point of a body is at most the body's length and radius from the nearest one.
+                total[close] += point_speed(states.tree, states.poses, mask, points[:, close], speed).max(axis=0)
+                total[close] += size[close, side] * (mask @ speed)
         return 0.5 * step * total / SCALE
 
-    def _size(self, side: int) -> Array:
+    def _nearest(self, states: States) -> tuple[Array, Array, Array, Array]:
+        """Distances, nearest points and directions, computed once a point of a search."""
+        if id(self) not in states.nearest:
+            states.nearest[id(self)] = self.bodies.nearest(states.poses)
+        return states.nearest[id(self)]
+
+    def _size(self) -> Array:
+        """Radius and length of both bodies of each pair, shape (m, 2)."""
         every = (*self.bodies.capsules, *self.bodies.solids)
-        return np.array([every[k].size[0] + every[k].size[1] for k in self.bodies.pairs[:, side]])
+        return np.array([[every[k].size[0] + every[k].size[1] for k in pair] for pair in self.bodies.pairs])
 
 
 def floor(height: float = 0.0) -> Shape:

@@ -29,6 +29,10 @@ LOOKED = 3000
 NEAR = 0.08
 """Distance beyond the margin [m] within which a pair in any of these poses takes part in the search."""
 
+CERTIFICATE = 0.003
+"""What a search keeps beyond the margin [m], so that the certificate, which allows for half a step of a millisecond
+at the speeds of both bodies, need not draw the plan together."""
+
 NEIGHBOURS = 2
 """Links so many joints apart may touch by construction; further apart they may not."""
 
@@ -99,7 +103,7 @@ def collision_of(
     near = _near(robot, limits, start, every, margin)
     labels = bodies.labels
     return Collision(
-        Clearance("collision", every.only(near), margin) if len(near) else None,
+        Clearance("collision", every.only(near), margin + CERTIFICATE) if len(near) else None,
         Clearance("collision", every, margin),
         tuple(labels[k] for k in skipped),
         shapes,

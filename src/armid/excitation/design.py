@@ -172,6 +172,7 @@ def single_threaded_pool(workers: int) -> Generator[Executor]:
     """
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, _context(), initializer=_ignore_interrupts)
     try:
         for future in [pool.submit(time.sleep, 0.0) for _ in range(workers)]:
@@ -183,7 +184,11 @@ def single_threaded_pool(workers: int) -> Generator[Executor]:
                 os.environ[name] = value
         yield pool
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        # Nobody waits for what they are still at: a search has gathered what it wants, or was stopped by hand.
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+            process.join()
 
 
 class _Round:

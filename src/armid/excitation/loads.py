@@ -45,12 +45,10 @@ class Torque:
         return np.array(rows)
 
     def between(self, states: States, step: float) -> Array:
-        """How far a torque may rise between points of a grid, as a share: half the largest step between two.
+        """How far a torque may rise between points of a grid, as a share: the largest step between neighbours.
 
-        Torque is no series of finitely many harmonics; twice the largest difference of neighbours stands for its
-        slope, which is an estimate and not a bound.
+        Torque is no series of finitely many harmonics. It goes half a step at most from the nearer of two points, so
+        this allows for twice the slope that the grid sees; it is a margin and no proof.
         """
-        values = self.values(states)
-        rise = np.abs(np.diff(values, axis=0, append=values[:1]))
         del step
-        return rise.max(axis=0)
+        return np.abs(np.diff(self.values(states), axis=0)).max(axis=0, initial=0.0)

@@ -8,6 +8,7 @@ unknowns.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -82,19 +83,34 @@ class Objective:
         samples: Points of the grid; sums over them stand for those at the goal's rate.
         width: Width of tanh in the place of signs [rad/s or m/s]; 0 leaves the laws as they are.
         sharpness: p of the norms that stand for extremes of eigenvalues.
+        times: Points of the grid where they are not even ones of a period, shape (samples,) [s].
     """
 
     def __init__(
-        self, goal: Goal, basis: SeriesBasis, samples: int, *, width: float = 0.0, sharpness: float = np.inf
+        self,
+        goal: Goal,
+        basis: SeriesBasis,
+        samples: int,
+        *,
+        width: float = 0.0,
+        sharpness: float = np.inf,
+        times: Array | None = None,
     ) -> None:
         self.goal = goal
         self.basis = basis
-        self.columns = Columns(goal.source, samples, width)
-        self.matrices = basis.matrices(basis.times(samples))
+        self.tree = goal.model.tree
+        self.times = basis.times(samples) if times is None else times
+        self.matrices = basis.matrices(self.times)
+        self._width = width
         self._criterion = make_criterion(goal.criterion, sharpness, goal.prediction)
         rows = goal.rate * basis.period * goal.repetitions
         self._weights = (rows / samples) / goal.noise**2
         self._shape = (basis.n, basis.size)
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The base parameters' columns, made when they are first asked for: limits of the motion need none."""
+        return Columns(self.goal.source, len(self.times), self._width)
 
     def states(self, x: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations (N, n) of unknowns (n k,)."""

@@ -20,7 +20,7 @@ from armid.excitation.objective import Goal, Objective
 from armid.excitation.series import SeriesBasis
 from armid.values import Array
 
-__all__ = ["STAGES", "Problem", "Stage", "descend", "drawn_together", "highest", "utilisation"]
+__all__ = ["STAGES", "Problem", "Stage", "about_start", "descend", "drawn_together", "highest", "utilisation"]
 
 FEASIBLE = 1.0 + 1e-9
 """Share of a limit that still counts as inside: rounding."""
@@ -193,17 +193,17 @@ def drawn_together(problem: Problem, grid: Objective, x: Array, limit: float = F
     if highest(problem, grid, x) <= limit:
         return x
     low, high = 0.0, 1.0
-    if highest(problem, grid, _about_start(problem.basis, x, 0.0)) > limit:
+    if highest(problem, grid, about_start(problem.basis, x, 0.0)) > limit:
         return None
     for _ in range(HALVINGS):
         # Limits are usually missed by little; then the first guess is near.
         middle = 0.5 * (low + high) if low or high < 1.0 else 0.99
-        inside = highest(problem, grid, _about_start(problem.basis, x, middle)) <= limit
+        inside = highest(problem, grid, about_start(problem.basis, x, middle)) <= limit
         low, high = (middle, high) if inside else (low, middle)
-    return _about_start(problem.basis, x, low)
+    return about_start(problem.basis, x, low)
 
 
-def _about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:
+def about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:
     """The series with its amplitudes multiplied, its start pose kept."""
     c, L = basis.coefficients(x), basis.harmonics
     begin = c[:, -1] - c[:, L : 2 * L] @ (1.0 / (basis.base_frequency * np.arange(1, L + 1)))
