@@ -10,6 +10,7 @@ D-optimality does not depend on the units of the parameters; the others do [Swev
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -17,10 +18,32 @@ import numpy as np
 from armid.errors import ArmidError
 from armid.values import Array
 
-__all__ = ["CRITERIA", "Criterion", "condition_number", "make_criterion", "trace_of_covariance"]
+__all__ = ["CRITERIA", "Criterion", "Spectral", "condition_number", "make_criterion", "trace_of_covariance"]
 
-Criterion = Callable[[Array], tuple[float, Array]]
-"""Value and derivative by G, shape (b, b)."""
+FEW = 1e-17
+"""Slope by an eigenvalue, over the largest, that cannot change a sum of double precision."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Spectral:
+    """A derivative by G of low rank, vectors · slopes · vectorsᵀ: sharp extremes look at few eigenvalues.
+
+    Attributes:
+        vectors: Shape (b, r).
+        slopes: Shape (r,).
+    """
+
+    vectors: Array
+    slopes: Array
+
+    @property
+    def dense(self) -> Array:
+        """Shape (b, b)."""
+        return (self.vectors * self.slopes) @ self.vectors.T
+
+
+Criterion = Callable[[Array], tuple[float, Array | Spectral]]
+"""Value and derivative by G."""
 
 FLOOR = 1e-15
 """Smallest eigenvalue over the largest that counts; below it there is only rounding, and no way down."""
@@ -32,32 +55,34 @@ def _decompose(G: Array) -> tuple[Array, Array]:
     return np.maximum(values, FLOOR * values[-1] + np.finfo(float).tiny), vectors
 
 
-def _spectral(vectors: Array, slopes: Array) -> Array:
-    """Derivative by G of a function of its eigenvalues."""
-    return (vectors * slopes) @ vectors.T
+def _few(vectors: Array, slopes: Array) -> Spectral:
+    """Derivative by G of a function of its eigenvalues, those that count."""
+    counted = np.abs(slopes) > FEW * np.abs(slopes).max()
+    return Spectral(vectors[:, counted], slopes[counted])
 
 
 def d_optimal(G: Array) -> tuple[float, Array]:
     """Minus the mean logarithm of the eigenvalues: the volume of the confidence ellipsoid."""
     values, vectors = _decompose(G)
     b = len(G)
-    return -float(np.log(values).sum()) / b, _spectral(vectors, -1.0 / (b * values))
+    return -float(np.log(values).sum()) / b, Spectral(vectors, -1.0 / (b * values)).dense
 
 
-def condition_number(G: Array, sharpness: float) -> tuple[float, Array]:
+def condition_number(G: Array, sharpness: float) -> tuple[float, Spectral]:
     """Logarithm of the condition number of the stacked regressor, (3.55a)."""
     values, vectors = _decompose(G)
     largest, smallest = (values / values[-1]) ** sharpness, (values[0] / values) ** sharpness
     value = np.log(values[-1] / values[0]) + np.log(largest.sum() * smallest.sum()) / sharpness
     slopes = largest / (values * largest.sum()) - smallest / (values * smallest.sum())
-    return 0.5 * float(value), _spectral(vectors, 0.5 * slopes)
+    return 0.5 * float(value), _few(vectors, 0.5 * slopes)
 
 
 def scaled_condition_number(G: Array, sharpness: float) -> tuple[float, Array]:
     """The same of columns scaled to unit length."""
     lengths = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
     scaled = G / np.outer(lengths, lengths)
-    value, H = condition_number(scaled, sharpness)
+    value, spectral = condition_number(scaled, sharpness)
+    H = spectral.dense
     slopes = H / np.outer(lengths, lengths)
     slopes[np.diag_indices_from(slopes)] -= (H * scaled).sum(axis=1) / lengths**2
     return value, slopes
@@ -66,19 +91,19 @@ def scaled_condition_number(G: Array, sharpness: float) -> tuple[float, Array]:
 def trace_of_covariance(G: Array, weight: Array) -> tuple[float, Array]:
     """Logarithm of trace(weight · G⁻¹): of the sum of variances, or of the variance of what weight predicts."""
     values, vectors = _decompose(G)
-    inverse = _spectral(vectors, 1.0 / values)
+    inverse = Spectral(vectors, 1.0 / values).dense
     through = inverse @ weight
     trace = float(np.trace(through))
     slopes = -(through @ inverse) / trace
     return float(np.log(trace)), 0.5 * (slopes + slopes.T)
 
 
-def e_optimal(G: Array, sharpness: float) -> tuple[float, Array]:
+def e_optimal(G: Array, sharpness: float) -> tuple[float, Spectral]:
     """Logarithm of the largest eigenvalue of the covariance."""
     values, vectors = _decompose(G)
     smallest = (values[0] / values) ** sharpness
     value = np.log(smallest.sum()) / sharpness - np.log(values[0])
-    return float(value), _spectral(vectors, -smallest / (values * smallest.sum()))
+    return float(value), _few(vectors, -smallest / (values * smallest.sum()))
 
 
 CRITERIA = {

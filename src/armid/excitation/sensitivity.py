@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid import kernel
+from armid.excitation.criteria import Spectral
 from armid.excitation.softening import softened
 from armid.information.setup import ColumnSource
 from armid.model.expression import Expression, derivative, evaluate
@@ -115,10 +116,14 @@ class Columns:
             G[block] += weight * (x @ x.T)
         return G
 
-    def information_gradient(self, slopes: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """Gradient by q, dq, ddq (N, n) of a function of G with derivative `slopes` (b, b)."""
-        for weight, (rows, block, _) in zip(weights, self._blocks, strict=True):
-            np.matmul((2.0 * weight) * slopes[block], self._x[rows], out=self._cotangent[rows])
+    def information_gradient(self, slopes: Array | Spectral, weights: Array) -> tuple[Array, Array, Array]:
+        """Gradient by q, dq, ddq (N, n) of a function of G with derivative `slopes`, (b, b) or of low rank."""
+        for weight, (rows, block, p) in zip(weights, self._blocks, strict=True):
+            if isinstance(slopes, Spectral):
+                left = (2.0 * weight) * slopes.vectors[p] * slopes.slopes
+                np.matmul(left, slopes.vectors[p].T @ self._x[rows], out=self._cotangent[rows])
+            else:
+                np.matmul((2.0 * weight) * slopes[block], self._x[rows], out=self._cotangent[rows])
         return self._pull(self._cotangent)
 
     def torque(self, values: Array) -> Array:
