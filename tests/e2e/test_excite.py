@@ -127,6 +127,7 @@ def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, 
         (["--budget", "0"], "budget"),
         (["--harmonics", "1"], "cannot start and end at rest"),
         (["--duration", "0"], "duration must be positive"),
+        (["--experiment", "dance"], "no experiment 'dance'"),
         (["--criterion", "best"], "no criterion 'best'"),
         (["--criterion", "prediction"], "needs motions"),
         (["--limits", "soft"], "no limits of kind"),
@@ -156,6 +157,19 @@ def test_what_is_refused(small, tmp_path, capsys, arguments, message):
     said = " ".join(stopped([small, *QUICK, "--out", tmp_path / "plan", *arguments], capsys).split())
     assert message in said
     assert not (tmp_path / "plan").exists()
+
+
+@pytest.mark.parametrize("kind", ["poses", "sweeps"])
+def test_poses_and_sweeps(kind, tmp_path, capsys):
+    out = tmp_path / kind
+    more = ["--poses", 5, "--rest", 0.5, "--collision"] if kind == "poses" else []
+    more += ["--format", "csv", "--format", "urscript", "--format-rate", 20]
+    found = json.loads(run(["ur5e", "--experiment", kind, "--out", out, "--json", *more], capsys).out)
+    kinds = [stretch["kind"] for stretch in found["stretches"]]
+    assert kinds.count("rest") == (5 if kind == "poses" else 0)
+    track = FORMATS["csv"].read((out / "plan.csv").read_bytes())
+    assert track.motion.time[-1] == pytest.approx(found["duration"], abs=0.05)
+    assert (out / "rehearsal.script").is_file() and (out / "plan.json").is_file()
 
 
 def test_missing_limits_are_asked_for_by_name(small, tmp_path, capsys):

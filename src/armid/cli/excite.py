@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from armid.excitation.design import Candidate, Progress
+    from armid.model.dynamics import DynamicsModel
 
 __all__ = ["excite"]
 
@@ -34,6 +35,12 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "gravity": (Gravity, None),
     "lock": (Lock, None),
     "terms": (Terms, None),
+    "experiment": _option(
+        str, "series", "series: the Fourier series; poses: static poses for gravity; sweeps: constant velocities, "
+        "one joint at a time, for friction."
+    ),
+    "poses": _option(int, 30, "How many static poses."),
+    "rest": _option(float, 2.0, "How long the arm rests in each, s."),
     "criterion": _option(
         str, "d-optimal", "d-optimal, condition, scaled-condition, a-optimal, e-optimal, or prediction (--predict)."
     ),
@@ -136,6 +143,9 @@ def excite(robot: str, **options: Any) -> None:
     folder = options["out"] or usual.with_name(f"{usual.name}-plan")
     refuse_plan_folder(folder)
     model = build_model(arm, model_choice(options["terms"], default=BASE_TERMS))
+    if options["experiment"] != "series":
+        _other(model, options, folder, formats)
+        return
     with _watching(options) as (pool, tell):
         designed = run_request(model, options, executor=pool, progress=tell)
     save_design(designed, folder, formats=formats, rate=options["format_rate"], rehearsal=options["rehearsal"])
@@ -147,6 +157,22 @@ def excite(robot: str, **options: Any) -> None:
         return
     sys.stdout.write(report_text(designed))
     output_console().print(f"written to [bold]{folder}[/]")
+
+
+def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
+    """Poses or sweeps: nothing to search long for, nothing to report of."""
+    from armid.study.excite_files import save_moves
+    from armid.study.excite_request import run_experiment
+    from armid.study.records import to_json
+
+    moves = run_experiment(model, options)
+    rate, rehearsal = options["format_rate"], options["rehearsal"]
+    record = save_moves(moves, model.robot, folder, formats=formats, rate=rate, rehearsal=rehearsal)
+    if options["json"]:
+        sys.stdout.write(to_json({**record, "folder": str(folder)}) + "\n")
+        return
+    counts = ", ".join(f"{moves.kinds.count(kind)} {kind}s" for kind in dict.fromkeys(moves.kinds))
+    sys.stdout.write(f"{model.robot.name}: {counts} in {moves.duration:.0f} s, written to {folder}\n")
 
 
 def _signature() -> inspect.Signature:

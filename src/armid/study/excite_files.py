@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError
+from armid.excitation.experiments import Moves
 from armid.excitation.formats import FORMATS, Track
 from armid.excitation.plan import Plan
 from armid.excitation.preflight import Preflight, worst
@@ -19,7 +20,16 @@ from armid.study.folder import refuse, whole_folder
 from armid.study.records import finding_record, to_json
 from armid.values import replace_file
 
-__all__ = ["MARKER", "choose_formats", "design_record", "refuse_plan_folder", "report_text", "save_design"]
+__all__ = [
+    "MARKER",
+    "choose_formats",
+    "design_record",
+    "refuse_plan_folder",
+    "report_text",
+    "save_design",
+    "save_moves",
+    "track_of",
+]
 
 MARKER = "plan.json"
 
@@ -163,24 +173,58 @@ def save_design(
         rehearsal: Speed of the rehearsal, as a share of the plan's.
     """
     record = design_record(designed)
-    robot = designed.problem.goal.model.robot
-    slow = designed.plan.rehearsal(rehearsal)
     with whole_folder(folder, MARKER, "plan") as draft:
-        for name in formats:
-            for plan, stem in ((designed.plan, "plan"), (slow, "rehearsal")):
-                track = track_of(plan, robot, FORMATS[name].RATE if rate is None else rate)
-                if not FORMATS[name].problem(track):
-                    replace_file(draft / f"{stem}{FORMATS[name].SUFFIX}", FORMATS[name].write(track))
+        _write_motions(draft, designed.plan, designed.problem.goal.model.robot, formats, rate, rehearsal)
         replace_file(draft / "preflight.json", to_json(_report_record(designed.preflight)) + "\n")
         replace_file(draft / "preflight.txt", report_text(designed))
         replace_file(draft / MARKER, to_json(record) + "\n")
     return Path(folder)
 
 
-def track_of(plan: Plan, robot: Robot, rate: float) -> Track:
+def save_moves(
+    moves: Moves,
+    robot: Robot,
+    folder: Path | str,
+    *,
+    formats: Sequence[str] = tuple(FORMATS),
+    rate: float | None = None,
+    rehearsal: float = 0.2,
+) -> dict[str, Any]:
+    """Write poses or sweeps like a design, and return what stands in their `plan.json`."""
+    record = {
+        "robot": robot.name,
+        "joints": moves.joints,
+        "poses": moves.poses,
+        "speeds": moves.speeds,
+        "stretches": [
+            {"kind": kind, "seconds": seconds} for kind, seconds in zip(moves.kinds, moves.seconds, strict=True)
+        ],
+        "duration": moves.duration,
+    }
+    with whole_folder(folder, MARKER, "plan") as draft:
+        _write_motions(draft, moves, robot, formats, rate, rehearsal)
+        replace_file(draft / MARKER, to_json(record) + "\n")
+    return record
+
+
+def _write_motions(
+    draft: Path, plan: Plan | Moves, robot: Robot, formats: Sequence[str], rate: float | None, rehearsal: float
+) -> None:
+    """The motion and its rehearsal in every format that can hold this arm."""
+    for name in formats:
+        for each, stem in ((plan, "plan"), (plan.rehearsal(rehearsal), "rehearsal")):
+            track = track_of(each, robot, FORMATS[name].RATE if rate is None else rate)
+            if not FORMATS[name].problem(track):
+                replace_file(draft / f"{stem}{FORMATS[name].SUFFIX}", FORMATS[name].write(track))
+
+
+def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> Track:
     """A plan sampled for a controller."""
     if not rate > 0.0:
         raise ArmidError(f"A motion is sampled at a rate above zero; found {rate} Hz.")
+    prismatic = tuple(joint.is_prismatic for joint in robot.joints)
+    if isinstance(plan, Moves):
+        return Track(robot.name, robot.joint_names, prismatic, plan.sample(rate))
     series = plan.excitation
     text = json.dumps(
         {
@@ -194,5 +238,4 @@ def track_of(plan: Plan, robot: Robot, rate: float) -> Track:
             "lead_out": plan.lead_out,
         }
     )
-    prismatic = tuple(joint.is_prismatic for joint in robot.joints)
     return Track(robot.name, robot.joint_names, prismatic, plan.sample(rate), text)

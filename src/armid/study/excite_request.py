@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.excitation.clearance import floor
-from armid.excitation.collision import load_environment
+from armid.excitation.collision import collision_of, load_environment
 from armid.excitation.design import Progress
+from armid.excitation.experiments import Moves, choose_poses, poses_plan, straight_way, sweeps_plan
 from armid.excitation.fourier import Excitation, load_plan
+from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, information_along
 from armid.excitation.places import Workspace, box_workspace
 from armid.excitation.plans import PLANS, builtin_plan
@@ -24,17 +27,21 @@ from armid.measurement.reading import Reading
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
+from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.study.excite import Designed, Effort, Rules, Wish, design_plan
+from armid.study.excite import Designed, Effort, Rules, Wish, design_plan, start_pose
 from armid.study.identify import read_recording
 from armid.study.run import MARKER, load_run
 from armid.study.study import RecordingChoice
 from armid.values import Array, load
 
-__all__ = ["motion_of_file", "numbers", "prior_of_run", "run_request"]
+__all__ = ["motion_of_file", "numbers", "prior_of_run", "rules_of", "run_experiment", "run_request"]
 
 Limit = float | tuple[float, float]
+
+WATCHED = 50.0
+"""Poses a second in which bodies are looked at on the way from pose to pose [Hz]."""
 
 TORQUE_MARGIN = 0.1
 """Share of the torque limits that is kept free unless something else is asked: the description's masses are rough."""
@@ -55,7 +62,7 @@ def run_request(
         executor: Runs the search; in this process where left out.
         progress: Told of every descent.
     """
-    n, robot = model.n, model.robot
+    n = model.n
     goal = _goal(model, options)
     wish = Wish(
         goal,
@@ -67,9 +74,15 @@ def run_request(
         numbers(options["begin"], "--begin", n),
         numbers(options["end"], "--end", n),
     )
+    effort = Effort(options["budget"], options["seed"], 0)
+    return design_plan(wish, rules_of(options, model.robot), effort, progress=progress, executor=executor)
+
+
+def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
+    """Limits of every kind."""
     surroundings = _surroundings(options)
     margin = options["torque_margin"]
-    rules = Rules(
+    return Rules(
         options["limits"],
         _limits(options["limit"] or ()),
         options["acceleration"],
@@ -81,8 +94,48 @@ def run_request(
         _workspace(options["tip"]),
         None if options["envelope"] is None else motion_of_file(options["envelope"], robot),
     )
-    effort = Effort(options["budget"], options["seed"], 0)
-    return design_plan(wish, rules, effort, progress=progress, executor=executor)
+
+
+def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
+    """Static poses or constant velocities, as the options of `armid excite` ask for.
+
+    Raises:
+        ArmidError: There is no such experiment, or bodies come too close on the way.
+    """
+    robot, kind = model.robot, options["experiment"]
+    rules = rules_of(options, robot)
+    limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
+    start, _ = start_pose(robot, limits, rules, numbers(options["start"], "--start", model.n))
+    collision = None
+    if rules.clearance is not None:
+        collision = collision_of(robot, limits, start, rules.surroundings, margin=rules.clearance)
+
+    def apart(q: Array) -> NDArray[np.bool_]:
+        if collision is None:
+            return np.ones(len(q), dtype=np.bool_)
+        distance = collision.every.bodies.nearest(forward_kinematics(robot, q))[0]
+        return np.asarray(distance.min(axis=1) > collision.every.margin, dtype=np.bool_)
+
+    def reachable(q: Array) -> NDArray[np.bool_]:
+        ways = np.concatenate([straight_way(start, pose) for pose in q])
+        return apart(ways).reshape(len(q), -1).all(axis=1)
+
+    if kind == "poses":
+        base = find_base_parameters(model)
+        poses = choose_poses(model, base, limits, options["poses"], seed=options["seed"], allowed=reachable)
+        moves = poses_plan(poses, limits, rest=options["rest"], via=start, free=apart)
+    elif kind == "sweeps":
+        moves = sweeps_plan(start, limits)
+    else:
+        raise ArmidError(f"There is no experiment {kind!r}.", possible="series, poses, sweeps")
+    motion = moves.sample(WATCHED)
+    bad = np.flatnonzero(~apart(motion.q))
+    if len(bad):
+        raise ArmidError(
+            f"Bodies come too close {motion.time[bad[0]]:.1f} s into the {kind}.",
+            remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
+        )
+    return moves
 
 
 def numbers(text: str | None, name: str, count: int) -> Array | None:
