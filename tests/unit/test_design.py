@@ -177,3 +177,7 @@ def test_envelope_of_a_motion():
     narrow = limits_of(load_robot("iiwa14-r820")).narrowed(motion)
     assert np.degrees(narrow.velocity) == pytest.approx(np.degrees(np.abs(motion.dq).max(axis=0)))
     assert narrow.acceleration.max() == pytest.approx(1.691, abs=1e-3)
+    whole = limits_of(load_robot("iiwa14-r820")).narrowed(motion, by_joint=False)
+    assert whole.acceleration == pytest.approx(np.full(7, 1.691), abs=1e-3)
+    assert np.ptp(whole.velocity / limits_of(load_robot("iiwa14-r820")).velocity) < 1e-12
+    assert (whole.velocity >= narrow.velocity * (1.0 - 1e-12)).all()

@@ -73,6 +73,9 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         str | None, None, "Recording, plan.json or thesis-a1@27: stay inside its velocity and acceleration.",
         metavar="MOTION",
     ),
+    "envelope_of_arm": _option(
+        bool, False, "The envelope is the highest of any joint, not each joint's own.", "--envelope-of-arm"
+    ),
     "noise": _option(str | None, None, "Torque noise, N·m or N: one number, or one a joint.", metavar="S…"),
     "rate": _option(float, 100.0, "Samples a second that will count, Hz."),
     "repetitions": _option(int, 1, "Periods that will be recorded."),

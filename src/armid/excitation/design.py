@@ -43,9 +43,6 @@ UNIFORM = 1.5
 SHAKES = (0.1, 0.3, 0.8)
 """Root mean square of what is added to the best plan, over the plan's own."""
 
-CHECKED = 40.0
-"""Points of the grid on which candidates are compared, per period of the highest harmonic."""
-
 FIRST_SCALE = 0.95
 """Random starts begin at this share of their limits."""
 
@@ -110,7 +107,7 @@ class _Task:
 def _problem(pickled: bytes) -> tuple[Problem, Objective]:
     """The problem as it came, and the grid that candidates are compared on."""
     problem: Problem = pickle.loads(pickled)
-    return problem, problem.grid(max(200, round(CHECKED * problem.basis.harmonics)))
+    return problem, problem.fine
 
 
 def random_start(problem: Problem, grid: Objective, rng: np.random.Generator) -> Array:

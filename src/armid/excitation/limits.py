@@ -60,10 +60,20 @@ class Limits:
                 remedy="give a lower limit below the upper one.",
             )
 
-    def narrowed(self, motion: Motion) -> Limits:
-        """The same with velocity and acceleration no higher than those of a motion that has been run."""
-        peaks = (np.abs(x).max(axis=0) for x in (motion.dq, motion.ddq))
-        velocity, acceleration = (np.maximum(peak, np.finfo(float).tiny) for peak in peaks)
+    def narrowed(self, motion: Motion, *, by_joint: bool = True) -> Limits:
+        """The same with velocity and acceleration no higher than those of a motion that has been run.
+
+        Args:
+            motion: The motion.
+            by_joint: Each joint keeps to its own peaks. Otherwise all joints may use the highest share of a velocity
+                limit and the highest acceleration that any joint has reached.
+        """
+        tiny = np.finfo(float).tiny
+        velocity, acceleration = (np.maximum(np.abs(x).max(axis=0), tiny) for x in (motion.dq, motion.ddq))
+        if not by_joint:
+            share = velocity / self.velocity
+            velocity = share.max() * self.velocity if (share > 0.0).any() else np.full_like(share, velocity.max())
+            acceleration = np.full_like(acceleration, acceleration.max())
         return replace(
             self,
             velocity=np.minimum(self.velocity, velocity),

@@ -93,6 +93,7 @@ class Rules:
         surroundings: Bodies that do not move.
         workspace: Where the tip may be.
         envelope: A motion whose velocity and acceleration are not exceeded.
+        envelope_by_joint: Whether each joint keeps to its own, or all to the highest of any joint.
     """
 
     limits: str = "true"
@@ -105,6 +106,7 @@ class Rules:
     surroundings: tuple[Shape, ...] = ()
     workspace: Workspace | None = None
     envelope: Motion | None = None
+    envelope_by_joint: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +172,7 @@ def design_plan(
         raise ArmidError(f"The duration must be positive; found {wish.duration} s.")
     limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
     if rules.envelope is not None:
-        limits = limits.narrowed(rules.envelope)
+        limits = limits.narrowed(rules.envelope, by_joint=rules.envelope_by_joint)
     start, findings = start_pose(robot, limits, rules, wish.start)
     basis = SeriesBasis(
         2.0 * math.pi / wish.duration, wish.harmonics, start, free=wish.free_start, literal=not wish.free_centre

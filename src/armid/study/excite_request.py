@@ -93,6 +93,7 @@ def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
         surroundings,
         _workspace(options["tip"]),
         None if options["envelope"] is None else motion_of_file(options["envelope"], robot),
+        not options["envelope_of_arm"],
     )
 
 
@@ -118,7 +119,7 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
 
     def reachable(q: Array) -> NDArray[np.bool_]:
         ways = np.concatenate([straight_way(start, pose) for pose in q])
-        return apart(ways).reshape(len(q), -1).all(axis=1)
+        return np.asarray(apart(ways).reshape(len(q), -1).all(axis=1), dtype=np.bool_)
 
     if kind == "poses":
         base = find_base_parameters(model)
