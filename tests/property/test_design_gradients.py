@@ -47,7 +47,8 @@ def slope(function, x, d):
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("free", [False, True])
 def test_criterion(goal, criterion, free):
-    own = Goal(goal.model, goal.base, criterion, goal.noise, 50.0, 2, goal.prior, goal.prediction)
+    sizes = np.random.default_rng(7).uniform(0.5, 2.0, goal.base.count)
+    own = Goal(goal.model, goal.base, criterion, goal.noise, 50.0, 2, goal.prior, goal.prediction, sizes)
     basis = basis_of(goal, free=free)
     objective = Objective(own, basis, SAMPLES, width=0.2, sharpness=12.0)
     rng = np.random.default_rng(1)

@@ -42,7 +42,10 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "poses": _option(int, 30, "How many static poses."),
     "rest": _option(float, 2.0, "How long the arm rests in each, s."),
     "criterion": _option(
-        str, "d-optimal", "d-optimal, condition, scaled-condition, a-optimal, e-optimal, or prediction (--predict)."
+        str,
+        "d-optimal",
+        "d-optimal, condition, scaled-condition, a-optimal, e-optimal, prediction (--predict), or worst: the largest "
+        "deviation of a parameter, over its size with --after RUN.",
     ),
     "duration": _option(float, 20.0, "Length of a period, s."),
     "harmonics": _option(int, 10, "Number of harmonics."),

@@ -106,6 +106,18 @@ def e_optimal(G: Array, sharpness: float) -> tuple[float, Spectral]:
     return float(value), _few(vectors, -smallest / (values * smallest.sum()))
 
 
+def worst_deviation(G: Array, scale: Array, sharpness: float) -> tuple[float, Array]:
+    """Logarithm of the largest standard deviation of a parameter over its size."""
+    values, vectors = _decompose(G)
+    inverse = Spectral(vectors, 1.0 / values).dense
+    relative = np.diag(inverse) / scale**2
+    highest = relative.max()
+    worth = (relative / highest) ** sharpness
+    value = 0.5 * (np.log(highest) + np.log(worth.sum()) / sharpness)
+    slopes = 0.5 * worth / (relative * worth.sum()) / scale**2
+    return float(value), -(inverse * slopes) @ inverse
+
+
 CRITERIA = {
     "d-optimal": "volume of the confidence ellipsoid; does not depend on units",
     "condition": "condition number of the stacked regressor, (3.55a)",
@@ -113,17 +125,21 @@ CRITERIA = {
     "a-optimal": "sum of the base parameters' variances",
     "e-optimal": "largest variance of any combination of base parameters of unit length",
     "prediction": "variance of the torque predicted along given motions",
+    "worst": "largest deviation of a base parameter over its size, where sizes are known, else as it is",
 }
 """Names of the criteria, and what each makes small."""
 
 
-def make_criterion(name: str, sharpness: float, prediction: Array | None = None) -> Criterion:
+def make_criterion(
+    name: str, sharpness: float, prediction: Array | None = None, scale: Array | None = None
+) -> Criterion:
     """A criterion by name.
 
     Args:
         name: One of `CRITERIA`.
         sharpness: p of the norms that stand for extremes of eigenvalues.
         prediction: Information matrix (b, b) of the motions whose torque is to be predicted.
+        scale: Sizes of the parameters, shape (b,); one where not given.
 
     Raises:
         ArmidError: No such criterion, or `prediction` without motions.
@@ -141,5 +157,6 @@ def make_criterion(name: str, sharpness: float, prediction: Array | None = None)
         "a-optimal": lambda G: trace_of_covariance(G, np.eye(len(G))),
         "e-optimal": lambda G: e_optimal(G, sharpness),
         "prediction": lambda G: trace_of_covariance(G, cast("Array", prediction)),
+        "worst": lambda G: worst_deviation(G, np.ones(len(G)) if scale is None else scale, sharpness),
     }
     return made[name]

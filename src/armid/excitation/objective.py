@@ -39,6 +39,7 @@ class Goal:
         repetitions: Periods that will be recorded.
         prior: Information that is there already, shape (b, b), in units of the same noise; none where not given.
         prediction: Information matrix (b, b) of the motions whose torque is to be predicted.
+        scale: Sizes of the base parameters, to which deviations are compared by `worst`, shape (b,).
     """
 
     model: DynamicsModel
@@ -49,6 +50,7 @@ class Goal:
     repetitions: int = 1
     prior: Array | None = None
     prediction: Array | None = None
+    scale: Array | None = None
 
     def __post_init__(self) -> None:
         noise = array(self.noise if np.size(self.noise) else np.ones(self.model.n), (self.model.n,), "noise")
@@ -62,6 +64,8 @@ class Goal:
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, array(value, shape, name))
+        if self.scale is not None:
+            object.__setattr__(self, "scale", array(self.scale, (self.base.count,), "scale"))
         make_criterion(self.criterion, 1.0, self.prediction)
 
     @property
@@ -71,7 +75,7 @@ class Goal:
 
     def value(self, G: Array) -> float:
         """The criterion itself, without smoothing."""
-        return make_criterion(self.criterion, np.inf, self.prediction)(G)[0]
+        return make_criterion(self.criterion, np.inf, self.prediction, self.scale)(G)[0]
 
 
 class Objective:
@@ -102,7 +106,7 @@ class Objective:
         self.times = basis.times(samples) if times is None else times
         self.matrices = basis.matrices(self.times)
         self._width = width
-        self._criterion = make_criterion(goal.criterion, sharpness, goal.prediction)
+        self._criterion = make_criterion(goal.criterion, sharpness, goal.prediction, goal.scale)
         rows = goal.rate * basis.period * goal.repetitions
         self._weights = (rows / samples) / goal.noise**2
         self._shape = (basis.n, basis.size)

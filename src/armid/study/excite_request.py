@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -165,14 +166,19 @@ def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> Goal:
     assert noise is not None
     plain = Goal(model, base, "d-optimal", np.resize(noise, n), options["rate"], options["repetitions"])
     prior: Array | None = None
+    scale: Array | None = None
     for path in options["after"] or ():
         known = prior_of_run(path, plain) if (Path(path) / MARKER).is_file() else _of_motion(path, plain)
         prior = known if prior is None else prior + known
+        if (Path(path) / MARKER).is_file():
+            fit = load_run(path).estimate.fit
+            sizes = dict(zip(fit.names, np.maximum(np.abs(fit.values), fit.deviation), strict=True))
+            scale = np.array([sizes[name] for name in base.names])
     prediction: Array | None = None
     for path in options["predict"] or ():
         wanted = _of_motion(path, plain)
         prediction = wanted if prediction is None else prediction + wanted
-    return Goal(model, base, options["criterion"], plain.noise, plain.rate, plain.repetitions, prior, prediction)
+    return replace(plain, criterion=options["criterion"], prior=prior, prediction=prediction, scale=scale)
 
 
 def _of_motion(path: str, goal: Goal) -> Array:
