@@ -30,6 +30,9 @@ is missed by less than a thousandth."""
 FEASIBLE = 1.0 + 1e-9
 """Share of a limit that still counts as inside: rounding."""
 
+RUN_AWAY = 2.0
+"""Share of a limit beyond which a stage counts as lost: steps far outside lead further out, where bodies overlap."""
+
 HALVINGS = 14
 """Of the interval in which the largest feasible amplitude is looked for: 6e-5 of it."""
 
@@ -179,10 +182,22 @@ def descend(problem: Problem, x: Array, stages: tuple[Stage, ...], deadline: flo
                     options={"maxiter": stage.iterations, "ftol": 1e-7},
                 )
         except _Late:
-            x = evaluation.x
+            x = _sane(problem, evaluation.x, x)
             break
-        x = result.x
+        x = _sane(problem, result.x, x)
     return x
+
+
+def _sane(problem: Problem, reached: Array, before: Array) -> Array:
+    """What a stage has reached, unless it has run away: then that drawn together, or where the stage began."""
+    if not np.isfinite(reached).all():
+        return before
+    if highest(problem, problem.fine, reached) < RUN_AWAY:
+        return reached
+    inside = drawn_together(problem, problem.fine, reached)
+    if inside is None or problem.fine.value(inside) > problem.fine.value(before):
+        return before
+    return inside
 
 
 def utilisation(problem: Problem, grid: Objective, x: Array) -> list[Array]:

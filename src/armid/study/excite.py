@@ -37,6 +37,9 @@ LIMIT_KINDS = ("true", "thesis", "thesis-literal")
 INSIDE = 0.05
 """Share of a joint's range that the start pose keeps from its ends where it is chosen here."""
 
+SURROUNDING_ROOM = 0.25
+"""Distance [m] from the surroundings that such a pose should have: a series needs room around its start."""
+
 START_ROOM = 0.05
 """Distance beyond the clearance [m] that bodies have in such a pose: room to move from there."""
 
@@ -225,28 +228,53 @@ def start_pose(robot: Robot, limits: Limits, rules: Rules, given: Array | None) 
     usual = np.where(bounded & ((low + ends > 0.0) | (high - ends < 0.0)), 0.5 * (low + high), 0.0)
     if rules.clearance is None:
         return usual, ()
+    return _pose_apart(robot, limits, rules, usual, rules.clearance)
+
+
+def _pose_apart(robot: Robot, limits: Limits, rules: Rules, usual: Array) -> tuple[Array, tuple[Finding, ...]]:
+    """The usual pose or the nearest of some random ones in which bodies keep apart."""
+    low, high = limits.lower, limits.upper
+    ends = INSIDE * (high - low)
+    bounded = np.isfinite(ends)
     rng = np.random.default_rng(0)
     wide = np.where(bounded, high - low, 2.0 * np.pi)
     refusal: ArmidError | None = None
+    best: tuple[float, Array] | None = None
     for k in range(2 * TRIES):
         room = START_ROOM if k < TRIES else 0.0
         spread = 0.5 * min(1.0, k % TRIES / (0.5 * TRIES))
         pose = usual + spread * rng.uniform(-1.0, 1.0, robot.n) * wide
         pose = np.where(bounded, np.clip(pose, low + ends, high - ends), pose)
         try:
-            collision_of(robot, limits, pose, rules.surroundings, margin=rules.clearance + room)
+            made = collision_of(robot, limits, pose, rules.surroundings, margin=clearance + room)
         except ArmidError as error:
             if not robot.shapes:
                 raise
             refusal = refusal or error
             continue
-        if k == 0:
+        away = _from_surroundings(made, robot, pose)
+        if k == 0 and away >= SURROUNDING_ROOM:
             return pose, ()
+        if best is None or away > best[0]:
+            best = (away, pose)
+        if away < SURROUNDING_ROOM and k != TRIES - 1:
+            continue
+        pose = best[1]
         degrees = " ".join(f"{q:.3f}" for q in pose)
         said = f"bodies are too close in the usual start pose; the series starts at {degrees}"
         return pose, (Finding("start-chosen", "info", "", said, "choose another with --start."),)
+    if best is not None:
+        return best[1], ()
     assert refusal is not None
     raise refusal
+
+
+def _from_surroundings(made: Collision, robot: Robot, pose: Array) -> float:
+    """Distance of the arm from its surroundings in a pose [m]; infinite where there are none."""
+    outer = np.flatnonzero(made.pairs.max(axis=1, initial=-1) >= len(robot.shapes))
+    if not len(outer):
+        return math.inf
+    return float(made.every.bodies.only(outer).nearest(forward_kinematics(robot, pose[None]))[0].min())
 
 
 def _channels(
