@@ -231,7 +231,9 @@ def start_pose(robot: Robot, limits: Limits, rules: Rules, given: Array | None) 
     return _pose_apart(robot, limits, rules, usual, rules.clearance)
 
 
-def _pose_apart(robot: Robot, limits: Limits, rules: Rules, usual: Array) -> tuple[Array, tuple[Finding, ...]]:
+def _pose_apart(
+    robot: Robot, limits: Limits, rules: Rules, usual: Array, clearance: float
+) -> tuple[Array, tuple[Finding, ...]]:
     """The usual pose or the nearest of some random ones in which bodies keep apart."""
     low, high = limits.lower, limits.upper
     ends = INSIDE * (high - low)
