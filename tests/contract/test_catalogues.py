@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from armid.estimation import estimators
+from armid.excitation import formats
 from armid.measurement import readers as recording_readers
 from armid.model import terms
 from armid.report import sections
@@ -20,6 +21,7 @@ CATALOGUES = {
     "estimators": (estimators, estimators.ESTIMATORS, set()),
     "robot readers": (robot_readers, robot_readers.READERS, set()),
     "report sections": (sections, sections.SECTIONS, set()),
+    "formats of controllers": (formats, formats.FORMATS, {"track"}),
     "recording readers": (recording_readers, recording_readers.READERS, set()),
 }
 """Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""

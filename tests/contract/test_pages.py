@@ -17,7 +17,14 @@ from armid.robot import load_robot
 ROOT = Path(__file__).parents[2]
 PAGES = {
     name: (ROOT / name).read_text()
-    for name in ("README.md", "CONTRIBUTING.md", "docs/design.md", "docs/extending.md", "docs/lab.md")
+    for name in (
+        "README.md",
+        "CONTRIBUTING.md",
+        "docs/design.md",
+        "docs/excitation.md",
+        "docs/extending.md",
+        "docs/lab.md",
+    )
 }
 
 PATH = re.compile(r"`((?:src|native|tests|docs|scripts|benchmarks|examples|\.ci)/[\w./-]*)`")

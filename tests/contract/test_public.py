@@ -18,7 +18,19 @@ SOURCE = Path(__file__).parents[2] / "src"
 FROZEN = (Path(__file__).parent / "public_names.txt").read_text().split()
 """Names of `armid.__all__`. A change here is a change of the interface and belongs in CHANGELOG.md."""
 
-HEAVY = {"pinocchio", "mujoco", "pyarrow", "rosbags", "h5py", "xacro", "xacrodoc", "typer", "rich", "plotly", "jinja2"}
+HEAVY = {
+    "pinocchio",
+    "mujoco",
+    "pyarrow",
+    "rosbags",
+    "h5py",
+    "xacro",
+    "xacrodoc",
+    "typer",
+    "rich",
+    "plotly",
+    "jinja2",
+}
 """What loads only where it is used; each costs a tenth of a second or more."""
 
 FILES = sorted(SOURCE.rglob("*.py"))

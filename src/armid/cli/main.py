@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 a verdict failed, 2 bad input, 130 interrupted.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from functools import wraps
@@ -18,6 +19,7 @@ from armid.cli.base import base
 from armid.cli.bench import bench
 from armid.cli.certify import certify
 from armid.cli.demo import demo
+from armid.cli.excite import excite
 from armid.cli.identify import identify
 from armid.cli.payload import payload
 from armid.cli.predict import predict
@@ -76,6 +78,7 @@ def options(
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     base,
+    excite,
     simulate,
     identify,
     validate,
@@ -98,7 +101,7 @@ def main(arguments: list[str] | None = None) -> None:
         if isinstance(stream, TextIOWrapper):  # a terminal without Greek letters gets their numbers
             stream.reconfigure(errors="backslashreplace")
     try:
-        app(_repeated("--validate", given), prog_name="armid", standalone_mode=True)
+        app(_repeated("--validate", _joined(given)), prog_name="armid", standalone_mode=True)
     except ArmidError as error:
         from armid.cli.console import print_error
 
@@ -125,3 +128,22 @@ def _repeated(option: str, arguments: list[str]) -> list[str]:
     if inside and (not result or option not in result):
         result.append(option)
     return result
+
+
+POSES = ("--start", "--begin", "--end", "--noise", "--tip")
+"""Options of `excite` with as many numbers as there are joints, which may have blanks between them."""
+
+
+def _joined(arguments: list[str]) -> list[str]:
+    """`--start 0 -1 0` as `--start=0,-1,0`, which the parser understands."""
+    result: list[str] = []
+    for argument in arguments:
+        name, equals, _ = (result[-1] if result else "").partition("=")
+        if name in POSES and NUMBERS.fullmatch(argument):
+            result[-1] = f"{result[-1]},{argument}" if equals else f"{name}={argument}"
+        else:
+            result.append(argument)
+    return result
+
+
+NUMBERS = re.compile(r"[-+.\deE]+(,[-+.\deE]*)*,?")

@@ -14,6 +14,7 @@ from armid.errors import Finding, RobotError
 from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
 from armid.maths.spatial import axis_rotation, homogeneous
+from armid.robot.shapes import Shape
 from armid.values import Array, array
 
 __all__ = ["EARTH_GRAVITY", "Frame", "InertialParameters", "Joint", "Link", "Robot"]
@@ -202,6 +203,7 @@ class Robot:
         source: Where the description came from: a path or the name of a built-in arm.
         sha256: Digest of the description's text; empty where there was none.
         findings: What was noticed while reading.
+        shapes: What space the links take, as far as the description says.
     """
 
     name: str
@@ -212,9 +214,11 @@ class Robot:
     source: str = ""
     sha256: str = ""
     findings: tuple[Finding, ...] = ()
+    shapes: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "shapes", tuple(self.shapes))
         object.__setattr__(self, "links", tuple(self.links))
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
         if len(self.joints) != len(self.links):
@@ -318,4 +322,7 @@ def _weld(robot: Robot, index: int, value: float) -> Robot:
     if tip.parent == index:
         tip = replace(tip, placement=weld @ tip.placement)
     tip = replace(tip, parent=moved(tip.parent))
-    return replace(robot, joints=tuple(joints), links=tuple(links), tip=tip)
+    shapes = tuple(
+        s.on(joint.parent, weld) if s.link == index else replace(s, link=moved(s.link)) for s in robot.shapes
+    )
+    return replace(robot, joints=tuple(joints), links=tuple(links), tip=tip, shapes=shapes)

@@ -21,7 +21,9 @@ from armid import kernel
 from armid.errors import ArmidError
 from armid.estimation.estimators import OrdinaryLeastSquares
 from armid.estimation.problem import Problem
+from armid.excitation.objective import Goal, Objective, along
 from armid.excitation.plans import builtin_plan
+from armid.excitation.series import SeriesBasis
 from armid.information.band import Band
 from armid.information.observations import Observations, ObservedRun
 from armid.information.setup import column_source
@@ -41,6 +43,7 @@ SECONDS = 27.0
 TILE = 256
 TORQUE_NOISE = 0.3
 ROUNDS = 5
+DESIGN_SAMPLES = 2000
 ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")}
 
 
@@ -68,6 +71,7 @@ def measure(samples: int) -> dict[str, Any]:
     torque = model.torque(motion, thesis_truth(model))
     torque = torque + np.random.default_rng(1).normal(0.0, TORQUE_NOISE, torque.shape)
     results = [_regressor(model, base, motion), *_least_squares(model, base, motion, torque)]
+    results.append(_design_gradient(model, base))
     return {"isa": kernel.in_use(), "threads": 1, "samples": motion.samples, "results": results}
 
 
@@ -172,6 +176,40 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
     rows[0]["agreement"] = agreement
     rows.append(_result("filtered-least-squares", "armid without filter", filtered, armid, ROUNDS))
     return rows
+
+
+def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, Any]:
+    """Value and gradient of the condition number along Table A.1, against forward differences over a Pinocchio loop.
+
+    One value of the peer is measured and counted once more for each of the 140 coefficients.
+    """
+    pin: Any = import_module("pinocchio")
+
+    arm, data = _pinocchio(model)
+    plan = builtin_plan("thesis-a1")
+    goal = Goal(model, base, "condition")
+    basis = SeriesBasis(plan.base_frequency, plan.harmonics, np.zeros(model.n))
+    objective = Objective(goal, basis, DESIGN_SAMPLES, width=0.05, sharpness=60.0)
+    x = basis.unknowns_of(plan)
+    motion = basis.excitation(x).sample(DESIGN_SAMPLES / plan.period)
+    inertial = np.isin(base.kept, model.inertial_columns)
+    standard = np.searchsorted(model.inertial_columns, base.kept[inertial])
+    friction = np.flatnonzero(~inertial)
+
+    def peer() -> float:
+        rows = np.zeros((motion.samples, model.n, base.count))
+        for k in range(motion.samples):
+            regressor = pin.computeJointTorqueRegressor(arm, data, motion.q[k], motion.dq[k], motion.ddq[k])
+            rows[k][:, inertial] = regressor[:, standard]
+        for j in range(model.n):
+            rows[:, j, friction[2 * j]] = motion.dq[:, j]
+            rows[:, j, friction[2 * j + 1]] = np.sign(motion.dq[:, j])
+        return float(np.linalg.cond(rows.reshape(-1, base.count)))
+
+    row = _result("design-gradient", "pinocchio loop + numpy cond, 141 values", lambda: objective(x), peer, ROUNDS)
+    values = 1 + plan.a.size + plan.b.size
+    row["agreement"] = abs(float(np.exp(goal.value(along(goal, motion)))) / peer() - 1.0)
+    return row | {"peer_seconds": values * row["peer_seconds"], "ratio": values * row["ratio"]}
 
 
 if __name__ == "__main__":

@@ -9,20 +9,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from armid.errors import ArmidError, OutputError
+from armid.errors import ArmidError
 from armid.estimation.estimate import Estimate
 from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
+from armid.study.folder import refuse, whole_folder
 from armid.study.identify import Result
 from armid.study.records import estimate_record, ladder_record, to_json, validation_record
 from armid.study.study import ModelChoice, Study, build_model
@@ -67,29 +65,11 @@ def save_run(result: Result, folder: Path | str, *, beside: Mapping[str, Any] | 
     Raises:
         OutputError: The folder cannot be written, or holds something that is no run.
     """
-    folder = Path(folder)
-    refuse_folder(folder)
-    target = folder.resolve()
-    draft: Path | None = None
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
+    with whole_folder(folder, MARKER, "run") as draft:
         _write(result, draft)
         for name, record in (beside or {}).items():
             replace_file(draft / name, to_json(record) + "\n")
-        mask = os.umask(0)
-        os.umask(mask)
-        draft.chmod(0o777 & ~mask)
-        _put_in_place(draft, target)
-    except OSError as error:
-        raise OutputError(
-            f"{folder} could not be written: {error.strerror or error}.",
-            remedy="choose another folder with --out, one that is writable and has room.",
-        ) from error
-    finally:
-        if draft is not None:
-            shutil.rmtree(draft, ignore_errors=True)
-    return folder
+    return Path(folder)
 
 
 def refuse_folder(folder: Path | str) -> None:
@@ -98,22 +78,7 @@ def refuse_folder(folder: Path | str) -> None:
     Raises:
         OutputError: It holds something that is no run, is the working folder, or lies where nothing can be written.
     """
-    folder = Path(folder)
-    try:
-        taken = folder.exists() and not (folder / MARKER).is_file()
-        taken = taken and (not folder.is_dir() or any(folder.iterdir()))
-    except OSError as error:
-        raise OutputError(
-            f"{folder} cannot be used: {error.strerror}.", remedy="choose another with --out."
-        ) from error
-    if taken:
-        raise OutputError(f"{folder} exists and is no run of armid.", remedy="choose another folder with --out.")
-    if folder.resolve() == Path.cwd():
-        raise OutputError(f"{folder} is the working folder.", remedy="name a folder inside it with --out.")
-    nearest = next(parent for parent in folder.resolve().parents if parent.exists())
-    if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
-        why = "is not writable" if nearest.is_dir() else "is a file"
-        raise OutputError(f"{folder} cannot be written: {nearest} {why}.", remedy="choose another with --out.")
+    refuse(folder, MARKER, "run")
 
 
 def load_run(folder: Path | str) -> Run:
@@ -149,22 +114,6 @@ def _model(robot: Robot, kept: Mapping[str, Any]) -> DynamicsModel:
     """The model as it was used, with the bodies that make its load, where it has one."""
     model = build_model(robot, ModelChoice(tuple(kept["terms"]), kept["shapes"]))
     return dataclasses.replace(model, load_parameters=kept.get("load_parameters"))
-
-
-def _put_in_place(draft: Path, folder: Path) -> None:
-    """Give a complete draft its name; what bore it before goes only when the draft is there."""
-    if not folder.exists():
-        draft.rename(folder)
-        return
-    old = folder.with_name(f".{folder.name}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    folder.rename(old)
-    try:
-        draft.rename(folder)
-    except BaseException:
-        old.rename(folder)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def _write(result: Result, draft: Path) -> None:

@@ -65,6 +65,7 @@ from armid.errors import Finding, RobotError
 from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotation
 from armid.robot.markup import check_locked
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
+from armid.robot.shapes import Shape, capsule_between
 from armid.values import Array
 
 __all__ = ["SUFFIXES", "read", "recognises"]
@@ -78,8 +79,8 @@ ROWS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Lengths and angles of a row, by convention."""
 
-TOP = ("name", "convention", "units", "gravity", "base", "joint", "tip")
-JOINT = ("name", "kind", "position", "velocity", "effort", "inertial")
+TOP = ("name", "convention", "units", "gravity", "base", "joint", "tip", "capsule")
+JOINT = ("name", "kind", "position", "velocity", "effort", "inertial", "capsule")
 INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 PI_EXPRESSION = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d+)?)\s*\*\s*)?pi\s*(?:/\s*(\d+(?:\.\d+)?)\s*)?")
@@ -121,10 +122,12 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     joints: list[Joint] = []
     links: list[Link] = []
     findings: list[Finding] = []
+    shapes = [*_capsules(document, source, "base", -1, np.eye(4))]
     reached = _pose(document, "base", source, degrees)  # of the row's start in the frame of the joint before
     for i, (row, (before, after)) in enumerate(zip(rows, table, strict=True)):
         joints.append(_joint(row, i - 1, reached @ before))
         inertial = _inertial(row, after, findings)
+        shapes += _capsules(row.data, row.where, f"link_{i + 1}", i, after)
         links.append(Link(f"link_{i + 1}", inertial))
         reached = after
     last = reached @ _pose(document, "tip", source, degrees)
@@ -137,6 +140,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         np.array(top.vector("gravity", 3, EARTH_GRAVITY)),
         source=source,
         findings=tuple(findings),
+        shapes=tuple(shapes),
     )
 
 
@@ -182,6 +186,18 @@ def _joint(row: _Table, parent: int, placement: Array) -> Joint:
         row.positive("velocity", angle=turns),
         row.positive("effort"),
     )
+
+
+def _capsules(data: dict[str, Any], where: str, name: str, link: int, to_end: Array) -> list[Shape]:
+    """Capsules of a joint's link, or of the base, given in the frame where the row ends."""
+    result: list[Shape] = []
+    for number, given in enumerate(_tables(data, "capsule", where)):
+        table = _Table(given, f"{where}, capsule {number + 1}")
+        table.only(("from", "to", "radius"))
+        label = name if number == 0 else f"{name} ({number + 1})"
+        body = capsule_between(label, link, table.vector("from", 3), table.vector("to", 3), table.number("radius"))
+        result.append(body.on(link, to_end))
+    return result
 
 
 def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialParameters | None:

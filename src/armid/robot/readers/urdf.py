@@ -6,13 +6,16 @@ reports others without saying where. Fixed joints are merged into the link that 
 
 from __future__ import annotations
 
+import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from dataclasses import replace
 
 from armid.errors import Finding, RobotError
 from armid.robot.markup import check_locked, identity_only, numbers, parse_xml, root_tag
 from armid.robot.pinocchio_model import Limits, build, limits_of, pinocchio, robot_from_model
 from armid.robot.robot import Robot
+from armid.robot.urdf_shapes import shapes_of_urdf
 
 __all__ = ["SUFFIXES", "read", "recognises"]
 
@@ -59,12 +62,13 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         limits[joint.get("name", "")] = limit
         if finding is not None:
             findings.append(finding)
-    for link in root.iter("link"):
+    bare = copy.deepcopy(root)
+    for link in bare.iter("link"):
         for drawn in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(drawn)
 
-    return robot_from_model(
-        build(lambda: pinocchio().buildModelFromXML(ET.tostring(root, encoding="unicode")), source),
+    robot = robot_from_model(
+        build(lambda: pinocchio().buildModelFromXML(ET.tostring(bare, encoding="unicode")), source),
         name=root.get("name") or "robot",
         limits=limits,
         source=source,
@@ -72,6 +76,8 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         tip=tip,
         findings=tuple(findings),
     )
+    shapes, missing = shapes_of_urdf(root, robot, locked, source)
+    return replace(robot, shapes=shapes, findings=(*robot.findings, *missing))
 
 
 def _joints(root: ET.Element) -> list[ET.Element]:

@@ -1,0 +1,280 @@
+"""Distances between bodies of the arm and of its surroundings, with their gradients by the points that are nearest.
+
+A search asks for distances millions of times, so bodies of the arm are taken as capsules here: exact where the
+description has capsules and spheres, and around the body otherwise, so that what is found apart is apart. Boxes and
+half-spaces of the surroundings are exact. `armid.excitation.coal` measures bodies as they are, when a plan is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.excitation.channels import States
+from armid.excitation.places import SCALE, carried_by, point_gradient, point_speed
+from armid.maths.spatial import homogeneous
+from armid.robot.shapes import Shape, capsule_between
+from armid.values import Array
+
+__all__ = ["Bodies", "Clearance", "around", "nearest_on_box", "nearest_on_segments"]
+
+TINY = 1e-12
+"""Squared length [m²] below which a line is a point."""
+
+SECTIONS = 40
+"""Steps of the golden section along a capsule beside a box: 4e-9 of its length."""
+
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+
+
+def around(shape: Shape, points: Array | None = None) -> Shape:
+    """The capsule around a body; a capsule is itself.
+
+    Args:
+        shape: The body.
+        points: Corners of a mesh in its own frame, shape (v, 3) [m].
+    """
+    if shape.kind in ("capsule", "half-space"):
+        return shape
+    radius, length, _ = shape.size
+    name, link, placement = shape.name, shape.link, shape.placement
+    if shape.kind == "sphere":
+        return Shape(name, link, "capsule", np.array([radius, 0.0]), placement)
+    if shape.kind == "cylinder":
+        return Shape(name, link, "capsule", np.array([radius, length]), placement)
+    if shape.kind == "box":
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        points = 0.5 * signs * shape.size
+    assert points is not None
+    centre = points.mean(axis=0)
+    directions = np.linalg.svd(points - centre, full_matrices=False)[2]
+    best: Shape | None = None
+    for direction in directions:
+        along = (points - centre) @ direction
+        middle = centre + 0.5 * (along.max() + along.min()) * direction
+        across = (points - middle) - np.outer((points - middle) @ direction, direction)
+        # Centring across the axis brings the radius near the smallest.
+        middle = middle + 0.5 * (across.max(axis=0) + across.min(axis=0))
+        away = points - middle
+        reach = away @ direction
+        wide = np.linalg.norm(away - np.outer(reach, direction), axis=1)
+        size = float(wide.max())
+        half = float(np.max(np.abs(reach) - np.sqrt(np.maximum(size**2 - wide**2, 0.0)), initial=0.0))
+        made = capsule_between(name, link, middle - half * direction, middle + half * direction, size)
+        if best is None or _volume(made) < _volume(best):
+            best = made
+    assert best is not None
+    return best.on(link, placement)
+
+
+def _volume(capsule: Shape) -> float:
+    radius, length, _ = capsule.size
+    return float(np.pi * radius**2 * (length + 4.0 / 3.0 * radius))
+
+
+def nearest_on_segments(a: Array, u: Array, b: Array, v: Array) -> tuple[Array, Array]:
+    """Points of two segments that are nearest each other.
+
+    Args:
+        a: Where the first begins, shape (..., 3).
+        u: From its beginning to its end, shape (..., 3).
+        b: Where the second begins, shape (..., 3).
+        v: From its beginning to its end, shape (..., 3).
+    """
+    uu, vv, uv = (u * u).sum(-1), (v * v).sum(-1), (u * v).sum(-1)
+    r = a - b
+    ur, vr = (u * r).sum(-1), (v * r).sum(-1)
+    across = uu * vv - uv**2
+    s = np.clip((uv * vr - ur * vv) / np.maximum(across, TINY * TINY), 0.0, 1.0)
+    s = np.where(across > TINY * np.maximum(uu * vv, TINY), s, 0.0)
+    t = np.clip((uv * s + vr) / np.maximum(vv, TINY), 0.0, 1.0)
+    s = np.clip((uv * t - ur) / np.maximum(uu, TINY), 0.0, 1.0)
+    t = np.clip((uv * s + vr) / np.maximum(vv, TINY), 0.0, 1.0)
+    return a + s[..., None] * u, b + t[..., None] * v
+
+
+def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array]:
+    """Nearest point of segments to a box about the origin of their frame.
+
+    The signed distance of a point to a box is convex, so a golden section along the segment finds it.
+
+    Args:
+        a: Where the segments begin, shape (..., 3).
+        u: From beginning to end, shape (..., 3).
+        half: Half the edges of the box, shape (..., 3).
+
+    Returns:
+        Places (...,) along the segments, 0 to 1, signed distances (...,) of their axes, and its slopes (..., 3).
+    """
+    low, high = np.zeros(a.shape[:-1]), np.ones(a.shape[:-1])
+    for _ in range(SECTIONS):
+        x, y = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        left = _box_distance(a + x[..., None] * u, half)[0] <= _box_distance(a + y[..., None] * u, half)[0]
+        low, high = np.where(left, low, x), np.where(left, y, high)
+    s = 0.5 * (low + high)
+    return s, *_box_distance(a + s[..., None] * u, half)
+
+
+def _box_distance(point: Array, half: Array) -> tuple[Array, Array]:
+    """Signed distance of points to a box, and its slope."""
+    beyond = np.abs(point) - half
+    outside = np.maximum(beyond, 0.0)
+    length = np.linalg.norm(outside, axis=-1)
+    deepest = beyond.max(axis=-1)
+    distance = np.where(deepest > 0.0, length, deepest)
+    slope = np.where(
+        (deepest > 0.0)[..., None],
+        outside / np.maximum(length, TINY)[..., None],
+        np.eye(3)[beyond.argmax(axis=-1)],
+    )
+    return distance, slope * np.sign(point)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Bodies:
+    """Capsules of the arm, and pairs of them with each other or with the surroundings.
+
+    Attributes:
+        capsules: Of the arm and, carried by -1, of the base and the surroundings.
+        solids: Boxes and half-spaces of the surroundings.
+        pairs: Indices of two capsules, or of a capsule and, counted on after the capsules, a solid, shape (m, 2).
+    """
+
+    capsules: tuple[Shape, ...]
+    solids: tuple[Shape, ...]
+    pairs: NDArray[np.intp]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the pairs."""
+        every = (*self.capsules, *self.solids)
+        return tuple(f"{every[a].name} - {every[b].name}" for a, b in self.pairs)
+
+    def links(self, side: int) -> list[int]:
+        """Links that carry the first or the second bodies of the pairs."""
+        every = (*self.capsules, *self.solids)
+        return [every[k].link for k in self.pairs[:, side]]
+
+    def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
+        """Distances (N, m) [m], nearest points of both axes and directions from the second, each (N, m, 3)."""
+        begin, along = self._segments(poses)
+        samples = len(begin)
+        shape = (samples, len(self.pairs))
+        distance, first, second, normal = np.zeros(shape), *(np.zeros((*shape, 3)) for _ in range(3))
+        radius = np.array([capsule.size[0] for capsule in self.capsules])
+        count = len(self.capsules)
+        both = np.flatnonzero(self.pairs[:, 1] < count)
+        if len(both):
+            i, j = self.pairs[both].T
+            p, q = nearest_on_segments(begin[:, i], along[:, i], begin[:, j], along[:, j])
+            gap = p - q
+            length = np.linalg.norm(gap, axis=-1)
+            distance[:, both] = length - radius[i] - radius[j]
+            first[:, both], second[:, both] = p, q
+            normal[:, both] = gap / np.maximum(length, TINY)[..., None]
+        for k in np.flatnonzero(self.pairs[:, 1] >= count):
+            i, solid = int(self.pairs[k, 0]), self.solids[int(self.pairs[k, 1]) - count]
+            R, o = solid.placement[:3, :3], solid.placement[:3, 3]
+            a, u = (begin[:, i] - o) @ R, along[:, i] @ R
+            if solid.kind == "half-space":
+                s = np.where(u[:, 2] < 0.0, 1.0, 0.0)
+                gap, slope = a[:, 2] + s * u[:, 2], np.tile([0.0, 0.0, 1.0], (samples, 1))
+            else:
+                s, gap, slope = nearest_on_box(a, u, 0.5 * solid.size)
+            distance[:, k], normal[:, k] = gap - radius[i], slope @ R.T
+            first[:, k] = begin[:, i] + s[:, None] * along[:, i]
+            second[:, k] = first[:, k]
+        return distance, first, second, normal
+
+    def _segments(self, poses: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Where the axes of the capsules begin, and from there to their ends, base frame, (N, c, 3)."""
+        R, p = poses
+        begin, along = (np.empty((len(p), len(self.capsules), 3)) for _ in range(2))
+        for k, capsule in enumerate(self.capsules):
+            axis, centre = capsule.size[1] * capsule.placement[:3, 2], capsule.placement[:3, 3]
+            if capsule.link < 0:
+                begin[:, k], along[:, k] = centre - 0.5 * axis, axis
+            else:
+                begin[:, k] = p[:, capsule.link] + R[:, capsule.link] @ (centre - 0.5 * axis)
+                along[:, k] = R[:, capsule.link] @ axis
+        return begin, along
+
+    def only(self, which: Sequence[int] | NDArray[np.intp]) -> Bodies:
+        """Some of the pairs."""
+        return Bodies(self.capsules, self.solids, self.pairs[np.asarray(which, dtype=np.intp)])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Clearance:
+    """Pairs of bodies stay apart.
+
+    Attributes:
+        name: What it is.
+        bodies: Which, and which pairs of them.
+        margin: Distance that stays between them [m].
+    """
+
+    name: str
+    bodies: Bodies
+    margin: float
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the pairs."""
+        return self.bodies.labels
+
+    def values(self, states: States) -> Array:
+        """One less the room that is left over a tenth of a metre, shape (N, m)."""
+        return 1.0 - (self._nearest(states)[0] - self.margin) / SCALE
+
+    def pull(self, states: States, weights: Array) -> Array:
+        """Gradient (m, n k): the nearest points move with the links that carry them."""
+        _, first, second, normal = self._nearest(states)
+        forces = -weights[:, :, None] * normal / SCALE
+        by_q = np.zeros((*weights.shape, states.tree.n))
+        for side, points, sign in ((0, first, 1.0), (1, second, -1.0)):
+            mask = carried_by(states.tree, self.bodies.links(side))
+            by_q += point_gradient(states.tree, states.poses, mask, points, sign * forces)
+        return states.pull_positions(by_q)
+
+    def between(self, states: States, step: float) -> Array:
+        """How far each pair may come together between points of a grid, as a share.
+
+        Half a step at the speeds of the two bodies. For pairs that are far apart a rougher bound does: no point of
+        the arm is further from an axis than the widest spread of all points.
+        """
+        distance, first, second, _ = self._nearest(states)
+        speed, origins = states.speed_bound, states.poses[1]
+        spread = 2.0 * max(float(np.abs(points).max(initial=0.0)) for points in (first, second, origins)) * 3.0**0.5
+        size = self._size()
+        reach = np.where(states.tree.prismatic.astype(np.bool_), 1.0, spread)
+        total = np.full(len(self.labels), 2.0 * float(speed @ reach)) + 2.0 * size.max() * float(speed.sum())
+        close = np.flatnonzero(distance.min(axis=0) - 0.5 * step * total < self.margin)
+        if len(close):
+            near = self.bodies.only(close)
+            total[close] = 0.0
+            for side, points in ((0, first), (1, second)):
+                mask = carried_by(states.tree, near.links(side))
+                # Any point of a body is at most the body's length and radius from the nearest one.
+                total[close] += point_speed(states.tree, states.poses, mask, points[:, close], speed).max(axis=0)
+                total[close] += size[close, side] * (mask @ speed)
+        return 0.5 * step * total / SCALE
+
+    def _nearest(self, states: States) -> tuple[Array, Array, Array, Array]:
+        """Distances, nearest points and directions, computed once a point of a search."""
+        if id(self) not in states.nearest:
+            states.nearest[id(self)] = self.bodies.nearest(states.poses)
+        return states.nearest[id(self)]
+
+    def _size(self) -> Array:
+        """Radius and length of both bodies of each pair, shape (m, 2)."""
+        every = (*self.bodies.capsules, *self.bodies.solids)
+        return np.array([[every[k].size[0] + every[k].size[1] for k in pair] for pair in self.bodies.pairs])
+
+
+def floor(height: float = 0.0) -> Shape:
+    """Everything below a height of the base frame [m]."""
+    return Shape("floor", -1, "half-space", np.zeros(3), homogeneous(np.eye(3), [0.0, 0.0, height]))

@@ -1,0 +1,90 @@
+"""Distances of bodies as they are, by Coal, which comes with Pinocchio: primitives, and meshes by their triangles.
+
+Slower by far than capsules, so it has the last word on a plan and no part in the search.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError
+from armid.robot.shapes import Shape
+from armid.values import Array
+
+__all__ = ["distances", "mesh_points"]
+
+
+def _coal() -> Any:
+    return import_module("coal")
+
+
+@lru_cache(maxsize=64)
+def _mesh(path: str, scale: tuple[float, float, float]) -> Any:
+    """The triangles of a file.
+
+    Raises:
+        ArmidError: Coal cannot read it.
+    """
+    coal = _coal()
+    try:
+        return coal.MeshLoader().load(path, np.array(scale))
+    except (ValueError, RuntimeError) as error:
+        raise ArmidError(
+            f"The mesh {path} cannot be read: {error}.", remedy="convert it to STL, DAE or OBJ, or remove it."
+        ) from error
+
+
+def mesh_points(shape: Shape) -> Array:
+    """Corners of a mesh in its own frame, shape (v, 3) [m]."""
+    mesh = _mesh(shape.path, tuple(shape.size.tolist()))
+    return np.array([mesh.vertex(k) for k in range(mesh.num_vertices)])
+
+
+def _geometry(shape: Shape) -> Any:
+    """The body for Coal, whose primitives lie as ours do."""
+    coal = _coal()
+    a, b, c = (float(x) for x in shape.size)
+    if shape.kind == "mesh":
+        return _mesh(shape.path, (a, b, c))
+    made = {
+        "capsule": lambda: coal.Capsule(a, b),
+        "sphere": lambda: coal.Sphere(a),
+        "cylinder": lambda: coal.Cylinder(a, b),
+        "box": lambda: coal.Box(a, b, c),
+        "half-space": lambda: coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0),
+    }
+    return made[shape.kind]()
+
+
+def distances(shapes: tuple[Shape, ...], pairs: NDArray[np.intp], poses: tuple[Array, Array]) -> Array:
+    """Distance of each pair along a motion.
+
+    Args:
+        shapes: Bodies.
+        pairs: Indices of two bodies each, shape (m, 2).
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+
+    Returns:
+        Shape (N, m) [m]; negative where bodies overlap.
+    """
+    coal = _coal()
+    R, p = poses
+    bodies = [_geometry(shape) for shape in shapes]
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    out = np.empty((len(p), len(pairs)))
+    for k in range(len(p)):
+        placed: list[Any] = []
+        for shape in shapes:
+            turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
+            if shape.link >= 0:
+                turn, place = R[k, shape.link] @ turn, p[k, shape.link] + R[k, shape.link] @ place
+            placed.append(coal.Transform3s(turn, place))
+        for m, (a, b) in enumerate(pairs):
+            result.clear()
+            out[k, m] = coal.distance(bodies[a], placed[a], bodies[b], placed[b], request, result)
+    return out

@@ -1,0 +1,19 @@
+"""Catalogue of the formats that controllers take motions in: one module each."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from armid.excitation.formats import csv, fri, mat, ros2, urscript
+from armid.excitation.formats.track import Format, Track
+
+__all__ = ["FORMATS", "Format", "Track"]
+
+FORMATS: dict[str, Format] = {
+    "csv": cast("Format", csv),
+    "ros2": cast("Format", ros2),
+    "fri": cast("Format", fri),
+    "urscript": cast("Format", urscript),
+    "mat": cast("Format", mat),
+}
+"""Formats by name."""

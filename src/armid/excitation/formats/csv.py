@@ -1,0 +1,47 @@
+"""Plain table: time, then positions, velocities and accelerations of all joints, in SI units."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.excitation.formats.track import Track, number_rows
+from armid.model.motion import Motion
+
+__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
+
+SUFFIX = ".csv"
+RATE = 250.0
+
+
+def problem(track: Track) -> str:
+    """Nothing stands against a table."""
+    del track
+    return ""
+
+
+def write(track: Track) -> bytes:
+    """A header with the joints' names, then a row a sample."""
+    header = ",".join(["time", *(f"{kind}_{joint}" for kind in ("q", "dq", "ddq") for joint in track.joints)])
+    motion = track.motion
+    text = io.StringIO()
+    rows = np.column_stack([motion.time, motion.q, motion.dq, motion.ddq])
+    np.savetxt(text, rows, delimiter=",", header=header, comments="", fmt="%.12g")
+    return text.getvalue().encode()
+
+
+def read(content: bytes) -> Track:
+    """The motion; the plan does not stand in a table.
+
+    Raises:
+        ArmidError: Another table.
+    """
+    header, _, rows = content.decode(errors="replace").partition("\n")
+    names = [name.strip().removeprefix("q_") for name in header.split(",") if name.startswith("q_")]
+    if not names:
+        raise ArmidError("This is no table of a motion: its header names no q_JOINT.")
+    values = number_rows(rows, 1 + 3 * len(names))
+    states = np.split(values[:, 1:], 3, axis=1)
+    return Track("", tuple(names), (False,) * len(names), Motion(values[:, 0], *states))

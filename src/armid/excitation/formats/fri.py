@@ -1,0 +1,40 @@
+"""Table for KUKA's Fast Robot Interface: seven joint positions a row [rad], a row a cycle, no header.
+
+A client reads a row in each cycle and sends it as the commanded position; the rate is that of the FRI session.
+"""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from armid.excitation.formats.track import Track, number_rows, states_of_positions
+
+__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
+
+SUFFIX = ".fri.csv"
+RATE = 200.0
+
+JOINTS = 7
+
+
+def problem(track: Track) -> str:
+    """The arms that speak FRI have seven joints that turn."""
+    if len(track.joints) != JOINTS or any(track.prismatic):
+        return f"FRI moves {JOINTS} joints that turn"
+    return ""
+
+
+def write(track: Track) -> bytes:
+    """A row a cycle; the cycle's time stands nowhere in it."""
+    text = io.StringIO()
+    np.savetxt(text, track.motion.q, delimiter=",", fmt="%.9f")
+    return text.getvalue().encode()
+
+
+def read(content: bytes) -> Track:
+    """The positions, with the usual cycle of 5 ms."""
+    q = number_rows(content.decode(errors="replace"), JOINTS)
+    motion = states_of_positions(np.arange(len(q)) / RATE, q)
+    return Track("", tuple(f"A{k + 1}" for k in range(JOINTS)), (False,) * JOINTS, motion)

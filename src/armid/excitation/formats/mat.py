@@ -1,0 +1,59 @@
+"""MATLAB: arrays t, q, dq, ddq, names and the coefficients of the series, for `load`."""
+
+from __future__ import annotations
+
+import io
+import json
+from typing import Any
+
+import numpy as np
+from scipy.io import loadmat, savemat
+from scipy.io.matlab import MatReadError
+
+from armid.errors import ArmidError
+from armid.excitation.formats.track import Track
+from armid.model.motion import Motion
+
+__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
+
+SUFFIX = ".mat"
+RATE = 250.0
+
+COEFFICIENTS = ("base_frequency", "a", "b", "offset")
+
+
+def problem(track: Track) -> str:
+    """Nothing stands against a file of arrays."""
+    del track
+    return ""
+
+
+def write(track: Track) -> bytes:
+    """A version 5 file, which every MATLAB reads."""
+    motion = track.motion
+    values: dict[str, Any] = {"t": motion.time, "q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
+    values["joints"] = np.array(track.joints, dtype=object)
+    if track.plan:
+        values["plan"] = track.plan
+        plan = json.loads(track.plan)
+        values |= {key: np.array(plan[key]) for key in COEFFICIENTS if key in plan}
+    buffer = io.BytesIO()
+    savemat(buffer, values, do_compression=True, oned_as="column")
+    return buffer.getvalue()
+
+
+def read(content: bytes) -> Track:
+    """Motion and plan.
+
+    Raises:
+        ArmidError: Another file.
+    """
+    try:
+        values: Any = loadmat(io.BytesIO(content), squeeze_me=True)
+        time = np.atleast_1d(values["t"])
+        states = [np.asarray(values[key], dtype=np.float64).reshape(len(time), -1) for key in ("q", "dq", "ddq")]
+        joints = tuple(str(name) for name in np.atleast_1d(values["joints"]))
+    except (MatReadError, ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
+        raise ArmidError(f"This is no file of a plan: {error}.") from error
+    plan = str(values["plan"]) if "plan" in values else ""
+    return Track("", joints, (False,) * len(joints), Motion(time, *states), plan)

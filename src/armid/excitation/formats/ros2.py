@@ -1,0 +1,67 @@
+"""ROS 2: one `trajectory_msgs/msg/JointTrajectory` as YAML, as `ros2 topic pub` takes it."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.excitation.formats.track import PLAN_MARK, Track, plan_in_comments
+from armid.model.motion import Motion
+from armid.values import Array
+
+__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
+
+SUFFIX = ".trajectory.yaml"
+RATE = 100.0
+
+POINT = re.compile(
+    r"- positions: (\[.*?\])\n +velocities: (\[.*?\])\n +accelerations: (\[.*?\])\n"
+    r" +time_from_start: \{sec: (\d+), nanosec: (\d+)\}"
+)
+
+
+def problem(track: Track) -> str:
+    """Nothing stands against a trajectory."""
+    del track
+    return ""
+
+
+def _list(values: Array) -> str:
+    return "[" + ", ".join(f"{x:.12g}" for x in values) + "]"
+
+
+def write(track: Track) -> bytes:
+    """Positions, velocities and accelerations at every point; the plan in a comment."""
+    lines = [f"# {PLAN_MARK}{track.plan}"] if track.plan else []
+    lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in track.joints), "points:"]
+    motion = track.motion
+    for t, q, dq, ddq in zip(motion.time - motion.time[0], motion.q, motion.dq, motion.ddq, strict=True):
+        nanoseconds = round(float(t) * 1e9)
+        lines += [
+            f"- positions: {_list(q)}",
+            f"  velocities: {_list(dq)}",
+            f"  accelerations: {_list(ddq)}",
+            f"  time_from_start: {{sec: {nanoseconds // 10**9}, nanosec: {nanoseconds % 10**9}}}",
+        ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def read(content: bytes) -> Track:
+    """Points and plan.
+
+    Raises:
+        ArmidError: No trajectory that `write` has written.
+    """
+    text = content.decode(errors="replace")
+    names, _, points = text.partition("points:")
+    joints = [json.loads(line[2:]) for line in names.splitlines() if line.startswith("- ")]
+    found = POINT.findall(points)
+    if not joints or not found:
+        raise ArmidError("This is no trajectory: it lacks joint_names or points.")
+    states = (np.array([json.loads(point[k]) for point in found], dtype=np.float64) for k in range(3))
+    time = np.array([int(point[3]) + 1e-9 * int(point[4]) for point in found])
+    plan = plan_in_comments(text, "#")
+    return Track("", tuple(joints), (False,) * len(joints), Motion(time, *states), plan)

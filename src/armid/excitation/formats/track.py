@@ -1,0 +1,92 @@
+"""What a controller is given: a motion sampled at its rate, and the plan that it comes from as text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.model.motion import Motion
+from armid.values import Array
+
+__all__ = ["PLAN_MARK", "Format", "Track", "number_rows", "plan_in_comments", "states_of_positions"]
+
+PLAN_MARK = "armid-plan "
+"""Before the plan, as one line of JSON in a comment, where a format has comments."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Track:
+    """A motion for a controller.
+
+    Attributes:
+        name: Of the arm.
+        joints: Names of the joints.
+        prismatic: Which of them slide.
+        motion: Samples at the controller's rate.
+        plan: The plan as one line of JSON; empty where it is not known.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    prismatic: tuple[bool, ...]
+    motion: Motion
+    plan: str = ""
+
+    @property
+    def step(self) -> float:
+        """Time from one sample to the next [s]."""
+        return float(self.motion.time[1] - self.motion.time[0]) if self.motion.samples > 1 else 0.0
+
+
+class Format(Protocol):
+    """A module that writes and reads one format.
+
+    Attributes:
+        SUFFIX: What is put behind the name of a file.
+        RATE: Samples a second where nothing else is asked [Hz].
+    """
+
+    SUFFIX: str
+    RATE: float
+
+    def problem(self, track: Track) -> str:
+        """Why the format cannot hold this track; empty where it can."""
+        ...
+
+    def write(self, track: Track) -> bytes:
+        """The file."""
+        ...
+
+    def read(self, content: bytes) -> Track:
+        """What `write` has written, as far as the format keeps it."""
+        ...
+
+
+def plan_in_comments(text: str, comment: str) -> str:
+    """The plan in a file's comments; empty where there is none."""
+    mark = f"{comment} {PLAN_MARK}"
+    return next((line[len(mark) :] for line in text.splitlines() if line.startswith(mark)), "")
+
+
+def number_rows(text: str, columns: int | None = None) -> Array:
+    """Rows of numbers with commas between them, shape (N, columns).
+
+    Raises:
+        ArmidError: Something else.
+    """
+    try:
+        rows = np.array([[float(x) for x in line.split(",")] for line in text.splitlines() if line.strip()])
+    except ValueError as error:
+        raise ArmidError(f"These are no rows of numbers: {error}.") from error
+    if rows.ndim != 2 or not len(rows) or (columns is not None and rows.shape[1] != columns):
+        raise ArmidError(f"Expected rows of {columns or 'several'} numbers; found {rows.shape}.")
+    return rows
+
+
+def states_of_positions(time: Array, q: Array) -> Motion:
+    """A motion of which only positions are kept; velocities and accelerations are differences."""
+    dq = np.gradient(q, time, axis=0)
+    return Motion(time, q, dq, np.gradient(dq, time, axis=0))

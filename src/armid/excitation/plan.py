@@ -1,0 +1,118 @@
+"""A whole recording: a smooth way to the start pose, the excitation some times over, a smooth way back.
+
+The series starts and ends at rest, so a polynomial of the fifth degree joins it without a jump in acceleration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.errors import ArmidError
+from armid.excitation.fourier import Excitation
+from armid.model.motion import Motion
+from armid.values import Array, array
+
+__all__ = ["Plan", "seconds_for"]
+
+PEAKS = (1.0, 1.875, 10.0 / 3.0**0.5, 60.0)
+"""Largest position, velocity, acceleration and jerk of the polynomial over one second and one radian."""
+
+
+def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> float:
+    """Shortest time [s] of a way of so much (n,) that keeps limits (n,) of velocity, acceleration and jerk."""
+    way = np.abs(np.asarray(distance, dtype=np.float64))
+    limits = (velocity, acceleration, jerk)
+    times = [
+        (peak * way / np.asarray(limit)) ** (1.0 / order)
+        for order, (peak, limit) in enumerate(zip(PEAKS[1:], limits, strict=True), 1)
+    ]
+    return float(np.max(times))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Plan:
+    """What the arm does from leaving one pose to reaching another.
+
+    Attributes:
+        excitation: The periodic motion.
+        repetitions: How often it runs, without a pause.
+        begin: Pose that the way to the start leaves from, shape (n,) [rad or m]; the start itself where not given.
+        end: Pose that the way back leads to, shape (n,) [rad or m]; the start itself where not given.
+        lead_in: Length of the way to the start [s].
+        lead_out: Length of the way back [s].
+    """
+
+    excitation: Excitation
+    repetitions: int = 1
+    begin: Array | None = None
+    end: Array | None = None
+    lead_in: float = 0.0
+    lead_out: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.repetitions < 1:
+            raise ArmidError(f"A plan repeats its excitation at least once; found {self.repetitions}.")
+        for name, seconds in (("begin", self.lead_in), ("end", self.lead_out)):
+            pose = getattr(self, name)
+            if pose is not None:
+                object.__setattr__(self, name, array(pose, (self.excitation.n,), name))
+            if (pose is None) != (seconds == 0.0) or seconds < 0.0:
+                raise ArmidError(
+                    f"A way from or to a pose needs the pose and a time above zero; found {seconds} s.",
+                    remedy=f"give both for {name}, or neither.",
+                )
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last moment [s]."""
+        return self.lead_in + self.repetitions * self.excitation.period + self.lead_out
+
+    @property
+    def start(self) -> Array:
+        """Pose where the excitation begins and ends, shape (n,)."""
+        return self.excitation.at([0.0]).q[0]
+
+    def at(self, time: ArrayLike) -> Motion:
+        """The motion at times (N,) [s], counted from leaving the first pose; at rest before and after."""
+        t = array(time, (None,), "time")
+        q, dq, ddq = (np.zeros((len(t), self.excitation.n)) for _ in range(3))
+        last = self.duration - self.lead_out
+        inside = (t >= self.lead_in) & (t <= last)
+        series = self.excitation.at(t[inside] - self.lead_in)
+        q[inside], dq[inside], ddq[inside] = series.q, series.dq, series.ddq
+        start = self.start
+        begin = start if self.begin is None else self.begin
+        end = start if self.end is None else self.end
+        for part, since, seconds, a, b in (
+            (t < self.lead_in, 0.0, self.lead_in, begin, start),
+            (t > last, last, self.lead_out, start, end),
+        ):
+            s = np.clip((t[part] - since) / seconds, 0.0, 1.0) if seconds else np.ones(int(part.sum()))
+            seconds = seconds or 1.0
+            q[part] = a + np.outer(s**3 * (10.0 - 15.0 * s + 6.0 * s**2), b - a)
+            dq[part] = np.outer(30.0 * s**2 * (1.0 - s) ** 2 / seconds, b - a)
+            ddq[part] = np.outer(60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / seconds**2, b - a)
+        return Motion(t, q, dq, ddq)
+
+    def sample(self, rate: float) -> Motion:
+        """The whole at `rate` samples a second [Hz], the last moment included."""
+        return self.at(np.arange(int(np.floor(self.duration * rate + 1e-9)) + 1) / rate)
+
+    def rehearsal(self, speed: float) -> Plan:
+        """The same path at a share of the speed, once.
+
+        Args:
+            speed: Between 0 and 1; velocities fall with it, accelerations with its square.
+        """
+        if not 0.0 < speed <= 1.0:
+            raise ArmidError(f"A rehearsal is no faster than the plan; found a speed of {speed}.")
+        return replace(
+            self,
+            excitation=self.excitation.stretched(self.excitation.period / speed),
+            repetitions=1,
+            lead_in=self.lead_in / speed,
+            lead_out=self.lead_out / speed,
+        )

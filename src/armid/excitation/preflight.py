@@ -1,0 +1,133 @@
+"""What is known of a plan before the arm moves: margins, closest approaches, deviations that it will give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.excitation import coal
+from armid.excitation.collision import Collision
+from armid.excitation.finish import Margin, fine_grid, margins
+from armid.excitation.objective import Goal, Objective
+from armid.excitation.sensitivity import Columns
+from armid.excitation.solver import Problem
+from armid.robot.kinematics import forward_kinematics
+from armid.values import Array
+
+__all__ = ["Approach", "Expectation", "Preflight", "expectation", "preflight", "worst"]
+
+MEASURED = 50.0
+"""Poses a second in which bodies are measured as they are [Hz]; the certificate does not rest on these."""
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """Closest approach of two bodies.
+
+    Attributes:
+        pair: Their names.
+        distance: Between the bodies as they are [m].
+        time: When [s].
+    """
+
+    pair: str
+    distance: float
+    time: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Expectation:
+    """How well the parameters will be known, if the model holds and the noise is white.
+
+    Attributes:
+        names: Base parameters.
+        units: Their units.
+        deviation: Standard deviations, shape (b,).
+        torque: Deviation of each joint's predicted torque, root mean square over the plan, shape (n,) [N·m or N].
+        condition: Condition number of the stacked regressor of one repetition, as in (3.55a).
+        log_det: Logarithm of the determinant of the information.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    deviation: Array
+    torque: Array
+    condition: float
+    log_det: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Preflight:
+    """The report before the flight.
+
+    Attributes:
+        margins: Every limit, joint by joint.
+        approaches: Every pair of bodies, nearest first.
+        skipped: Pairs that touch by construction.
+        expected: Deviations.
+    """
+
+    margins: tuple[Margin, ...]
+    approaches: tuple[Approach, ...]
+    skipped: tuple[str, ...]
+    expected: Expectation
+
+
+def expectation(goal: Goal, objective: Objective, x: Array) -> Expectation:
+    """Deviations that a plan will give with the noise and repetitions of a goal.
+
+    Args:
+        goal: Noise, repetitions, what is known already.
+        objective: A grid with the laws as they are.
+        x: The plan.
+    """
+    G = objective.information(x)
+    covariance = np.linalg.inv(G)
+    columns: Columns = objective.columns
+    torque: list[float] = []
+    plain = np.zeros_like(G)
+    samples = len(objective.times)
+    for j in range(goal.model.n):
+        own = columns.information(np.eye(goal.model.n)[j]) / samples
+        plain += own
+        torque.append(math.sqrt(max(float((own * covariance).sum()), 0.0)))
+    values = np.linalg.eigvalsh(plain)
+    return Expectation(
+        goal.base.names,
+        goal.base.units,
+        np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        np.array(torque),
+        float(np.sqrt(values[-1] / max(values[0], np.finfo(float).tiny))),
+        float(np.linalg.slogdet(G)[1]),
+    )
+
+
+def preflight(problem: Problem, x: Array, collision: Collision | None) -> Preflight:
+    """Everything that can be said of a plan; limits on the fine grid, bodies as they are by Coal."""
+    goal, basis = problem.goal, problem.basis
+    samples = max(round(goal.rate * basis.period), 40 * basis.harmonics)
+    approaches: list[Approach] = []
+    if collision is not None and len(collision.pairs):
+        times = basis.times(max(100, round(MEASURED * basis.period)))
+        q = basis.excitation(x).at(times).q
+        gaps = coal.distances(collision.shapes, collision.pairs, forward_kinematics(goal.model.robot, q))
+        nearest = gaps.argmin(axis=0)
+        approaches = [
+            Approach(pair, float(gaps[at, k]), float(times[at]))
+            for k, (pair, at) in enumerate(zip(collision.every.labels, nearest, strict=True))
+        ]
+    return Preflight(
+        margins(problem, fine_grid(problem), x),
+        tuple(sorted(approaches, key=lambda each: each.distance)),
+        () if collision is None else collision.skipped,
+        expectation(goal, Objective(goal, basis, samples), x),
+    )
+
+
+def worst(found: Sequence[Margin]) -> tuple[Margin, ...]:
+    """The nearest to each limit."""
+    names = dict.fromkeys(margin.limit for margin in found)
+    return tuple(max((m for m in found if m.limit == name), key=lambda m: m.share) for name in names)

@@ -1,0 +1,145 @@
+"""The unknowns of a design: series that start and end at rest, every one of them and no other.
+
+Rest at t = 0 is linear in the coefficients of (3.55b):
+
+    Σ a_l = 0  (velocity),   Σ l b_l = 0  (acceleration),   offset - Σ b_l / (ω l) = start  (position)        (3.55c)
+
+so it is eliminated by a basis of the null space instead of being held by a solver. The thesis asks for Σ b_l / l = 0
+besides, that is for joints that swing about the pose they start from; `literal` keeps that, and without it there is
+one more unknown a joint.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.errors import ArmidError
+from armid.excitation.fourier import Excitation
+from armid.values import Array, array
+
+__all__ = ["SeriesBasis"]
+
+ORDERS = 4
+"""Position, velocity, acceleration and jerk."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesBasis:
+    """Series of n joints and L harmonics that are at rest at t = 0, as an affine function of unknowns x (n, k).
+
+    Attributes:
+        base_frequency: ω [rad/s].
+        harmonics: L.
+        start: Pose at t = 0, shape (n,) [rad or m]; where `free` it is only the pose that x = 0 stands for.
+        free: Whether the start pose is among the unknowns.
+        literal: Whether joints swing about the start pose, Σ b_l / l = 0, as (3.55c) has it.
+    """
+
+    base_frequency: float
+    harmonics: int
+    start: Array
+    free: bool = False
+    literal: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "base_frequency", float(self.base_frequency))
+        object.__setattr__(self, "start", array(self.start, (None,), "start"))
+        if not 0.0 < self.base_frequency < math.inf:
+            raise ArmidError(
+                f"The base frequency must be positive; found {self.base_frequency} rad/s.",
+                remedy="give a duration above zero.",
+            )
+        fewest = 2
+        if self.harmonics < fewest:
+            raise ArmidError(
+                f"{self.harmonics} harmonics cannot start and end at rest: velocity and acceleration take all of "
+                "their coefficients.",
+                possible=f"{fewest} harmonics or more",
+                remedy="ask for about ten.",
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.start)
+
+    @property
+    def period(self) -> float:
+        """Length of one period [s]."""
+        return 2.0 * math.pi / self.base_frequency
+
+    @cached_property
+    def null_space(self) -> Array:
+        """Orthonormal directions of (a, b, offset) that keep rest, shape (2 L + 1, k)."""
+        number, L = np.arange(1.0, self.harmonics + 1.0), self.harmonics
+        rows = np.zeros((4, 2 * L + 1))
+        rows[0, :L] = 1.0
+        rows[1, L : 2 * L] = number / L
+        rows[2, L : 2 * L] = 1.0 / number
+        rows[3, L : 2 * L] = -1.0 / (self.base_frequency * number)
+        rows[3, -1] = 1.0
+        wanted = np.array([True, True, self.literal, not self.free], dtype=np.bool_)
+        if self.literal:  # then the position's row says that the offset is the start pose
+            rows[3] = 0.0
+            rows[3, -1] = 1.0
+        chosen = rows[wanted]
+        return np.linalg.svd(chosen)[2][len(chosen) :].T.copy()
+
+    @property
+    def size(self) -> int:
+        """Unknowns of one joint, k."""
+        return self.null_space.shape[1]
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns of all joints, n k."""
+        return self.n * self.size
+
+    def coefficients(self, x: ArrayLike) -> Array:
+        """Coefficients (a, b, offset) of unknowns (n k,), shape (n, 2 L + 1)."""
+        result = np.asarray(x, dtype=np.float64).reshape(self.n, self.size) @ self.null_space.T
+        result[:, -1] += self.start
+        return result
+
+    def excitation(self, x: ArrayLike, robot: str = "") -> Excitation:
+        """The series of unknowns (n k,)."""
+        c, L = self.coefficients(x), self.harmonics
+        return Excitation(self.base_frequency, c[:, :L], c[:, L : 2 * L], c[:, -1], robot)
+
+    def project(self, coefficients: ArrayLike) -> Array:
+        """Unknowns (n k,) of the series nearest to coefficients (n, 2 L + 1), which need not be at rest."""
+        c = np.array(coefficients, dtype=np.float64)
+        c[:, -1] -= self.start
+        return (c @ self.null_space).ravel()
+
+    def unknowns_of(self, excitation: Excitation) -> Array:
+        """Unknowns (n k,) of an excitation of the same shape."""
+        return self.project(np.hstack([excitation.a, excitation.b, excitation.offset[:, None]]))
+
+    def matrices(self, time: ArrayLike) -> tuple[Array, ...]:
+        """Matrices (N, k) that give position less start, velocity, acceleration and jerk at times (N,) [s]."""
+        t = array(time, (None,), "time")
+        f = self.base_frequency * np.arange(1, self.harmonics + 1)
+        s, c = np.sin(np.outer(t, f)), np.cos(np.outer(t, f))
+        one, none = np.ones((len(t), 1)), np.zeros((len(t), 1))
+        rows = ((s / f, -c / f, one), (c, s, none), (-s * f, c * f, none), (-c * f**2, -s * f**2, none))
+        return tuple(np.ascontiguousarray(np.hstack(row) @ self.null_space) for row in rows[:ORDERS])
+
+    def times(self, samples: int) -> Array:
+        """Even times of one period, shape (samples,) [s]."""
+        return np.arange(float(samples)) * (self.period / samples)
+
+    def peaks_between(self, x: ArrayLike, order: int) -> Array:
+        """What the derivative of an order can reach at most, whatever the phases, shape (n,).
+
+        Harmonics add up at most to the sum of their amplitudes. Times h²/8 the bound of the second derivative after
+        a quantity says how far it can rise between points of a grid of step h.
+        """
+        c, L = self.coefficients(x), self.harmonics
+        f: Array = self.base_frequency * np.arange(1.0, L + 1.0)
+        return np.hypot(c[:, :L], c[:, L : 2 * L]) @ f ** (order - 1)

@@ -1,0 +1,74 @@
+"""What space the links take: simple bodies fixed to links, for collision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.errors import RobotError
+from armid.maths.spatial import homogeneous
+from armid.values import Array, array
+
+__all__ = ["Shape", "capsule_between", "rotation_with_z"]
+
+Kind = Literal["capsule", "sphere", "cylinder", "box", "mesh", "half-space"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Shape:
+    """A body fixed to a link or to the base.
+
+    Attributes:
+        name: What messages call it, for instance the link's name.
+        link: Index of the link that carries it; -1 for the base and the surroundings.
+        kind: `capsule` and `cylinder` lie along z of their placement, a `half-space` is solid below z = 0.
+        size: Radius and length between the caps' centres of a capsule, radius and length of a cylinder, radius of a
+            sphere, edges of a box, scale of a mesh, shape (3,) filled up with zeros [m].
+        placement: In the link's frame, shape (4, 4).
+        path: File of a mesh.
+    """
+
+    name: str
+    link: int
+    kind: Kind
+    size: Array
+    placement: Array
+    path: str = ""
+
+    def __post_init__(self) -> None:
+        size = np.zeros(3)
+        given = np.atleast_1d(np.asarray(self.size, dtype=np.float64))
+        size[: len(given)] = given
+        object.__setattr__(self, "size", array(size, (3,), f"size of {self.name!r}"))
+        object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of {self.name!r}"))
+        needed = {"capsule": 1, "sphere": 1, "cylinder": 2, "box": 3, "mesh": 3, "half-space": 0}
+        if self.kind not in needed:
+            raise RobotError(f"{self.name!r} is of kind {self.kind!r}.", possible=", ".join(needed))
+        if (size < 0.0).any() or not (size[: needed[self.kind]] > 0.0).all():
+            raise RobotError(f"The {self.kind} {self.name!r} needs positive sizes; found {given.tolist()}.")
+
+    def on(self, link: int, placement: Array) -> Shape:
+        """The same carried by another link, whose frame sees this one's frame at a placement (4, 4)."""
+        return replace(self, link=link, placement=placement @ self.placement)
+
+
+def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radius: float) -> Shape:
+    """The capsule about the line between two points (3,) of a link [m]."""
+    a, b = array(begin, (3,), "from"), array(end, (3,), "to")
+    length = float(np.linalg.norm(b - a))
+    turned = rotation_with_z(b - a if length else np.array([0.0, 0.0, 1.0]))
+    return Shape(name, link, "capsule", np.array([radius, length]), homogeneous(turned, 0.5 * (a + b)))
+
+
+def rotation_with_z(direction: Array) -> Array:
+    """A rotation (3, 3) whose z points along a direction (3,) that is not zero."""
+    rotation = np.empty((3, 3))
+    z = direction / np.linalg.norm(direction)
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    rotation[:, 0] = x / np.linalg.norm(x)
+    rotation[:, 1] = np.cross(z, rotation[:, 0])
+    rotation[:, 2] = z
+    return rotation

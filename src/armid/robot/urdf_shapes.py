@@ -1,0 +1,120 @@
+"""Collision bodies of a URDF, each on the link that carries it once fixed joints are merged.
+
+Mesh files are not opened here; a path that begins with package:// is looked for in the folders above the description.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.maths.spatial import axis_rotation, homogeneous, rpy_rotation
+from armid.robot.markup import numbers
+from armid.robot.robot import Robot
+from armid.robot.shapes import Kind, Shape
+from armid.values import Array
+
+__all__ = ["shapes_of_urdf"]
+
+
+def shapes_of_urdf(
+    root: ET.Element, robot: Robot, locked: Mapping[str, float], source: str
+) -> tuple[tuple[Shape, ...], tuple[Finding, ...]]:
+    """Shapes of every <collision>, and findings about those that cannot be used.
+
+    Args:
+        root: The document, its collisions still in it.
+        robot: The robot made of it; its joints carry the shapes.
+        locked: Joints that the reader has fixed, with their positions.
+        source: Path of the description.
+    """
+    above = {joint.find("child").get("link"): joint for joint in root.findall("joint")}  # pyright: ignore
+    shapes: list[Shape] = []
+    findings: list[Finding] = []
+    for link in root.iter("link"):
+        name = link.get("name", "")
+        for number, collision in enumerate(link.findall("collision")):
+            geometry = collision.find("geometry")
+            if geometry is None or not len(geometry):
+                continue
+            joint, placement = _carrier(name, above, robot, locked, source)
+            label = name if number == 0 else f"{name} ({number + 1})"
+            kind, size, path = _geometry(geometry[0], source, label)
+            if kind == "mesh" and not path:
+                missing = geometry[0].get("filename", "")
+                findings.append(
+                    Finding("mesh-missing", "warning", label, f"the collision mesh {missing} is not there; the link "
+                            "takes no space in a check of collisions", "put the mesh beside the description.")
+                )  # fmt: skip
+                continue
+            shapes.append(Shape(label, joint, kind, size, placement @ _pose(collision, source), path))
+    return tuple(shapes), tuple(findings)
+
+
+def _carrier(
+    link: str, above: Mapping[str | None, ET.Element], robot: Robot, locked: Mapping[str, float], source: str
+) -> tuple[int, Array]:
+    """Index of the moving joint that carries a link, and the link's frame in that joint's link frame."""
+    placement = np.eye(4)
+    names = robot.joint_names
+    while link in above:
+        joint = above[link]
+        name = joint.get("name", "")
+        if name in names:
+            return names.index(name), placement
+        step = _pose(joint, source)
+        if locked.get(name):
+            axis = numbers(joint.find("axis"), "xyz", 3, source, name) if joint.find("axis") is not None else None  # pyright: ignore[reportArgumentType]
+            direction = np.array(axis or [1.0, 0.0, 0.0])
+            sliding = joint.get("type") == "prismatic"
+            turn = np.eye(3) if sliding else axis_rotation(direction, np.asarray(locked[name]))
+            step = step @ homogeneous(turn, locked[name] * direction if sliding else np.zeros(3))
+        placement = step @ placement
+        link = joint.find("parent").get("link", "")  # pyright: ignore[reportOptionalMemberAccess]
+    return -1, placement
+
+
+def _pose(element: ET.Element, source: str) -> Array:
+    """Transform of an <origin>."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    where = "an origin"
+    xyz = numbers(origin, "xyz", 3, source, where) or [0.0] * 3
+    rpy = numbers(origin, "rpy", 3, source, where) or [0.0] * 3
+    return homogeneous(rpy_rotation(rpy), xyz)
+
+
+def _geometry(shape: ET.Element, source: str, name: str) -> tuple[Kind, Array, str]:
+    """Kind, size and file of a <geometry>'s content."""
+    where = f"the collision of {name!r}"
+
+    def value(key: str, count: int, default: float) -> list[float]:
+        return numbers(shape, key, count, source, where) or [default] * count
+
+    if shape.tag == "box":
+        return "box", np.array(value("size", 3, 0.0)), ""
+    if shape.tag == "sphere":
+        return "sphere", np.array(value("radius", 1, 0.0)), ""
+    if shape.tag in ("cylinder", "capsule"):
+        kind: Kind = "cylinder" if shape.tag == "cylinder" else "capsule"
+        return kind, np.array([*value("radius", 1, 0.0), *value("length", 1, 0.0)]), ""
+    return "mesh", np.array(value("scale", 3, 1.0)), _mesh_path(shape.get("filename", ""), source)
+
+
+def _mesh_path(filename: str, source: str) -> str:
+    """The mesh's file; empty where it is not found."""
+    folder = Path(source).resolve().parent
+    for scheme in ("package://", "model://"):
+        if filename.startswith(scheme):
+            inside = Path(filename.removeprefix(scheme))
+            places = [up / inside for up in (folder, *folder.parents)]
+            places += [up / Path(*inside.parts[1:]) for up in (folder, *folder.parents)]
+            break
+    else:
+        places = [folder / filename.removeprefix("file://")]
+    return next((str(place) for place in places if place.is_file()), "")

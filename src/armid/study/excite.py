@@ -1,0 +1,358 @@
+"""A motion designed from a robot, wishes and limits: start pose, problem, search, certificate, report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from armid.errors import ArmidError, Finding
+from armid.excitation.channels import Channel
+from armid.excitation.collision import Collision, collision_of
+from armid.excitation.design import Progress, Search, search, single_threaded_pool
+from armid.excitation.finish import certified, fine_grid
+from armid.excitation.limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
+from armid.excitation.objective import Goal
+from armid.excitation.places import Workspace
+from armid.excitation.plan import Plan, seconds_for
+from armid.excitation.preflight import Preflight, preflight
+from armid.excitation.series import SeriesBasis
+from armid.excitation.solver import Problem
+from armid.model.motion import Motion
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+from armid.values import Array
+
+__all__ = ["LIMIT_KINDS", "Designed", "Effort", "Rules", "Wish", "design_plan", "start_pose"]
+
+LIMIT_KINDS = ("true", "thesis", "thesis-literal")
+"""What position and velocity limits apply to: the motion itself, or sums of amplitudes as in (3.55d-f)."""
+
+INSIDE = 0.05
+"""Share of a joint's range that the start pose keeps from its ends where it is chosen here."""
+
+SURROUNDING_ROOM = 0.25
+"""Distance [m] from the surroundings that such a pose should have: a series needs room around its start."""
+
+START_ROOM = 0.05
+"""Distance beyond the clearance [m] that bodies have in such a pose: room to move from there."""
+
+TRIES = 400
+"""Random poses among which a start without collision is looked for."""
+
+LEAD_SHARE = 0.5
+"""Share of the limits of velocity that ways to and from the start use."""
+
+LEAD_CHECKS = 200.0
+"""Poses a second of these ways in which bodies are looked at [Hz]."""
+
+LEAD_ACCELERATION = 2.0
+"""Acceleration of these ways where no limit is given [rad/s² or m/s²]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Wish:
+    """What the motion should be.
+
+    Attributes:
+        goal: What it is for.
+        duration: Length of a period [s].
+        harmonics: Number of harmonics.
+        start: Start pose, shape (n,) [rad or m]; found where not given.
+        free_start: Whether the start pose is among the unknowns.
+        free_centre: Whether joints may swing about another pose than the start, which (3.55c) has them not do.
+        begin: Pose that the arm comes from, shape (n,); the start where not given.
+        end: Pose that it goes to afterwards, shape (n,); the start where not given.
+    """
+
+    goal: Goal
+    duration: float = 20.0
+    harmonics: int = 10
+    start: Array | None = None
+    free_start: bool = False
+    free_centre: bool = False
+    begin: Array | None = None
+    end: Array | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Rules:
+    """What it must keep to.
+
+    Attributes:
+        limits: One of `LIMIT_KINDS`.
+        given: Limits by joint and kind in the place of the description's.
+        acceleration: Of every joint [rad/s² or m/s²]; none where not given.
+        jerk: Of every joint [rad/s³ or m/s³]; none where not given.
+        torque_margin: Share of the torque limits that is kept free; `None` leaves torque out.
+        parameters: Base parameters for torque, shape (b,); those of the description where not given.
+        clearance: Distance that bodies keep [m]; `None` leaves collisions out.
+        surroundings: Bodies that do not move.
+        workspace: Where the tip may be.
+        envelope: A motion whose velocity and acceleration are not exceeded.
+        envelope_by_joint: Whether each joint keeps to its own, or all to the highest of any joint.
+    """
+
+    limits: str = "true"
+    given: Mapping[tuple[str, str], float | tuple[float, float]] = field(default_factory=dict)  # pyright: ignore
+    acceleration: float | None = None
+    jerk: float | None = None
+    torque_margin: float | None = 0.1
+    parameters: Array | None = None
+    clearance: float | None = None
+    surroundings: tuple[Shape, ...] = ()
+    workspace: Workspace | None = None
+    envelope: Motion | None = None
+    envelope_by_joint: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long is looked.
+
+    Attributes:
+        budget: Wall time of the search [s]; `None` for no end other than `rounds`.
+        seed: Of the starts.
+        workers: Processes; 0 searches in this one.
+        rounds: Whole rounds at most.
+    """
+
+    budget: float | None = 30.0
+    seed: int = 1
+    workers: int = 2
+    rounds: int | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Designed:
+    """What has come of it.
+
+    Attributes:
+        plan: The motion.
+        problem: What was asked, every pair of bodies among its limits.
+        x: The unknowns.
+        limits: Of the joints.
+        search: How it was found.
+        preflight: What is known of it.
+        findings: What the reader should know.
+    """
+
+    plan: Plan
+    problem: Problem
+    x: Array
+    limits: Limits
+    search: Search
+    preflight: Preflight
+    findings: tuple[Finding, ...]
+
+
+def design_plan(
+    wish: Wish, rules: Rules, effort: Effort, *, progress: Progress | None = None, executor: Executor | None = None
+) -> Designed:
+    """Design a motion.
+
+    Args:
+        wish: What it should be.
+        rules: What it must keep to.
+        effort: How long is looked.
+        progress: Told of every descent.
+        executor: Runs the search in the place of processes of its own.
+
+    Raises:
+        ArmidError: Limits that are missing, contradict each other or the start pose, or cannot be kept.
+    """
+    if effort.budget is not None and not effort.budget > 0.0:
+        raise ArmidError(f"The budget is {effort.budget} s.", remedy="give some seconds; ten are enough for one arm.")
+    goal = wish.goal
+    robot = goal.model.robot
+    if not wish.duration > 0.0:
+        raise ArmidError(f"The duration must be positive; found {wish.duration} s.")
+    limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
+    if rules.envelope is not None:
+        limits = limits.narrowed(rules.envelope, by_joint=rules.envelope_by_joint)
+    start, findings = start_pose(robot, limits, rules, wish.start)
+    basis = SeriesBasis(
+        2.0 * math.pi / wish.duration, wish.harmonics, start, free=wish.free_start, literal=not wish.free_centre
+    )
+    channels, more = _channels(goal, limits, basis, rules)
+    collision = _collision(robot, limits, start, rules)
+    near = () if collision is None or collision.searched is None else (collision.searched,)
+    every = () if collision is None or not len(collision.pairs) else (collision.every,)
+    scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
+    problem = Problem(goal, basis, (*channels, *near), scale)
+    pool = nullcontext(executor) if executor or not effort.workers else single_threaded_pool(effort.workers)
+    with pool as workers:
+        found = search(
+            problem,
+            seed=effort.seed,
+            budget=effort.budget,
+            rounds=effort.rounds,
+            executor=workers,
+            progress=progress,
+        )
+    whole = replace(problem, channels=(*channels, *every))
+    x = certified(whole, fine_grid(whole), found.best.x)
+    plan = _with_leads(basis, x, wish, limits, robot.name)
+    _check_leads(plan, robot, collision)
+    return Designed(plan, whole, x, limits, found, preflight(whole, x, collision), (*findings, *more))
+
+
+def start_pose(robot: Robot, limits: Limits, rules: Rules, given: Array | None) -> tuple[Array, tuple[Finding, ...]]:
+    """The start pose that is given, or one found: zero where joints can be there, else the middle of their range.
+
+    Where bodies must keep apart and do not in that pose, the nearest of some random poses in which they do is taken.
+
+    Raises:
+        ArmidError: The given pose breaks a limit, or none was found.
+    """
+    low, high = limits.lower, limits.upper
+    if given is not None:
+        start = np.asarray(given, dtype=np.float64)
+        if start.shape != (robot.n,):
+            raise ArmidError(f"The start pose has {start.size} numbers; {robot.name} has {robot.n} joints.")
+        for name, q, a, b in zip(robot.joint_names, start, low, high, strict=True):
+            if not a < q < b:
+                raise ArmidError(
+                    f"The start pose puts {name} at {q:g}, outside {a:g} to {b:g}.",
+                    remedy="choose a pose inside the limits with --start.",
+                )
+        return start, ()
+    ends = INSIDE * (high - low)
+    bounded = np.isfinite(ends)
+    usual = np.where(bounded & ((low + ends > 0.0) | (high - ends < 0.0)), 0.5 * (low + high), 0.0)
+    if rules.clearance is None:
+        return usual, ()
+    return _pose_apart(robot, limits, rules, usual, rules.clearance)
+
+
+def _pose_apart(
+    robot: Robot, limits: Limits, rules: Rules, usual: Array, clearance: float
+) -> tuple[Array, tuple[Finding, ...]]:
+    """The usual pose or the nearest of some random ones in which bodies keep apart."""
+    low, high = limits.lower, limits.upper
+    ends = INSIDE * (high - low)
+    bounded = np.isfinite(ends)
+    rng = np.random.default_rng(0)
+    wide = np.where(bounded, high - low, 2.0 * np.pi)
+    refusal: ArmidError | None = None
+    best: tuple[float, Array] | None = None
+    for k in range(2 * TRIES):
+        room = START_ROOM if k < TRIES else 0.0
+        spread = 0.5 * min(1.0, k % TRIES / (0.5 * TRIES))
+        pose = usual + spread * rng.uniform(-1.0, 1.0, robot.n) * wide
+        pose = np.where(bounded, np.clip(pose, low + ends, high - ends), pose)
+        try:
+            made = collision_of(robot, limits, pose, rules.surroundings, margin=clearance + room)
+        except ArmidError as error:
+            if not robot.shapes:
+                raise
+            refusal = refusal or error
+            continue
+        away = _from_surroundings(made, robot, pose)
+        if k == 0 and away >= SURROUNDING_ROOM:
+            return pose, ()
+        if best is None or away > best[0]:
+            best = (away, pose)
+        if away < SURROUNDING_ROOM and k != TRIES - 1:
+            continue
+        pose = best[1]
+        degrees = " ".join(f"{q:.3f}" for q in pose)
+        said = f"bodies are too close in the usual start pose; the series starts at {degrees}"
+        return pose, (Finding("start-chosen", "info", "", said, "choose another with --start."),)
+    if best is not None:
+        return best[1], ()
+    assert refusal is not None
+    raise refusal
+
+
+def _from_surroundings(made: Collision, robot: Robot, pose: Array) -> float:
+    """Distance of the arm from its surroundings in a pose [m]; infinite where there are none."""
+    outer = np.flatnonzero(made.pairs.max(axis=1, initial=-1) >= len(robot.shapes))
+    if not len(outer):
+        return math.inf
+    return float(made.every.bodies.only(outer).nearest(forward_kinematics(robot, pose[None]))[0].min())
+
+
+def _channels(
+    goal: Goal, limits: Limits, basis: SeriesBasis, rules: Rules
+) -> tuple[tuple[Channel, ...], tuple[Finding, ...]]:
+    """Limits of motion, torque and tip."""
+    if rules.limits not in LIMIT_KINDS:
+        raise ArmidError(f"There are no limits of kind {rules.limits!r}.", possible=", ".join(LIMIT_KINDS))
+    motion = motion_channels(limits)
+    result: list[Channel] = list(motion)
+    if rules.limits != "true":
+        form: Literal["thesis", "thesis-literal"] = "thesis" if rules.limits == "thesis" else "thesis-literal"
+        kept = [channel for channel in motion if channel.name not in ("position", "velocity")]
+        result = [*thesis_channels(limits, basis, form=form), *kept]
+    findings: list[Finding] = []
+    if rules.torque_margin is not None and np.isfinite(limits.effort).any():
+        values = rules.parameters
+        if values is None:
+            nominal = goal.model.nominal_parameters()
+            values = None if nominal is None else goal.base.values_of(nominal)
+            if values is not None:
+                said = "torque is that of the description's links; friction is not known to it"
+                findings.append(Finding("torque-nominal", "info", "", said))
+        if values is None:
+            said = f"{goal.model.robot.name} gives no masses, so torque is not limited"
+            remedy = "give a run of an identification with --after or --torque-from."
+            findings.append(Finding("torque-unknown", "warning", "", said, remedy))
+        else:
+            channel = torque_channel(limits, values, rules.torque_margin)
+            result += [] if channel is None else [channel]
+    if rules.workspace is not None:
+        result.append(rules.workspace)
+    return tuple(result), tuple(findings)
+
+
+def _collision(robot: Robot, limits: Limits, start: Array, rules: Rules) -> Collision | None:
+    """Pairs that keep apart, where that is asked."""
+    if rules.clearance is None:
+        return None
+    return collision_of(robot, limits, start, rules.surroundings, margin=rules.clearance)
+
+
+def _with_leads(basis: SeriesBasis, x: Array, wish: Wish, limits: Limits, name: str) -> Plan:
+    """The plan with ways from and to other poses, no faster than half the limits."""
+    series = basis.excitation(x, name)
+    start = series.at([0.0]).q[0]
+    acceleration = np.where(np.isfinite(limits.acceleration), limits.acceleration, LEAD_ACCELERATION)
+
+    def seconds(pose: Array | None) -> float:
+        if pose is None:
+            return 0.0
+        if np.shape(pose) != start.shape:
+            raise ArmidError(f"A pose has {np.size(pose)} numbers; the arm has {len(start)} joints.")
+        return max(seconds_for(pose - start, LEAD_SHARE * limits.velocity, acceleration, limits.jerk), 0.1)
+
+    return Plan(series, wish.goal.repetitions, wish.begin, wish.end, seconds(wish.begin), seconds(wish.end))
+
+
+def _check_leads(plan: Plan, robot: Robot, collision: Collision | None) -> None:
+    """Refuse ways from and to other poses on which bodies come too close.
+
+    Raises:
+        ArmidError: They do; the message names the pair.
+    """
+    if collision is None or not plan.lead_in + plan.lead_out:
+        return
+    series = plan.lead_in + plan.repetitions * plan.excitation.period
+    for name, since, seconds in (("begin", 0.0, plan.lead_in), ("end", series, plan.lead_out)):
+        if not seconds:
+            continue
+        q = plan.at(since + np.linspace(0.0, seconds, max(50, round(LEAD_CHECKS * seconds)))).q
+        distance = collision.every.bodies.nearest(forward_kinematics(robot, q))[0]
+        k = int(distance.min(axis=0).argmin())
+        if distance[:, k].min() < collision.every.margin:
+            raise ArmidError(
+                f"On the way from or to the {name} pose, {collision.every.labels[k]} come within "
+                f"{1000 * max(distance[:, k].min(), 0.0):.0f} mm.",
+                remedy="choose another pose, or go there by hand and leave it out.",
+            )

@@ -1,0 +1,241 @@
+"""What a design leaves behind: plan, motions for controllers, slow rehearsals, the report before the flight."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.excitation.experiments import Moves
+from armid.excitation.formats import FORMATS, Track
+from armid.excitation.plan import Plan
+from armid.excitation.preflight import Preflight, worst
+from armid.robot.robot import Robot
+from armid.study.excite import Designed
+from armid.study.folder import refuse, whole_folder
+from armid.study.records import finding_record, to_json
+from armid.values import replace_file
+
+__all__ = [
+    "MARKER",
+    "choose_formats",
+    "design_record",
+    "refuse_plan_folder",
+    "report_text",
+    "save_design",
+    "save_moves",
+    "track_of",
+]
+
+MARKER = "plan.json"
+
+MOST_LINES = 12
+"""Parameters and pairs that the text shows; the JSON has all of them."""
+
+
+def refuse_plan_folder(folder: Path | str) -> None:
+    """Refuse a folder that a plan must not replace, before any work is done for it."""
+    refuse(folder, MARKER, "plan")
+
+
+def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
+    """Formats by name; all where none are named.
+
+    Raises:
+        ArmidError: There is no such format.
+    """
+    unknown = [name for name in names or () if name not in FORMATS]
+    if unknown:
+        raise ArmidError(f"There is no format {unknown[0]!r}.", possible=", ".join(FORMATS))
+    return tuple(names or FORMATS)
+
+
+def design_record(designed: Designed) -> dict[str, Any]:
+    """The contents of `plan.json`."""
+    plan, report, goal = designed.plan, designed.preflight, designed.problem.goal
+    series = plan.excitation
+    limits = {
+        margin.limit: {"value": margin.value, "bound": margin.bound, "joint": margin.label, "unit": margin.unit}
+        for margin in worst(report.margins)
+    }
+    return {
+        "robot": series.robot,
+        "base_frequency": series.base_frequency,
+        "offset": series.offset,
+        "a": series.a,
+        "b": series.b,
+        "criterion": goal.criterion,
+        "condition": report.expected.condition,
+        "log_det": report.expected.log_det,
+        "seconds": designed.search.seconds,
+        "limits": limits,
+        "repetitions": plan.repetitions,
+        "begin": plan.begin,
+        "end": plan.end,
+        "lead_in": plan.lead_in,
+        "lead_out": plan.lead_out,
+        "noise": goal.noise,
+        "rate": goal.rate,
+        "descents": designed.search.descents,
+        "interrupted": designed.search.interrupted,
+        "findings": [finding_record(finding) for finding in designed.findings],
+    }
+
+
+def _report_record(report: Preflight) -> dict[str, Any]:
+    """The contents of `preflight.json`."""
+    expected = report.expected
+    return {
+        "limits": [
+            {
+                "limit": m.limit,
+                "joint": m.label,
+                "value": m.value,
+                "bound": m.bound,
+                "unit": m.unit,
+                "time": m.time,
+                "share": m.share,
+                "certified_share": m.certified,
+            }
+            for m in report.margins
+        ],
+        "approaches": [{"pair": a.pair, "distance": a.distance, "time": a.time} for a in report.approaches],
+        "skipped_pairs": report.skipped,
+        "condition": expected.condition,
+        "log_det": expected.log_det,
+        "base_parameters": [
+            {"name": name, "unit": unit, "deviation": deviation}
+            for name, unit, deviation in zip(expected.names, expected.units, expected.deviation, strict=True)
+        ],
+        "torque_deviation": expected.torque,
+    }
+
+
+def report_text(designed: Designed) -> str:
+    """The report for people."""
+    report, goal, plan = designed.preflight, designed.problem.goal, designed.plan
+    series, expected = plan.excitation, report.expected
+    lines = [
+        f"{series.robot}: {series.harmonics} harmonics over {series.period:g} s, {plan.repetitions} times; "
+        f"{plan.duration:.1f} s with the ways to and from it",
+        f"designed for {goal.criterion}; condition number {expected.condition:.2f}, "
+        f"log det of the information {expected.log_det:.2f}",
+        "",
+        "limits (share of the limit on a grid of 1 kHz, and certified between its points)",
+    ]
+    for m in report.margins:
+        when = "" if np.isnan(m.time) else f" at {m.time:6.2f} s"
+        lines.append(
+            f"  {m.limit:<13}{m.label:<24}{m.value:>10.4f} of {m.bound:>9.4f} {m.unit:<7}"
+            f"{100 * m.share:6.1f} %  {100 * m.certified:6.1f} %{when}"
+        )
+    if report.approaches:
+        lines += ["", "closest approaches, bodies as they are"]
+        lines += [
+            f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s" for a in report.approaches[:MOST_LINES]
+        ]
+    if report.skipped:
+        lines += ["", f"not looked at, because they touch by construction: {'; '.join(report.skipped)}"]
+    noise = ", ".join(f"{x:g}" for x in goal.noise)
+    lines += [
+        "",
+        f"expected deviations, white noise of {noise} (N·m or N) at {goal.rate:g} Hz, the model being right",
+    ]
+    order = np.argsort(-expected.deviation)
+    for k in order[:MOST_LINES]:
+        lines.append(f"  {expected.names[k]:<12}{expected.deviation[k]:12.3g} {expected.units[k]}")
+    if len(order) > MOST_LINES:
+        lines.append(f"  … {len(order) - MOST_LINES} more are smaller; preflight.json has all")
+    lines.append(f"  predicted torque {', '.join(f'{x:.3g}' for x in expected.torque)} (N·m or N, joint by joint)")
+    lines += ["", *(f"{f.severity}: {f.evidence} {f.remedy}".rstrip() for f in designed.findings)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def save_design(
+    designed: Designed,
+    folder: Path | str,
+    *,
+    formats: Sequence[str] = tuple(FORMATS),
+    rate: float | None = None,
+    rehearsal: float = 0.2,
+) -> Path:
+    """Write a design's folder, whole or not at all.
+
+    Args:
+        designed: The design.
+        folder: Where; a plan that is there already is replaced.
+        formats: Names of formats; those that cannot hold this arm are left out.
+        rate: Samples a second in every format; each one's usual where not given [Hz].
+        rehearsal: Speed of the rehearsal, as a share of the plan's.
+    """
+    record = design_record(designed)
+    with whole_folder(folder, MARKER, "plan") as draft:
+        _write_motions(draft, designed.plan, designed.problem.goal.model.robot, formats, rate, rehearsal)
+        replace_file(draft / "preflight.json", to_json(_report_record(designed.preflight)) + "\n")
+        replace_file(draft / "preflight.txt", report_text(designed))
+        replace_file(draft / MARKER, to_json(record) + "\n")
+    return Path(folder)
+
+
+def save_moves(
+    moves: Moves,
+    robot: Robot,
+    folder: Path | str,
+    *,
+    formats: Sequence[str] = tuple(FORMATS),
+    rate: float | None = None,
+    rehearsal: float = 0.2,
+) -> dict[str, Any]:
+    """Write poses or sweeps like a design, and return what stands in their `plan.json`."""
+    record = {
+        "robot": robot.name,
+        "joints": moves.joints,
+        "poses": moves.poses,
+        "speeds": moves.speeds,
+        "stretches": [
+            {"kind": kind, "seconds": seconds} for kind, seconds in zip(moves.kinds, moves.seconds, strict=True)
+        ],
+        "duration": moves.duration,
+    }
+    with whole_folder(folder, MARKER, "plan") as draft:
+        _write_motions(draft, moves, robot, formats, rate, rehearsal)
+        replace_file(draft / MARKER, to_json(record) + "\n")
+    return record
+
+
+def _write_motions(
+    draft: Path, plan: Plan | Moves, robot: Robot, formats: Sequence[str], rate: float | None, rehearsal: float
+) -> None:
+    """The motion and its rehearsal in every format that can hold this arm."""
+    for name in formats:
+        for each, stem in ((plan, "plan"), (plan.rehearsal(rehearsal), "rehearsal")):
+            track = track_of(each, robot, FORMATS[name].RATE if rate is None else rate)
+            if not FORMATS[name].problem(track):
+                replace_file(draft / f"{stem}{FORMATS[name].SUFFIX}", FORMATS[name].write(track))
+
+
+def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> Track:
+    """A plan sampled for a controller."""
+    if not rate > 0.0:
+        raise ArmidError(f"A motion is sampled at a rate above zero; found {rate} Hz.")
+    prismatic = tuple(joint.is_prismatic for joint in robot.joints)
+    if isinstance(plan, Moves):
+        return Track(robot.name, robot.joint_names, prismatic, plan.sample(rate))
+    series = plan.excitation
+    text = json.dumps(
+        {
+            "robot": series.robot,
+            "base_frequency": series.base_frequency,
+            "offset": series.offset.tolist(),
+            "a": series.a.tolist(),
+            "b": series.b.tolist(),
+            "repetitions": plan.repetitions,
+            "lead_in": plan.lead_in,
+            "lead_out": plan.lead_out,
+        }
+    )
+    return Track(robot.name, robot.joint_names, prismatic, plan.sample(rate), text)

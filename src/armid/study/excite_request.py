@@ -1,0 +1,294 @@
+"""What the command line asks of a design, turned into wishes, rules and effort."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError
+from armid.excitation.clearance import floor
+from armid.excitation.collision import collision_of, load_environment
+from armid.excitation.design import Progress
+from armid.excitation.experiments import Moves, choose_poses, poses_plan, straight_way, sweeps_plan
+from armid.excitation.fourier import Excitation, load_plan
+from armid.excitation.limits import limits_of
+from armid.excitation.objective import Goal, information_along
+from armid.excitation.places import Workspace, box_workspace
+from armid.excitation.plans import PLANS, builtin_plan
+from armid.information.information import Information
+from armid.measurement.process import observe
+from armid.measurement.processing import Processing
+from armid.measurement.reading import Reading
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+from armid.study.excite import Designed, Effort, Rules, Wish, design_plan, start_pose
+from armid.study.identify import read_recording
+from armid.study.run import MARKER, load_run
+from armid.study.study import RecordingChoice
+from armid.values import Array, load
+
+__all__ = ["motion_of_file", "numbers", "prior_of_run", "rules_of", "run_experiment", "run_request"]
+
+Limit = float | tuple[float, float]
+
+WATCHED = 50.0
+"""Poses a second in which bodies are looked at on the way from pose to pose [Hz]."""
+
+TORQUE_MARGIN = 0.1
+"""Share of the torque limits that is kept free unless something else is asked: the description's masses are rough."""
+
+
+def run_request(
+    model: DynamicsModel,
+    options: Mapping[str, Any],
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Designed:
+    """Design what the options of `armid excite` ask for.
+
+    Args:
+        model: Arm and torque terms.
+        options: By name, as the command line has them.
+        executor: Runs the search; in this process where left out.
+        progress: Told of every descent.
+    """
+    n = model.n
+    goal = _goal(model, options)
+    wish = Wish(
+        goal,
+        options["duration"],
+        options["harmonics"],
+        numbers(options["start"], "--start", n),
+        options["free_start"],
+        options["free_centre"],
+        numbers(options["begin"], "--begin", n),
+        numbers(options["end"], "--end", n),
+    )
+    effort = Effort(options["budget"], options["seed"], 0)
+    return design_plan(wish, rules_of(options, model.robot), effort, progress=progress, executor=executor)
+
+
+def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
+    """Limits of every kind."""
+    surroundings = _surroundings(options)
+    margin = options["torque_margin"]
+    return Rules(
+        options["limits"],
+        _limits(options["limit"] or ()),
+        options["acceleration"],
+        options["jerk"],
+        TORQUE_MARGIN if margin is None and options["limits"] == "true" else margin,
+        None,
+        options["clearance"] if options["collision"] or surroundings else None,
+        surroundings,
+        _workspace(options["tip"]),
+        None if options["envelope"] is None else motion_of_file(options["envelope"], robot),
+        not options["envelope_of_arm"],
+    )
+
+
+def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
+    """Static poses or constant velocities, as the options of `armid excite` ask for.
+
+    Raises:
+        ArmidError: There is no such experiment, or bodies come too close on the way.
+    """
+    robot, kind = model.robot, options["experiment"]
+    rules = rules_of(options, robot)
+    limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
+    start, _ = start_pose(robot, limits, rules, numbers(options["start"], "--start", model.n))
+    collision = None
+    if rules.clearance is not None:
+        collision = collision_of(robot, limits, start, rules.surroundings, margin=rules.clearance)
+
+    def apart(q: Array) -> NDArray[np.bool_]:
+        if collision is None:
+            return np.ones(len(q), dtype=np.bool_)
+        distance = collision.every.bodies.nearest(forward_kinematics(robot, q))[0]
+        return np.asarray(distance.min(axis=1) > collision.every.margin, dtype=np.bool_)
+
+    def reachable(q: Array) -> NDArray[np.bool_]:
+        ways = np.concatenate([straight_way(start, pose) for pose in q])
+        return np.asarray(apart(ways).reshape(len(q), -1).all(axis=1), dtype=np.bool_)
+
+    if kind == "poses":
+        base = find_base_parameters(model)
+        poses = choose_poses(model, base, limits, options["poses"], seed=options["seed"], allowed=reachable)
+        moves = poses_plan(poses, limits, rest=options["rest"], via=start, free=apart)
+    elif kind == "sweeps":
+        moves = sweeps_plan(start, limits)
+    else:
+        raise ArmidError(f"There is no experiment {kind!r}.", possible="series, poses, sweeps")
+    motion = moves.sample(WATCHED)
+    bad = np.flatnonzero(~apart(motion.q))
+    if len(bad):
+        raise ArmidError(
+            f"Bodies come too close {motion.time[bad[0]]:.1f} s into the {kind}.",
+            remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
+        )
+    return moves
+
+
+def numbers(text: str | None, name: str, count: int) -> Array | None:
+    """Numbers with commas or blanks between them, shape (count,); `None` where nothing is given.
+
+    Raises:
+        ArmidError: Something else, or another count.
+    """
+    if text is None:
+        return None
+    try:
+        values = np.array([float(x) for x in text.replace(",", " ").split()])
+    except ValueError:
+        raise ArmidError(f"{name} {text}: these are no numbers.", remedy="write for instance 0,0.5,-1.") from None
+    if len(values) != count or not np.isfinite(values).all():
+        raise ArmidError(f"{name} needs {count} finite numbers; found {len(values)}: {text}.")
+    return values
+
+
+def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> Goal:
+    """Criterion, noise, what is known already, what is to be predicted."""
+    base, n = find_base_parameters(model), model.n
+    text = options["noise"]
+    one = text is not None and len(text.replace(",", " ").split()) == 1
+    noise = np.ones(n) if text is None else numbers(text, "--noise", 1 if one else n)
+    assert noise is not None
+    plain = Goal(model, base, "d-optimal", np.resize(noise, n), options["rate"], options["repetitions"])
+    prior: Array | None = None
+    scale: Array | None = None
+    for path in options["after"] or ():
+        known = prior_of_run(path, plain) if (Path(path) / MARKER).is_file() else _of_motion(path, plain)
+        prior = known if prior is None else prior + known
+        if (Path(path) / MARKER).is_file():
+            fit = load_run(path).estimate.fit
+            sizes = dict(zip(fit.names, np.maximum(np.abs(fit.values), fit.deviation), strict=True))
+            scale = np.array([sizes[name] for name in base.names])
+    prediction: Array | None = None
+    for path in options["predict"] or ():
+        wanted = _of_motion(path, plain)
+        prediction = wanted if prediction is None else prediction + wanted
+    return replace(plain, criterion=options["criterion"], prior=prior, prediction=prediction, scale=scale)
+
+
+def _of_motion(path: str, goal: Goal) -> Array:
+    """Information (b, b) of a plan or recording, once."""
+    series = _series(path)
+    motion = motion_of_file(path, goal.model.robot) if series is None else series.sample(goal.rate)
+    if motion.n != goal.model.n:
+        raise ArmidError(f"{path} moves {motion.n} joints; {goal.model.robot.name} has {goal.model.n}.")
+    return information_along(goal, motion)
+
+
+def prior_of_run(folder: str, goal: Goal) -> Array:
+    """Information (b, b) that a run has already, its parameters matched by name, with the goal's noise.
+
+    Rows that the run has kept are weighed as samples of that noise.
+
+    Raises:
+        ArmidError: The run is about other parameters.
+    """
+    load_run(folder)
+    information = load(Information, Path(folder) / "information.npz")
+    where = {name: k for k, name in enumerate(goal.base.names)}
+    place = np.array([where.get(name, -1) for name in information.names])
+    if information.n != goal.model.n or (place < 0).all():
+        raise ArmidError(
+            f"The run {folder} is about other parameters than {goal.model.robot.name} with these terms.",
+            possible=", ".join(information.names[:8]) + ", …",
+        )
+    result = np.zeros((goal.base.count, goal.base.count))
+    for joint, noise in zip(information.joints, goal.noise, strict=True):
+        rows = joint.R[:, :, :-1].reshape(-1, len(joint.parameters))
+        at = place[joint.parameters]
+        result[np.ix_(at, at)] += rows.T @ rows / noise**2
+    return result
+
+
+def _series(path: str) -> Excitation | None:
+    """The series of a plan, stretched where `@` and seconds follow; `None` for a recording."""
+    name, at, seconds = path.partition("@")
+    if name not in PLANS and not name.endswith(".json"):
+        return None
+    series = builtin_plan(name) if name in PLANS else load_plan(name)
+    if not at:
+        return series
+    try:
+        period = float(seconds)
+    except ValueError:
+        period = 0.0
+    if not period > 0.0:
+        raise ArmidError(f"{path}: {seconds!r} is no duration.", remedy="write for instance thesis-a1@27.")
+    return series.stretched(period)
+
+
+def motion_of_file(path: str, robot: Robot) -> Motion:
+    """The motion of a plan, or of a recording processed as usual.
+
+    Raises:
+        ArmidError: It cannot be read, or moves other joints.
+    """
+    series = _series(path)
+    if series is not None:
+        motion = series.sample(1000.0)
+    else:
+        recording, _ = read_recording(RecordingChoice(path, reading=Reading()), ".", robot)
+        observations, _ = observe([recording], Processing())
+        runs = [run.motion for run in observations.runs]
+        motion = Motion(*(np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "q", "dq", "ddq")))
+    if motion.n != robot.n:
+        raise ArmidError(f"{path} moves {motion.n} joints; {robot.name} has {robot.n}.")
+    return motion
+
+
+def _limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
+    """`JOINT.KIND=VALUE`, and `JOINT.position=LOW:HIGH`.
+
+    Raises:
+        ArmidError: Something else.
+    """
+    result: dict[tuple[str, str], Limit] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        joint, dot, kind = name.rpartition(".")
+        low, colon, high = value.partition(":")
+        try:
+            if not equals or not dot:
+                raise ValueError
+            result[joint, kind] = (float(low), float(high)) if colon else float(value)
+        except ValueError:
+            raise ArmidError(
+                f"--limit {text}: this is no limit.",
+                remedy="write JOINT.velocity=1.2 or JOINT.position=-1:1; kinds are position, velocity, acceleration, "
+                "jerk, effort.",
+            ) from None
+    return result
+
+
+def _surroundings(options: Mapping[str, Any]) -> tuple[Shape, ...]:
+    """Floor and environment."""
+    shapes = () if options["environment"] is None else load_environment(options["environment"])
+    return shapes if options["floor"] is None else (*shapes, floor(options["floor"]))
+
+
+def _workspace(text: str | None) -> Workspace | None:
+    """The box for the tip."""
+    corners = numbers(text, "--tip", 6)
+    if corners is None:
+        return None
+    low, high = corners[:3], corners[3:]
+    if not (low < high).all():
+        raise ArmidError(
+            f"--tip {text}: the box is empty.", remedy="give its low corner and then its high one, in metres."
+        )
+    return box_workspace(low.tolist(), high.tolist())

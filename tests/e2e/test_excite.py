@@ -1,0 +1,203 @@
+"""`armid excite` from the command line, with searches of a second: what it writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.cli.main import _joined, main
+from armid.excitation.formats import FORMATS
+from armid.excitation.fourier import load_plan
+from armid.robot import load_robot
+from armid.robot.kinematics import forward_kinematics
+
+QUICK = ["--budget", "1", "--workers", "0", "--harmonics", "4", "--duration", "8"]
+
+ARM = """
+name = "pendulum"
+convention = "modified"
+[[joint]]
+name = "first"
+d = 0.3
+position = [-1.0, 1.0]
+velocity = 1.0
+[[joint]]
+name = "second"
+alpha = 1.5707963267948966
+a = 0.1
+position = [-1.5, 1.5]
+velocity = 2.0
+"""
+
+
+def run(arguments, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["excite", *map(str, arguments)])
+    assert end.value.code == 0
+    return capsys.readouterr()
+
+
+def stopped(arguments, capsys) -> str:
+    with pytest.raises(SystemExit) as end:
+        main(["excite", *map(str, arguments)])
+    assert end.value.code == 2
+    return capsys.readouterr().err
+
+
+@pytest.fixture
+def small(tmp_path):
+    path = tmp_path / "pendulum.toml"
+    path.write_text(ARM)
+    return path
+
+
+def test_what_is_written(small, tmp_path, capsys):
+    out = tmp_path / "plan"
+    said = json.loads(
+        run([small, *QUICK, "--out", out, "--json", "--begin", "0.1,0.2", "--acceleration", 3], capsys).out
+    )
+    plan = json.loads((out / "plan.json").read_text())
+    for key in ("robot", "base_frequency", "offset", "a", "b", "criterion", "condition", "log_det", "seconds"):
+        assert said[key] == plan[key]
+    assert np.shape(plan["a"]) == np.shape(plan["b"]) == (2, 4)
+    assert {"position", "velocity", "acceleration"} == set(plan["limits"])
+    for limit in plan["limits"].values():
+        assert abs(limit["value"]) <= abs(limit["bound"]) and limit["joint"] in ("first", "second")
+    written = {path.name for path in out.iterdir()}
+    for stem in ("plan", "rehearsal"):
+        assert {f"{stem}{FORMATS[name].SUFFIX}" for name in ("csv", "ros2", "mat")} <= written
+    assert not any("fri" in name or name.endswith(".script") for name in written)
+    assert {"plan.json", "preflight.json", "preflight.txt"} <= written
+    series = load_plan(out / "plan.json")
+    start = series.at([0.0])
+    assert np.abs(start.dq).max() < 1e-12 and np.abs(start.ddq).max() < 1e-12
+    motion = series.sample(1000.0)
+    assert (np.abs(motion.dq) <= [1.0, 2.0]).all() and (np.abs(motion.ddq) <= 3.0).all()
+    table = FORMATS["csv"].read((out / "plan.csv").read_bytes())
+    assert table.motion.q[0] == pytest.approx([0.1, 0.2])
+    slow = FORMATS["csv"].read((out / "rehearsal.csv").read_bytes())
+    assert np.abs(slow.motion.dq).max() == pytest.approx(0.2 * np.abs(table.motion.dq).max(), rel=1e-3)
+    report = json.loads((out / "preflight.json").read_text())
+    assert all(entry["certified_share"] <= 1.0 for entry in report["limits"])
+    assert all(entry["deviation"] > 0.0 for entry in report["base_parameters"])
+
+
+def test_collisions_and_a_second_plan_after_the_first(tmp_path, capsys):
+    first, second = tmp_path / "first", tmp_path / "second"
+    common = ["ur5e", *QUICK, "--duration", 4, "--floor", 0, "--noise", 0.5, "--format", "urscript"]
+    text = run([*common, "--out", first], capsys).out
+    assert "closest approaches" in text and "shoulder" not in text.split("closest")[0].split("collision")[-1]
+    series, robot = load_plan(first / "plan.json"), load_robot("ur5e")
+    _, places = forward_kinematics(robot, series.sample(100.0).q)
+    assert places[:, 2:, 2].min() > 0.02
+    run([*common, "--after", first / "plan.json", "--out", second], capsys)
+    alone, both = (
+        np.array([p["deviation"] for p in json.loads((each / "preflight.json").read_text())["base_parameters"]])
+        for each in (first, second)
+    )
+    assert (both < alone).all()
+
+
+def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, capsys):
+    """Thesis limits, free start, prediction and envelope go through, each inside what it names."""
+    for k, more in enumerate((
+        ["--limits", "thesis-literal", "--criterion", "condition"],
+        ["--free-start", "--free-centre", "--jerk", 9],
+        ["--criterion", "prediction", "--predict", tmp_path / "0" / "plan.json"],
+        ["--envelope", f"{tmp_path / '0' / 'plan.json'}@16"],
+        ["--tip", "-1", "-1", "-1", "1", "1", "2"],
+    )):  # fmt: skip
+        run([small, *QUICK, "--out", tmp_path / str(k), "--format", "csv", *more], capsys)
+    first, inside = (load_plan(tmp_path / name / "plan.json") for name in "03")
+    for key in ("dq", "ddq"):
+        widest = np.abs(getattr(first.stretched(16.0).sample(1000.0), key)).max(axis=0)
+        assert (np.abs(getattr(inside.sample(1000.0), key)).max(axis=0) <= widest * (1.0 + 1e-9)).all()
+    free = load_plan(tmp_path / "1" / "plan.json").at([0.0])
+    assert np.abs(free.q).max() > 1e-3 and np.abs(free.dq).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--budget", "0"], "budget"),
+        (["--harmonics", "1"], "cannot start and end at rest"),
+        (["--duration", "0"], "duration must be positive"),
+        (["--experiment", "dance"], "no experiment 'dance'"),
+        (["--criterion", "best"], "no criterion 'best'"),
+        (["--criterion", "prediction"], "needs motions"),
+        (["--limits", "soft"], "no limits of kind"),
+        (["--limit", "first.velocity=fast"], "this is no limit"),
+        (["--limit", "third.velocity=1"], "no joint 'third'"),
+        (["--limit", "first.position=1:-1"], "leave no room"),
+        (["--start", "0,2"], "outside -1.5 to 1.5"),
+        (["--start", "0"], "needs 2 finite numbers"),
+        (["--start", "0,x"], "these are no numbers"),
+        (["--collision"], "what space its links take"),
+        (["--tip", "1", "1", "1", "0", "0", "0"], "the box is empty"),
+        (["--noise", "0"], "must be positive"),
+        (["--format", "gcode"], "no format 'gcode'"),
+        (["--after", "nowhere"], "nowhere"),
+        (["--envelope", "thesis-a1@27"], "moves 7 joints"),
+        (["--envelope", "thesis-a1@soon"], "no duration"),
+        (["--torque-margin", "1.5"], ""),
+        (["--environment", "nowhere.toml"], "no environment"),
+    ],
+)
+def test_what_is_refused(small, tmp_path, capsys, arguments, message):
+    if arguments[0] == "--torque-margin":
+        small.write_text(ARM.replace("velocity = 1.0", "velocity = 1.0\neffort = 5.0"))
+        arguments, message = [*arguments, "--terms", "offset"], "gives no masses"
+        assert message in run([small, *QUICK, "--out", tmp_path / "plan", *arguments], capsys).err
+        return
+    said = " ".join(stopped([small, *QUICK, "--out", tmp_path / "plan", *arguments], capsys).split())
+    assert message in said
+    assert not (tmp_path / "plan").exists()
+
+
+@pytest.mark.parametrize("kind", ["poses", "sweeps"])
+def test_poses_and_sweeps(kind, tmp_path, capsys):
+    out = tmp_path / kind
+    more = ["--poses", 5, "--rest", 0.5, "--collision"] if kind == "poses" else []
+    more += ["--format", "csv", "--format", "urscript", "--format-rate", 20]
+    found = json.loads(run(["ur5e", "--experiment", kind, "--out", out, "--json", *more], capsys).out)
+    kinds = [stretch["kind"] for stretch in found["stretches"]]
+    assert kinds.count("rest") == (5 if kind == "poses" else 0)
+    track = FORMATS["csv"].read((out / "plan.csv").read_bytes())
+    assert track.motion.time[-1] == pytest.approx(found["duration"], abs=0.05)
+    assert (out / "rehearsal.script").is_file() and (out / "plan.json").is_file()
+
+
+def test_missing_limits_are_asked_for_by_name(small, tmp_path, capsys):
+    small.write_text(ARM.replace("velocity = 2.0\n", ""))
+    assert "second.velocity" in stopped([small, *QUICK, "--out", tmp_path / "plan"], capsys)
+    run([small, *QUICK, "--out", tmp_path / "plan", "--limit", "second.velocity=1.5"], capsys)
+    assert json.loads((tmp_path / "plan" / "plan.json").read_text())["limits"]["velocity"]["bound"] <= 1.5
+
+
+def test_a_folder_that_is_no_plan_is_left_alone(small, tmp_path, capsys):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("mine")
+    assert "no plan of armid" in " ".join(stopped([small, *QUICK, "--out", tmp_path / "mine"], capsys).split())
+
+
+def test_numbers_with_blanks():
+    assert _joined(["excite", "ur5e", "--start", "0", "-1.5", "1e-3", "--json"]) == [
+        "excite", "ur5e", "--start=0,-1.5,1e-3", "--json",
+    ]  # fmt: skip
+    assert _joined(["--start", "0,1", "--gravity", "0", "0", "9.81"])[-4:] == ["--gravity", "0", "0", "9.81"]
+
+
+def test_in_a_process_of_its_own(small, tmp_path):
+    """Workers are forked where BLAS has one thread, and nothing is left of them."""
+    command = [sys.executable, "-c", "from armid.cli.main import main; main()", "excite", str(small)]
+    done = subprocess.run(
+        [*command, "--budget", "1", "--harmonics", "4", "--duration", "8", "--out", str(tmp_path / "p"), "--json"],
+        capture_output=True, text=True, check=True, timeout=100,
+    )  # fmt: skip
+    assert json.loads(done.stdout)["descents"] > 0
+    assert Path(json.loads(done.stdout)["folder"]).is_dir()

@@ -1,0 +1,191 @@
+"""Distances of bodies: against Coal, with exact gradients, and what a plan keeps apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armid.errors import ArmidError
+from armid.excitation import coal
+from armid.excitation.channels import States, soft_maximum
+from armid.excitation.clearance import around, floor
+from armid.excitation.collision import collision_of, load_environment
+from armid.excitation.limits import limits_of
+from armid.excitation.objective import Goal, Objective
+from armid.excitation.series import SeriesBasis
+from armid.maths.spatial import homogeneous
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import RigidBody
+from armid.robot import load_robot
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.shapes import Shape, capsule_between
+from trees import random_rotation
+
+SOLVER = 1e-4
+"""Coal iterates for boxes and stops within so many metres."""
+
+ARMS = ("iiwa14-r820", "iiwa7-r800", "panda", "ur5e", "ur10e")
+
+START = {"panda": [0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0]} | {
+    name: [0.0, -1.5, 1.0, -1.0, -1.5, 0.0] for name in ("ur5e", "ur10e")
+}
+
+
+def surroundings():
+    rng = np.random.default_rng(8)
+    turned = homogeneous(random_rotation(rng), [0.9, 0.3, 0.4])
+    return (
+        floor(-0.3),
+        Shape("crate", -1, "box", np.array([0.3, 0.2, 0.4]), turned),
+        Shape("ball", -1, "sphere", np.array([0.15]), homogeneous(np.eye(3), [-0.9, 0.2, 0.6])),
+    )
+
+
+@pytest.fixture(scope="module", params=ARMS)
+def collision(request):
+    robot = load_robot(request.param)
+    start = np.array(START.get(request.param, np.zeros(robot.n)))
+    return robot, start, collision_of(robot, limits_of(robot), start, surroundings(), margin=0.01)
+
+
+def test_as_coal_measures_it(collision):
+    """Capsules, spheres, boxes and half-spaces as an independent library has them, wherever they do not overlap."""
+    robot, _, made = collision
+    rng = np.random.default_rng(0)
+    limits = limits_of(robot)
+    poses = forward_kinematics(robot, rng.uniform(limits.lower, limits.upper, (40, robot.n)))
+    mine = made.every.bodies.nearest(poses)[0]
+    theirs = coal.distances(made.shapes, made.pairs, poses)
+    apart = mine > 1e-3
+    assert apart.mean() > 0.8
+    assert np.abs(mine - theirs)[apart].max() < SOLVER
+    assert (theirs[mine < -1e-3] < SOLVER).all()
+
+
+def test_gradient(collision):
+    robot, start, made = collision
+    model = DynamicsModel(robot, (RigidBody(),))
+    goal = Goal(model, find_base_parameters(model))
+    basis = SeriesBasis(1.0, 4, start)
+    objective = Objective(goal, basis, 40)
+    rng = np.random.default_rng(1)
+    x, d = 0.15 * rng.normal(size=basis.unknowns), rng.normal(size=basis.unknowns)
+
+    def soft(x):
+        return soft_maximum(made.every.values(States(objective, x)), 10.0)[0]
+
+    states = States(objective, x)
+    gradient = made.every.pull(states, soft_maximum(made.every.values(states), 10.0)[1])
+    h = 1e-5
+    slope = (soft(x + h * d) - soft(x - h * d)) / (2 * h)
+    # Where two points of parallel capsules are equally near there is a corner; a few pairs may be at one.
+    error = np.abs(gradient @ d - slope) / np.maximum(np.abs(slope), 1.0)
+    assert np.quantile(error, 0.9) < 1e-6
+
+
+def test_nothing_hides_between_the_points_of_a_grid(collision):
+    robot, start, made = collision
+    model = DynamicsModel(robot, (RigidBody(),))
+    goal = Goal(model, find_base_parameters(model))
+    basis = SeriesBasis(1.0, 4, start)
+    x = 0.15 * np.random.default_rng(2).normal(size=basis.unknowns)
+    coarse, fine = (States(Objective(goal, basis, samples), x) for samples in (200, 2000))
+    seen = made.every.values(coarse).max(axis=0) + made.every.between(coarse, basis.period / 200)
+    assert (made.every.values(fine).max(axis=0) <= seen).all()
+
+
+def test_capsules_go_around_bodies():
+    rng = np.random.default_rng(3)
+    placement = homogeneous(random_rotation(rng), rng.normal(size=3))
+    points = rng.normal(size=(30, 3)) * [0.1, 0.05, 0.4]
+    box = Shape("box", 0, "box", np.array([0.2, 0.1, 0.5]), placement)
+    corners = 0.5 * box.size * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    mesh = Shape("mesh", 0, "mesh", np.ones(3), placement, "none.stl")
+    for shape, inside in ((box, corners), (mesh, points)):
+        capsule = around(shape, points)
+        local = (inside @ placement[:3, :3].T + placement[:3, 3] - capsule.placement[:3, 3]) @ capsule.placement[
+            :3, :3
+        ]
+        beyond = np.maximum(np.abs(local[:, 2]) - 0.5 * capsule.size[1], 0.0)
+        assert (np.hypot(np.hypot(local[:, 0], local[:, 1]), beyond) <= capsule.size[0] + 1e-9).all()
+
+
+def test_neighbours_are_skipped_and_others_refused():
+    robot = load_robot("iiwa14-r820")
+    limits = limits_of(robot)
+    made = collision_of(robot, limits, np.zeros(7), [floor()])
+    assert "link_1 - link_2" not in made.every.labels
+    assert "base - floor" not in made.every.labels
+    low = Shape("shelf", -1, "box", np.array([1.0, 1.0, 0.1]), homogeneous(np.eye(3), [0.0, 0.0, 1.2]))
+    with pytest.raises(ArmidError, match=r"In the start pose link_\d - shelf"):
+        collision_of(robot, limits, np.zeros(7), [low])
+    with pytest.raises(ArmidError, match="does not say what space"):
+        collision_of(load_robot("iiwa14-r820").__class__(
+            robot.name, robot.joints, robot.links, robot.tip), limits, np.zeros(7))  # fmt: skip
+
+
+def test_shapes_follow_links_when_joints_are_locked():
+    robot = load_robot("panda")
+    q = np.array([[0.3, -0.2, 0.5, -1.4, 0.2, 1.1, 0.4]])
+    held = robot.lock({"panda_joint3": 0.5, "panda_joint7": 0.4})
+    rest = np.delete(q, [2, 6], axis=1)
+
+    def centres(arm, q):
+        R, p = forward_kinematics(arm, q)
+        return np.array([
+            s.placement[:3, 3] if s.link < 0 else p[0, s.link] + R[0, s.link] @ s.placement[:3, 3] for s in arm.shapes
+        ])  # fmt: skip
+
+    assert centres(held, rest) == pytest.approx(centres(robot, q), abs=1e-12)
+
+
+URDF = """<robot name="arm">
+<link name="base"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/><origin xyz="0 0 0.2"/>
+<limit lower="-1" upper="1" velocity="1" effort="5"/></joint>
+<link name="a"/>
+<joint name="f" type="fixed"><parent link="a"/><child link="b"/>
+<origin xyz="0 0 0.5" rpy="0 1.5707963267948966 0"/></joint>
+<link name="b">
+<collision><origin xyz="0.1 0 0"/><geometry><cylinder radius="0.05" length="0.3"/></geometry></collision>
+<collision><geometry><mesh filename="package://none/b.stl"/></geometry></collision>
+</link></robot>"""
+
+
+def test_shapes_of_a_urdf(tmp_path):
+    """Bodies behind fixed joints stand where these put them; a mesh that is not there is said to be missing."""
+    (tmp_path / "arm.urdf").write_text(URDF)
+    robot = load_robot(tmp_path / "arm.urdf")
+    box, cylinder = robot.shapes
+    assert (box.kind, box.link, box.size.tolist()) == ("box", -1, [0.2, 0.2, 0.1])
+    assert (cylinder.kind, cylinder.link) == ("cylinder", 0)
+    assert cylinder.placement[:3, 3] == pytest.approx([0.0, 0.0, 0.4])
+    assert cylinder.placement[:3, 2] == pytest.approx([1.0, 0.0, 0.0], abs=1e-12)
+    assert [finding.code for finding in robot.findings if finding.severity == "warning"] == ["mesh-missing"]
+
+
+def test_environment(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(
+        '[[box]]\nname = "table"\nsize = [1, 2, 0.1]\nxyz = [0, 0, -0.3]\n[[sphere]]\nradius = 0.2\nxyz = [1, 0, 0]\n'
+        '[[half-space]]\nname = "wall"\nnormal = [2, 0, 0]\noffset = -1.5\n'
+    )
+    table, ball, wall = load_environment(path)
+    assert (table.name, ball.name, wall.name) == ("table", "sphere 1", "wall")
+    assert wall.placement[:3, 2] == pytest.approx([1.0, 0.0, 0.0])
+    assert wall.placement[:3, 3] == pytest.approx([-1.5, 0.0, 0.0])
+    for text, problem in (
+        ("[[cone]]\nradius = 1", "unknown entry 'cone'"),
+        ("[[box]]\nsize = [1, 1, 1]\nplace = [0, 0, 0]", "unknown key 'place'"),
+        ("[[sphere]]\nxyz = [0, 0, 0]", "radius"),
+        ("[[", "is no environment"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ArmidError, match=problem):
+            load_environment(path)
+
+
+def test_a_capsule_of_no_size():
+    with pytest.raises(ArmidError, match="needs positive sizes"):
+        capsule_between("link", 0, [0, 0, 0], [0, 0, 1], 0.0)
