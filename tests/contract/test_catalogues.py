@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from armid.codegen import languages
 from armid.estimation import estimators
+from armid.export import formats as descriptions
 from armid.measurement import readers as recording_readers
 from armid.model import terms
 from armid.report import sections
@@ -20,6 +22,8 @@ CATALOGUES = {
     "estimators": (estimators, estimators.ESTIMATORS, set()),
     "robot readers": (robot_readers, robot_readers.READERS, set()),
     "report sections": (sections, sections.SECTIONS, set()),
+    "exporters": (descriptions, descriptions.EXPORTERS, set()),
+    "languages": (languages, languages.LANGUAGES, set()),
     "recording readers": (recording_readers, recording_readers.READERS, set()),
 }
 """Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""
