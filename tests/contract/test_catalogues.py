@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 
+from armid.codegen import languages
 from armid.estimation import estimators
 from armid.excitation import formats
+from armid.export import formats as descriptions
 from armid.measurement import readers as recording_readers
 from armid.model import terms
 from armid.report import sections
@@ -22,6 +24,8 @@ CATALOGUES = {
     "robot readers": (robot_readers, robot_readers.READERS, set()),
     "report sections": (sections, sections.SECTIONS, set()),
     "formats of controllers": (formats, formats.FORMATS, {"track"}),
+    "exporters": (descriptions, descriptions.EXPORTERS, set()),
+    "languages": (languages, languages.LANGUAGES, set()),
     "recording readers": (recording_readers, recording_readers.READERS, set()),
 }
 """Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""

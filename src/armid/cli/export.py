@@ -1,0 +1,98 @@
+"""`armid export`: a run's model as a robot description or as source code."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Json
+
+if TYPE_CHECKING:
+    from armid.export.write import Exported
+
+__all__ = ["export"]
+
+
+def export(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify made.")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="FORMAT", help="urdf, mjcf, sdf; c, cpp, matlab, python, julia.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Where to write, code into a folder; in the run's if left out."),
+    ] = None,
+    description: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where the robot description is, if it was moved.")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="FOLDER", help="Where the recordings are, if they were moved.")
+    ] = None,
+    nearest: Annotated[
+        bool,
+        typer.Option(
+            "--nearest", help="Share mass between links as the description does where torque does not tell."
+        ),
+    ] = False,
+    allow_unphysical: Annotated[
+        bool, typer.Option("--allow-unphysical", help="Write links that no real body has, too.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Write the identified values into a copy of the robot description, or the model as source code, and check it.
+
+    A description of the same format is edited where numbers change and nowhere else; another format gives a file of
+    its own, without shapes. What the format has no place for stands in NAME.armid.json beside it.
+
+    Examples:
+        armid export runs/today --to urdf --out arm_identified.urdf
+
+        armid export runs/today --to mjcf
+
+        armid export runs/today --to c --out code
+    """
+    from armid.codegen import LANGUAGES
+    from armid.export.code import code_record, export_code
+    from armid.export.write import export_record, export_run
+    from armid.study.records import to_json
+    from armid.study.run import load_run
+
+    if to in LANGUAGES:
+        files = export_code(load_run(run), to, out)
+        sys.stdout.write(
+            to_json(code_record(files)) + "\n" if json else "".join(f"{p} written\n" for p in files.files)
+        )
+        return
+    exported = export_run(
+        load_run(run),
+        to,
+        out,
+        description=description,
+        data=data,
+        nearest=nearest,
+        allow_unphysical=allow_unphysical,
+    )
+    if json:
+        sys.stdout.write(to_json(export_record(exported)) + "\n")
+    else:
+        _report(exported)
+
+
+def _report(exported: Exported) -> None:
+    """What was written on standard output, what is to be known of it on standard error."""
+    from armid.cli.console import print_findings
+
+    how = f"{exported.edited}, edited" if exported.edited else "a file of its own"
+    lines = [f"{exported.path} written ({how}); the whole model in {exported.side}"]
+    lines += [
+        f"  ok {check.value:8.1e}  {check.name}" for check in exported.checks if not check.name.startswith(PLACES)
+    ]
+    sys.stdout.write("\n".join(lines) + "\n")
+    print_findings(exported.findings)
+
+
+PLACES = ("viscous", "coulomb", "rotor-inertia")
+"""Checks of single numbers, of which there is one for every joint."""

@@ -1,0 +1,282 @@
+"""MJCF: an `<inertial>` for each body; damping, frictionloss and armature for each joint.
+
+In a description only the attributes that change are replaced. The tensor is written in the body's axes, so that the
+orientation and the principal moments of an inertial give way to it. Files that a description includes are put in
+its place, which leaves one file.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from itertools import count
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from armid.errors import Finding, OutputError, RobotError
+from armid.export.bodies import placed
+from armid.export.content import Body, Content, Source, Witness, Written, com_form, text_of, unique_names
+from armid.export.spans import Document, Node, element_text
+from armid.export.witness import mujoco_witness, pinocchio_witness
+from armid.robot.markup import parse_xml
+from armid.robot.mjcf_plain import IGNORED_COMPILER, Plain, flatten, plain_mjcf
+from armid.robot.pinocchio_model import build, pinocchio
+from armid.robot.readers import mjcf as reader
+from armid.robot.robot import InertialParameters, Robot
+from armid.values import Array
+
+__all__ = ["EDITS", "PLACES", "SUFFIX", "bodies", "read", "whole", "witnesses", "write"]
+
+SUFFIX: str = ".xml"
+PLACES: Sequence[str] = ("viscous", "coulomb", "rotor-inertia")
+EDITS: bool = True
+
+ATTRIBUTES = {"viscous": "damping", "coulomb": "frictionloss", "rotor-inertia": "armature"}
+FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+TURNED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+KEPT = ("compiler", "option", "default", "worldbody", "size")
+"""Sections of a document that its rigid bodies follow from."""
+SHAPES = ("mesh", "hfield", "sdf", "skin")
+
+
+def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, tuple[str, ...]]:
+    """A description with the files that it includes put in place, every other byte as it is.
+
+    Args:
+        path: Where it lies.
+        data: Its text.
+        folder: Where included files are sought; beside it if left out.
+
+    Returns:
+        The text, and the files that it came from.
+
+    Raises:
+        RobotError: A file cannot be read.
+    """
+    folder = path.parent if folder is None else folder
+    files = [str(path)]
+    document = Document(data)
+    for node in document.root.walk():
+        if node.tag == "include":
+            other = folder / node.values.get("file", "")
+            try:
+                text, more = whole(other, other.read_bytes(), folder)
+            except OSError as error:
+                raise RobotError(f"{path} includes {other}, which cannot be read ({error}).") from error
+            files += more
+            inside = Document(text)
+            own = inside.root
+            document.replace(node.start, node.end, inside.data[own.inner : own.closing].decode())
+    return document.edited(), tuple(files)
+
+
+def bodies(source: Source, raw: Robot, robot: Robot) -> list[Body]:
+    """Bodies of an MJCF that move, parents before children."""
+    plain = _plain(source.data, source.locked)
+    model = _model(plain)
+    frames = {f.name: f for f in model.frames if f.type.name == "BODY"}
+    guessed = {finding.channel for finding in plain.findings if finding.code == "inertial-missing"}
+    # Of a body with several joints only the last body of the plain form is one of the file.
+    there = {name for node, name in _names(Document(source.data).root).items() if node.tag == "body"}
+    found: list[Body] = []
+    for element in ET.fromstring(plain.text).iter("body"):
+        name = element.get("name", "")
+        frame = frames.get(name)
+        if frame is None or frame.parentJoint == 0 or name not in there:
+            continue
+        pose = np.array(frame.placement.homogeneous)
+        joint = raw.joint_index(model.names[frame.parentJoint])
+        link, placement, welded = placed(raw, source.locked, robot, joint, pose)
+        if link >= 0:
+            found.append(Body(name, link, placement, _nominal(element), welded, name in guessed))
+    return found
+
+
+def write(content: Content) -> Written:
+    """The description with its inertials and joint values replaced, or an MJCF of bodies without shape."""
+    if content.source is None:
+        return _fresh(content)
+    document = Document(content.source.data)
+    _refuse_computed(document.root)
+    names = _names(document.root)
+    for node, name in names.items():
+        if node.tag == "body" and name in (content.bodies or {}):
+            _edit_inertial(document, node, (content.bodies or {})[name], name)
+        elif node.tag == "joint":
+            for term, value in content.joints.get(name, {}).items():
+                document.set(node, ATTRIBUTES[term], text_of(value))
+    return Written(document.edited(), _relative_files(document))
+
+
+def read(data: bytes, locked: Mapping[str, float]) -> Robot:
+    """The arm of an MJCF."""
+    return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
+
+
+def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
+    """What Pinocchio, from the plain form, and MuJoCo read from it."""
+    plain = _plain(data, content.locked)
+    return [
+        pinocchio_witness(lambda _: _model(plain), content, q, dq, ddq, reads=()),
+        mujoco_witness(_without_meshes(data), content, q, dq, ddq, reads=PLACES),
+    ]
+
+
+def _plain(data: bytes, locked: Mapping[str, float]) -> Plain:
+    """The description in plain form."""
+    root = flatten(parse_xml(data.decode(), "the description"), "the description")
+    return plain_mjcf(root, "the description", locked)
+
+
+def _model(plain: Plain) -> Any:
+    """Pinocchio's model of a plain form."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plain.xml"
+        path.write_text(plain.text, encoding="utf-8")
+        return build(lambda: pinocchio().buildModelFromMJCF(str(path)), "the description")
+
+
+def _nominal(element: ET.Element) -> InertialParameters | None:
+    """What a body of the plain form says of its inertia, in its own frame: of it alone a model is made."""
+    said = [child for child in element if child.tag in ("inertial", "geom")]
+    if not said:
+        return None
+    root = ET.Element("mujoco")
+    ET.SubElement(root, "compiler", angle="radian")
+    world = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name="world")
+    alone = ET.SubElement(world, "body", name="alone")
+    ET.SubElement(alone, "joint", name="joint")
+    alone.extend(said)
+    model = _model(Plain(ET.tostring(root, encoding="unicode"), {}, (), ()))
+    return InertialParameters.from_vector(np.array(model.inertias[1].toDynamicParameters()))
+
+
+def _names(root: Node) -> dict[Node, str]:
+    """Bodies and joints by element, nameless ones called as the reader calls them."""
+    unnamed = count()
+    result: dict[Node, str] = {}
+    for body in (node for node in root.walk() if node.tag == "body"):
+        name = body.values.get("name") or f"body_{next(unnamed)}"
+        result[body] = name
+        for k, joint in enumerate(child for child in body.children if child.tag in ("joint", "freejoint")):
+            result[joint] = joint.values.get("name") or f"{name}_joint_{k}"
+    return result
+
+
+def _refuse_computed(root: Node) -> None:
+    """Refuse settings by which MuJoCo would make other inertias than those written."""
+    for compiler in root.every("compiler"):
+        found = [key for key in IGNORED_COMPILER if key in compiler.values]
+        found += ["inertiafromgeom"] if compiler.values.get("inertiafromgeom") == "true" else []
+        if found:
+            raise OutputError(
+                f"The description's compiler settings {', '.join(found)} change the inertias that are written.",
+                remedy="remove them from the description, identify again and export.",
+            )
+
+
+def _edit_inertial(document: Document, node: Node, body: InertialParameters, name: str) -> None:
+    mass, com, about = com_form(body, f"body {name!r}")
+    wanted = {"pos": text_of(*com), "mass": text_of(mass), "fullinertia": text_of(*(about[i, j] for i, j in FULL))}
+    if mass == 0.0:  # MuJoCo takes no tensor of zeros
+        wanted["diaginertia"] = text_of(0.0, 0.0, 0.0)
+        del wanted["fullinertia"]
+    inertial = node.find("inertial")
+    if inertial is None:
+        document.first(node, [element_text("inertial", wanted)])
+        return
+    for key in (*TURNED, "fullinertia"):
+        if key not in wanted:
+            document.drop(inertial, key)
+    for key, value in wanted.items():
+        document.set(inertial, key, value)
+
+
+def _relative_files(document: Document) -> tuple[Finding, ...]:
+    names = [n.values["file"] for n in document.root.walk() if n.tag in (*SHAPES, "texture") and "file" in n.values]
+    if not names:
+        return ()
+    what = f"{len(names)} files, such as {names[0]}, are named from where the description lies"
+    return (Finding("relative-meshes", "info", "", what, "put the written file beside it"),)
+
+
+def _without_meshes(data: bytes) -> str:
+    """The file without what needs other files, and without all that acts on the bodies from outside.
+
+    A body with an inertial needs no geoms. Geoms of the others stay as far as they are no meshes, since their mass
+    counts.
+    """
+    root = flatten(parse_xml(data.decode(), "the written file"), "the written file")  # gives every joint a name
+    for section in [section for section in root if section.tag not in KEPT]:
+        root.remove(section)
+    for body in root.iter("body"):
+        for geom in body.findall("geom"):
+            if body.find("inertial") is not None or any(shape in geom.attrib for shape in SHAPES):
+                body.remove(geom)
+    for worldbody in root.iter("worldbody"):
+        for drawn in [child for child in worldbody if child.tag != "body"]:
+            worldbody.remove(drawn)
+    for body in root.iter("body"):
+        for drawn in [child for child in body if child.tag not in ("body", "joint", "freejoint", "inertial", "geom")]:
+            body.remove(drawn)
+    for geom in root.iter("geom"):
+        geom.attrib.pop("material", None)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _fresh(content: Content) -> Written:
+    """An MJCF of its own: bodies with inertia and no shape."""
+    robot = content.robot
+    names = unique_names([link.name for link in robot.links])
+
+    def body(i: int, indent: str) -> list[str]:
+        joint, inertial = robot.joints[i], robot.links[i].inertial or InertialParameters.zero()
+        mass, com, about = com_form(inertial, f"body {names[i]!r}")
+        full = text_of(*(about[k, m] for k, m in FULL))
+        return [
+            f"{indent}<body name={quoteattr(names[i])} {_pose(joint.placement)}>",
+            f'{indent}  <inertial pos="{text_of(*com)}" mass="{text_of(mass)}" fullinertia="{full}"/>',
+            f"{indent}  {_joint(content, i)}",
+            *below(i, f"{indent}  "),
+            f"{indent}</body>",
+        ]
+
+    def below(parent: int, indent: str) -> list[str]:
+        tip = [f"{indent}<site name={quoteattr(robot.tip.name)} {_pose(robot.tip.placement)}/>"]
+        children = [body(k, indent) for k, joint in enumerate(robot.joints) if joint.parent == parent]
+        return [*(tip if robot.tip.parent == parent else []), *(line for child in children for line in child)]
+
+    lines = [
+        f"<mujoco model={quoteattr(robot.name)}>",
+        '  <compiler angle="radian" autolimits="true"/>',
+        f'  <option gravity="{text_of(*robot.gravity)}"/>',
+        "  <worldbody>",
+        *below(-1, "    "),
+        "  </worldbody>",
+        "</mujoco>",
+    ]
+    return Written(("\n".join(lines) + "\n").encode())
+
+
+def _pose(pose: Array) -> str:
+    x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
+    return f'pos="{text_of(*pose[:3, 3])}" quat="{text_of(w, x, y, z)}"'
+
+
+def _joint(content: Content, i: int) -> str:
+    joint = content.robot.joints[i]
+    kind = "slide" if joint.is_prismatic else "hinge"
+    parts = [f'<joint name={quoteattr(joint.name)} type="{kind}" axis="{text_of(*joint.axis)}"']
+    if np.isfinite(joint.position_limits).all():
+        parts.append(f'range="{text_of(*joint.position_limits)}"')
+    if math.isfinite(joint.effort_limit):
+        parts.append(f'actuatorfrcrange="{text_of(-joint.effort_limit, joint.effort_limit)}"')
+    values = content.joints.get(joint.name, {})
+    parts += [f'{ATTRIBUTES[term]}="{text_of(value)}"' for term, value in values.items()]
+    return " ".join(parts) + "/>"

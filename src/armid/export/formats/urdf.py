@@ -1,0 +1,241 @@
+"""URDF: an `<inertial>` for each link, damping and friction for each joint.
+
+There is no place for rotor inertia, nor for friction laws beyond these two. In a description only the numbers that
+change are replaced; the orientation of an inertial stays as it is written, and the tensor is turned into it.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.export.bodies import placed
+from armid.export.content import Body, Content, Source, Witness, Written, com_form, rpy_of, text_of, unique_names
+from armid.export.spans import Document, Node, element_text
+from armid.export.witness import mujoco_witness, pinocchio_witness
+from armid.maths.spatial import homogeneous, rpy_rotation
+from armid.robot.readers import urdf as reader
+from armid.robot.robot import InertialParameters, Joint, Robot
+from armid.values import Array
+
+__all__ = ["EDITS", "PLACES", "SUFFIX", "bodies", "read", "witnesses", "write"]
+
+SUFFIX: str = ".urdf"
+PLACES: Sequence[str] = ("viscous", "coulomb")
+EDITS: bool = True
+
+ATTRIBUTES = {"viscous": "damping", "coulomb": "friction"}
+TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+LIMITS = ("effort", "velocity")
+
+
+def bodies(source: Source, raw: Robot, robot: Robot) -> list[Body]:
+    """Links of a URDF that move, parents before children."""
+    root = ET.fromstring(source.data)
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    below: dict[str, list[ET.Element]] = {}
+    for joint in root.findall("joint"):
+        below.setdefault(_named(joint, "parent"), []).append(joint)
+    children = {_named(joint, "child") for joints in below.values() for joint in joints}
+    found: list[Body] = []
+    waiting = [(name, -1, np.eye(4)) for name in links if name not in children]
+    while waiting:
+        name, moved_by, pose = waiting.pop(0)
+        if moved_by >= 0:
+            link, placement, welded = placed(raw, source.locked, robot, moved_by, pose)
+            if link >= 0:
+                found.append(Body(name, link, placement, _nominal(links[name]), welded))
+        for joint in below.get(name, []):
+            own = joint.get("name", "")
+            if own in raw.joint_names:
+                waiting.append((_named(joint, "child"), raw.joint_index(own), np.eye(4)))
+            else:  # fixed, or locked with several freedoms
+                waiting.append((_named(joint, "child"), moved_by, pose @ _pose(joint.find("origin"))))
+    return found
+
+
+def write(content: Content) -> Written:
+    """The description with its inertials and friction replaced, or a URDF of bodies without shape."""
+    if content.source is None:
+        return _fresh(content)
+    document = Document(content.source.data)
+    for link in document.root.every("link"):
+        body = (content.bodies or {}).get(link.values.get("name", ""))
+        if body is not None:
+            _edit_inertial(document, link, body)
+    for joint in document.root.every("joint"):
+        values = content.joints.get(joint.values.get("name", ""), {})
+        friction = {ATTRIBUTES[term]: text_of(x) for term, x in values.items() if term in ATTRIBUTES}
+        if friction:
+            _edit_dynamics(document, joint, friction)
+    return Written(document.edited(), _relative_meshes(document))
+
+
+def read(data: bytes, locked: Mapping[str, float]) -> Robot:
+    """The arm of a URDF."""
+    return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
+
+
+def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
+    """What Pinocchio and MuJoCo read from it."""
+    root = ET.fromstring(data)
+    for link in root.iter("link"):
+        for drawn in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(drawn)
+    for joint in root.findall("joint"):
+        if joint.find("limit") is None and joint.get("type") in ("revolute", "prismatic"):
+            ET.SubElement(joint, "limit", {"effort": "0", "velocity": "0"})
+    for own in root.findall("mujoco"):
+        root.remove(own)
+    text = ET.tostring(root, encoding="unicode")
+    return [
+        pinocchio_witness(lambda pin: pin.buildModelFromXML(text), content, q, dq, ddq, reads=PLACES),
+        mujoco_witness(text, content, q, dq, ddq, reads=PLACES),
+    ]
+
+
+def _named(joint: ET.Element, end: str) -> str:
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def _numbers(text: str | None) -> list[float]:
+    """Three numbers, zeros where nothing stands."""
+    return [float(word) for word in text.split()] if text and text.strip() else [0.0, 0.0, 0.0]
+
+
+def _pose(origin: ET.Element | None) -> Array:
+    """Transform of an origin."""
+    if origin is None:
+        return np.eye(4)
+    return homogeneous(rpy_rotation(_numbers(origin.get("rpy"))), _numbers(origin.get("xyz")))
+
+
+def _nominal(link: ET.Element) -> InertialParameters | None:
+    """What a link says of its inertia, in its own frame."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    mass, tensor = inertial.find("mass"), inertial.find("inertia")
+    pose = _pose(inertial.find("origin"))
+    about = np.zeros((3, 3))
+    for key, (i, j) in TENSOR.items():
+        about[i, j] = about[j, i] = 0.0 if tensor is None else float(tensor.get(key, "0"))
+    R = pose[:3, :3]
+    return InertialParameters.from_com(
+        0.0 if mass is None else float(mass.get("value", "0")), pose[:3, 3], R @ about @ R.T
+    )
+
+
+def _edit_inertial(document: Document, link: Node, body: InertialParameters) -> None:
+    """Give a link its inertia; what stands of an `<inertial>` stays where it is."""
+    mass, com, about = com_form(body, f"link {link.values.get('name')!r}")
+    inertial = link.find("inertial")
+    if inertial is None:
+        document.first(link, [_inertial_element(mass, com, about)])
+        return
+    origin = inertial.find("origin")
+    R = rpy_rotation(_numbers(origin.values.get("rpy"))) if origin is not None else np.eye(3)
+    about = R.T @ about @ R
+    wanted = {
+        "origin": {"xyz": text_of(*com)},
+        "mass": {"value": text_of(mass)},
+        "inertia": {key: text_of(about[i, j]) for key, (i, j) in TENSOR.items()},
+    }
+    missing: list[str] = []
+    for tag, attributes in wanted.items():
+        element = inertial.find(tag)
+        if element is None:
+            missing.append(element_text(tag, attributes))
+            continue
+        for key, value in attributes.items():
+            document.set(element, key, value)
+    if missing:
+        document.last(inertial, missing)
+
+
+def _edit_dynamics(document: Document, joint: Node, friction: Mapping[str, str]) -> None:
+    """Give a joint its damping and friction."""
+    dynamics = joint.find("dynamics")
+    if dynamics is None:
+        document.last(joint, [element_text("dynamics", friction)])
+        return
+    for key, value in friction.items():
+        document.set(dynamics, key, value)
+
+
+def _inertial_element(mass: float, com: Array, about: Array) -> str:
+    tensor = " ".join(f'{key}="{text_of(about[i, j])}"' for key, (i, j) in TENSOR.items())
+    return (
+        f'<inertial><origin xyz="{text_of(*com)}" rpy="0 0 0"/><mass value="{text_of(mass)}"/>'
+        f"<inertia {tensor}/></inertial>"
+    )
+
+
+def _relative_meshes(document: Document) -> tuple[Finding, ...]:
+    """A word on meshes that are sought from where the file lies."""
+    names = [node.values.get("filename", "") for node in document.root.walk() if node.tag == "mesh"]
+    relative = [name for name in names if name and "://" not in name and not name.startswith("/")]
+    if not relative:
+        return ()
+    what = f"{len(relative)} meshes, such as {relative[0]}, are named from where the description lies"
+    return (Finding("relative-meshes", "info", "", what, "put the written file beside it"),)
+
+
+def _fresh(content: Content) -> Written:
+    """A URDF of its own: links with inertia and no shape."""
+    robot = content.robot
+    names = unique_names([link.name for link in robot.links])
+    base, tip = unique_names(["base_link", robot.tip.name], names)
+    fixed = unique_names([f"{tip}_fixed"], robot.joint_names)[0]
+    lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>", f"  <link name={quoteattr(base)}/>"]
+    findings: list[Finding] = []
+    for name, link in zip(names, robot.links, strict=True):
+        inertial = _inertial_element(*com_form(link.inertial or InertialParameters.zero(), f"link {name!r}"))
+        lines += [f"  <link name={quoteattr(name)}>", f"    {inertial}", "  </link>"]
+    for i, joint in enumerate(robot.joints):
+        parent = base if joint.parent < 0 else names[joint.parent]
+        lines += _joint_lines(joint, parent, names[i], content.joints.get(joint.name, {}))
+    unknown = [j.name for j in robot.joints if not math.isfinite(j.velocity_limit + j.effort_limit)]
+    if unknown:
+        what = f"limits that are not known are written as 0: of {', '.join(unknown)}"
+        findings.append(Finding("limits-unknown", "info", "", what))
+    parent = base if robot.tip.parent < 0 else names[robot.tip.parent]
+    lines += [
+        f"  <link name={quoteattr(tip)}/>",
+        f'  <joint name={quoteattr(fixed)} type="fixed">',
+        f"    {_origin(robot.tip.placement)}",
+        f"    <parent link={quoteattr(parent)}/>",
+        f"    <child link={quoteattr(tip)}/>",
+        "  </joint>",
+        "</robot>",
+    ]
+    return Written(("\n".join(lines) + "\n").encode(), tuple(findings))
+
+
+def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, float]) -> list[str]:
+    bounded = bool(np.isfinite(joint.position_limits).all())
+    kind = "prismatic" if joint.is_prismatic else "revolute" if bounded else "continuous"
+    effort, velocity = (x if math.isfinite(x) else 0.0 for x in (joint.effort_limit, joint.velocity_limit))
+    low, high = joint.position_limits
+    position = f'lower="{text_of(low)}" upper="{text_of(high)}" ' if bounded else ""
+    friction = " ".join(f'{ATTRIBUTES[term]}="{text_of(x)}"' for term, x in values.items() if term in ATTRIBUTES)
+    return [
+        f'  <joint name={quoteattr(joint.name)} type="{kind}">',
+        f"    {_origin(joint.placement)}",
+        f"    <parent link={quoteattr(parent)}/>",
+        f"    <child link={quoteattr(child)}/>",
+        f'    <axis xyz="{text_of(*joint.axis)}"/>',
+        f'    <limit {position}effort="{text_of(effort)}" velocity="{text_of(velocity)}"/>',
+        *([f"    <dynamics {friction}/>"] if friction else []),
+        "  </joint>",
+    ]
+
+
+def _origin(pose: Array) -> str:
+    return f'<origin xyz="{text_of(*pose[:3, 3])}" rpy="{text_of(*rpy_of(pose[:3, :3]))}"/>'

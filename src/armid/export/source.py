@@ -1,0 +1,142 @@
+"""The description behind a run: found again, known by its digest, read as bytes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from armid.errors import ArmidError, Finding, OutputError
+from armid.export.content import Source
+from armid.export.formats import mjcf
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.robot.load import builtin_arms, load_robot
+from armid.robot.markup import root_tag
+from armid.robot.readers.xacro import expand
+from armid.study.identify import read_recording
+from armid.study.run import Run
+from armid.study.study import RecordingChoice
+
+__all__ = ["Unseen", "find_source", "unseen_recordings"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Unseen:
+    """Recordings that a run was validated on.
+
+    Attributes:
+        recordings: Those that are still there.
+        missing: Why others are not.
+    """
+
+    recordings: tuple[tuple[RecordingChoice, Recording], ...]
+    missing: tuple[str, ...]
+
+
+def find_source(run: Run, description: Path | str | None = None) -> Source:
+    """The description that a run was made from.
+
+    Args:
+        run: The run.
+        description: Where it lies now, if it was moved.
+
+    Raises:
+        OutputError: It is not there any more, or has changed.
+    """
+    study = _record(run)
+    choice: Mapping[str, Any] = study["robot"]
+    name, locked = str(choice["description"]), _held(choice["locked"])
+    if name in builtin_arms():
+        return Source(name, "dh", b"", locked)
+    places = [Path(description)] if description is not None else []
+    places += [Path(str(study["folder"])) / name, Path(run.robot.source)] if description is None else []
+    path = next((place for place in places if place.is_file()), None)
+    if path is None:
+        raise OutputError(
+            f"The description {places[0]} that the run was made from is not there any more.",
+            remedy="say where it is with --description FILE.",
+        )
+    found = load_robot(path, gravity=choice["gravity"], locked=locked, tip=choice["tip"])
+    if found.sha256 != run.robot.sha256:
+        raise OutputError(
+            f"{path} is not the description that the run was made from: it has changed (sha256 "
+            f"{found.sha256[:12]}…, then {run.robot.sha256[:12]}…).",
+            remedy="say where the same text is with --description FILE, or identify again.",
+        )
+    return _read(path, locked)
+
+
+def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
+    """The recordings that validated a run, read again.
+
+    Args:
+        run: The run.
+        data: Folder in which they are looked for first, by their path in the study or by their name.
+    """
+    study = _record(run)
+    folders = [Path(str(study["folder"]))] if data is None else [Path(data), Path(str(study["folder"]))]
+    digests = [entry.rpartition(" ") for entry in run.estimate.made_from]
+    known = [sha256 for role, _, sha256 in digests if role in ("train", "validate")]
+    found: list[tuple[RecordingChoice, Recording]] = []
+    missing: list[str] = []
+    for each, sha256 in zip(study["recordings"], known, strict=True):
+        if each["role"] != "validate":
+            continue
+        path = Path(each["path"])
+        places = [folder / p for folder in folders for p in (path, path.name)]
+        place = next((p for p in places if p.is_file()), None)
+        if place is None:
+            missing.append(f"{path} is not there any more")
+            continue
+        choice = RecordingChoice(str(place), each["role"], Reading(**each["reading"]), tuple(each["part"]))
+        try:
+            recording, _ = read_recording(choice, ".", run.robot)
+        except ArmidError as error:
+            missing.append(error.problem)
+            continue
+        if recording.sha256 == sha256:
+            found.append((choice, recording))
+        else:
+            missing.append(f"{path} has changed since the run was made")
+    return Unseen(tuple(found), tuple(missing))
+
+
+def _read(path: Path, locked: Mapping[str, float]) -> Source:
+    """A description's bytes as they can be edited."""
+    data, files = path.read_bytes(), (str(path),)
+    if path.suffix.lower() == ".toml":
+        return Source(str(path), "dh", data, locked, files)
+    if path.suffix.lower() == ".xacro":
+        what = "xacro was expanded; the written file is a URDF"
+        return Source(
+            str(path),
+            "urdf",
+            expand(path.read_text(encoding="utf-8"), str(path)).encode(),
+            locked,
+            files,
+            (Finding("xacro-expanded", "info", "", what),),
+        )
+    if root_tag(data.decode()) != "mujoco":
+        return Source(str(path), "urdf", data, locked, files)
+    whole, files = mjcf.whole(path, data)
+    included = (Finding("includes-inlined", "info", "", "files that it includes were put in place"),)
+    return Source(str(path), "mjcf", whole, locked, files, included if whole != data else ())
+
+
+def _held(locked: Any) -> dict[str, float]:
+    """Locked joints with their positions."""
+    if isinstance(locked, Mapping):
+        return {str(name): float(value) for name, value in locked.items()}
+    return {str(name): 0.0 for name in locked}
+
+
+def _record(run: Run) -> dict[str, Any]:
+    """`study.json`."""
+    path = Path(run.folder) / "study.json"
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} cannot be read: {error}.", remedy="identify again.") from error

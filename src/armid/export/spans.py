@@ -1,0 +1,184 @@
+"""XML that is edited in place: what no edit touches stays as it is, byte for byte.
+
+A parser tells where elements are, and nothing is ever written out again from what it understood. So comments, order,
+quotes, blanks and line ends of the text survive, whatever they look like.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+from xml.parsers import expat
+from xml.sax.saxutils import escape, quoteattr
+
+__all__ = ["Document", "Node", "element_text"]
+
+ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
+TAG_END = re.compile(rb"\s*(/?)>")
+STEP = "  "
+"""Indentation of a document that has none to copy."""
+
+
+@dataclass(eq=False, slots=True)
+class Node:
+    """An element and where it stands.
+
+    Attributes:
+        tag: As written, with its prefix.
+        values: Attributes, decoded.
+        start: Offset of its first byte.
+        named: Offset behind the tag's name.
+        spans: For each attribute the offsets of its blanks, of its value's first byte and of the byte behind it.
+        inner: Offset behind the start tag.
+        closing: Offset of the end tag; `inner` where there is none.
+        end: Offset behind the element.
+        children: Elements in it.
+    """
+
+    tag: str
+    values: dict[str, str]
+    start: int
+    named: int
+    spans: dict[str, tuple[int, int, int]]
+    inner: int
+    closing: int = 0
+    end: int = 0
+    children: list[Node] = field(default_factory=list["Node"])
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether it has no end tag."""
+        return self.closing == self.end
+
+    def find(self, tag: str) -> Node | None:
+        """The first child of that name."""
+        return next((child for child in self.children if child.tag == tag), None)
+
+    def every(self, tag: str) -> list[Node]:
+        """All children of that name."""
+        return [child for child in self.children if child.tag == tag]
+
+    def walk(self) -> Iterator[Node]:
+        """This element and all below it, in the order of the text."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+
+class Document:
+    """A text with edits that are collected, then made at once.
+
+    Args:
+        data: Well-formed XML in UTF-8, without document type.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.root = _parse(data)
+        self.newline = "\r\n" if b"\r\n" in data else "\n"
+        self._edits: list[tuple[int, int, int, bytes]] = []
+
+    def set(self, node: Node, name: str, value: str) -> None:
+        """Give an attribute a value; a new one comes behind those there are."""
+        if name in node.spans:
+            _, start, end = node.spans[name]
+            # Both kinds of quotes are escaped: which one stands around the value does not matter.
+            self.replace(start, end, escape(value, {'"': "&quot;", "'": "&apos;"}))
+            return
+        behind = max((end + 1 for _, _, end in node.spans.values()), default=node.named)
+        self.replace(behind, behind, f" {name}={quoteattr(value)}")
+
+    def drop(self, node: Node, name: str) -> None:
+        """Remove an attribute and the blanks before it."""
+        if name in node.spans:
+            start, _, end = node.spans[name]
+            self.replace(start, end + 1, "")
+
+    def first(self, node: Node, lines: Sequence[str]) -> None:
+        """Put lines in front of everything in an element."""
+        if node.is_empty or not node.children:
+            self.last(node, lines)
+            return
+        lead = self._lead(node.children[0])
+        self.replace(node.inner, node.inner, "".join(lead + line for line in lines))
+
+    def last(self, node: Node, lines: Sequence[str]) -> None:
+        """Put lines behind the last element in an element."""
+        if node.children:
+            lead = self._lead(node.children[-1])
+            behind = node.children[-1].end
+            self.replace(behind, behind, "".join(lead + line for line in lines))
+            return
+        own = self._lead(node)
+        lead = own + STEP if own else ""
+        text = "".join(lead + line for line in lines)
+        if node.is_empty:
+            slash = self.data.rindex(b"/", node.start, node.inner)
+            self.replace(slash, node.inner, f">{text}{own}</{node.tag}>")
+        else:
+            broken = b"\n" in self.data[node.inner : node.closing]
+            self.replace(node.inner, node.inner, text + ("" if broken else own))
+
+    def replace(self, start: int, end: int, text: str) -> None:
+        """Put a text in place of some bytes."""
+        self._edits.append((start, end, len(self._edits), text.encode()))
+
+    def edited(self) -> bytes:
+        """The text with all edits made."""
+        parts: list[bytes] = []
+        reached = 0
+        for start, end, _, text in sorted(self._edits, key=lambda edit: (edit[0], edit[2])):
+            assert start >= reached, "edits overlap"
+            parts += [self.data[reached:start], text]
+            reached = end
+        return b"".join([*parts, self.data[reached:]])
+
+    def _lead(self, node: Node) -> str:
+        """Line end and indentation before an element; nothing where it shares its line with something before."""
+        line = self.data.rfind(b"\n", 0, node.start) + 1
+        before = self.data[line : node.start]
+        return self.newline + before.decode() if line and not before.strip() else ""
+
+
+def element_text(tag: str, attributes: Mapping[str, str]) -> str:
+    """An element without content."""
+    return f"<{tag} {' '.join(f'{key}={quoteattr(value)}' for key, value in attributes.items())}/>"
+
+
+def _parse(data: bytes) -> Node:
+    """The root element."""
+    parser = expat.ParserCreate("utf-8")
+    parser.ordered_attributes = False
+    open_: list[Node] = []
+    roots: list[Node] = []
+
+    def begin(tag: str, values: dict[str, Any]) -> None:
+        node = _start_tag(data, parser.CurrentByteIndex, tag, values)
+        (open_[-1].children if open_ else roots).append(node)
+        open_.append(node)
+
+    def finish(tag: str) -> None:
+        node = open_.pop()
+        if data[node.inner - 2 : node.inner] == b"/>":  # what the parser tells here is past the tag
+            node.closing = node.end = node.inner
+            return
+        node.closing = parser.CurrentByteIndex
+        node.end = data.index(b">", node.closing) + 1
+
+    parser.StartElementHandler, parser.EndElementHandler = begin, finish
+    parser.Parse(data, True)
+    return roots[0]
+
+
+def _start_tag(data: bytes, start: int, tag: str, values: dict[str, Any]) -> Node:
+    """An element from its start tag; its end is not known yet."""
+    named = at = start + 1 + len(tag.encode())
+    spans: dict[str, tuple[int, int, int]] = {}
+    while (found := ATTRIBUTE.match(data, at)) is not None:
+        spans[found[1].decode()] = (found.start(), found.start(2) + 1, found.end(2) - 1)
+        at = found.end()
+    close = TAG_END.match(data, at)
+    assert close is not None, "the parser has seen a start tag here"
+    return Node(tag, values, start, named, spans, close.end())

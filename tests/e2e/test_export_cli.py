@@ -1,0 +1,91 @@
+"""`armid export` from a study to a file that says what was identified."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from armid.cli import main as cli
+from armid.robot import load_robot
+from labs import STUDY, URDF, write_recordings, write_study
+
+
+def armid(*arguments: object) -> int:
+    """Run the command line; its exit code."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(argument) for argument in arguments])
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small arm, and a run by each of two methods."""
+    folder = tmp_path_factory.mktemp("small")
+    write_recordings(folder)
+    for method in ("physical", "wls"):
+        study = write_study(folder, f'{STUDY}\n[estimation]\nmethod = "{method}"\n')
+        assert armid("identify", study, "--out", folder / method, "--no-report") == 0
+    return folder
+
+
+def test_a_urdf_is_edited_checked_and_predicts_unseen_motion(small: Path, capsys: pytest.CaptureFixture[str]):
+    capsys.readouterr()
+    assert armid("export", small / "physical", "--to", "urdf", "--out", small / "found.urdf", "--json") == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["file"] == str(small / "found.urdf") and record["edited"] == str(small / "small.urdf")
+    assert record["side"] == str(small / "found.armid.json") and record["standard_parameters"] == "estimated"
+    assert all(check["ok"] for check in record["checks"])
+    assert {"rigid-body torque in pinocchio", "viscous of joint_2 in pinocchio"} <= {
+        c["name"] for c in record["checks"]
+    }
+    (unseen,) = record["unseen"]
+    stored = json.loads((small / "physical" / "validation.json").read_text())["recordings"][0]["rms"]
+    assert unseen["rms_file"] == pytest.approx(stored, rel=1e-9) and unseen["rms_estimate"] == pytest.approx(stored)
+    assert (small / "small.urdf").read_text() == URDF
+
+
+def test_it_says_what_it_did(small: Path, capsys: pytest.CaptureFixture[str]):
+    assert armid("export", small / "wls", "--to", "mjcf") == 0
+    out, err = capsys.readouterr()
+    path = small / "wls" / "small.xml"
+    assert out.startswith(f"{path} written (a file of its own); the whole model in {path.with_suffix('.armid.json')}")
+    assert "torque on" in out and "bodies-chosen" in err and "no-place" in err
+    assert load_robot(path).joint_names == ("joint_1", "joint_2", "joint_3")
+
+
+def test_the_nearest_bodies_on_request(small: Path):
+    masses = {}
+    for options in ((), ("--nearest",)):
+        out = small / f"near{len(options)}.urdf"
+        assert armid("export", small / "physical", "--to", "urdf", "--out", out, *options) == 0
+        inertial = load_robot(out).inertial_vector
+        assert inertial is not None
+        masses[options] = inertial[0, 0]
+    assert (
+        masses[()] < 0.1 and masses["--nearest",] > 1.0
+    )  # the first link's mass makes no torque; the URDF says 3 kg
+
+
+def test_recordings_that_are_gone_are_told(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    moved = (small / "run2.csv").rename(tmp_path / "run2.csv")
+    try:
+        assert armid("export", small / "physical", "--to", "sdf", "--json") == 0
+        record = json.loads(capsys.readouterr().out)
+        assert record["unseen"] == [] and "unseen-missing" in {f["code"] for f in record["findings"]}
+        assert armid("export", small / "physical", "--to", "sdf", "--data", tmp_path, "--json") == 0
+        assert len(json.loads(capsys.readouterr().out)["unseen"]) == 1
+    finally:
+        moved.rename(small / "run2.csv")
+
+
+def test_bad_input(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert armid("export", tmp_path, "--to", "urdf") == 2
+    assert "is no run of armid" in capsys.readouterr().err
+    assert armid("export", small / "physical", "--to", "step") == 2
+    assert "Unknown format 'step'" in capsys.readouterr().err
+    assert armid("export", small / "physical", "--to", "urdf", "--out", small / "small.urdf") == 2
+    assert "is the description itself" in capsys.readouterr().err
+    assert armid("export", small / "physical", "--to", "urdf", "--out", "/proc/none/x.urdf") == 2
+    assert "could not be written" in capsys.readouterr().err
