@@ -16,6 +16,7 @@ from rich.table import Table
 from armid.errors import ArmidError, Finding
 from armid.estimation.estimate import Estimate
 from armid.estimation.friction import Ladder
+from armid.estimation.standard_fit import StandardFit
 from armid.study.compare import MethodTable
 from armid.study.identify import Progress as Tell
 from armid.validation.predict import Score, Validation
@@ -31,6 +32,7 @@ __all__ = [
     "print_methods",
     "print_verdict",
     "progress",
+    "status_line",
     "validation_table",
 ]
 
@@ -166,6 +168,15 @@ def _number(value: float, decimals: int = 3, unit: str = "") -> str:
     return f"{value:.{decimals}f}{unit}" if math.isfinite(value) else "-"
 
 
+def status_line(standard: StandardFit) -> str:
+    """What the data say of the standard parameters, in one line, and the prior that says the rest."""
+    kinds = ("identified", "prior-dominated", "not identifiable")
+    counts = ", ".join(f"{standard.status.count(kind)} {kind}" for kind in kinds)
+    prior = standard.prior
+    weight = f", weight {prior.weight:.3g}: {prior.how}" if prior.weight else ""
+    return f"of {len(standard.names)} standard parameters {counts}; prior {prior.kind}{weight}"
+
+
 def ladder_table(ladder: Ladder, joints: Sequence[str]) -> Table:
     """Friction that was chosen for each joint, and what it gains on motion that was left out."""
     table = Table(title="Friction chosen by motion that was left out", header_style="bold")
@@ -176,7 +187,8 @@ def ladder_table(ladder: Ladder, joints: Sequence[str]) -> Table:
         chosen = [each.candidate for each in ladder.evidence if each.chosen and each.joint == name]
         gain = f"{ladder.ratio[j]:.2f} ± {ladder.deviation[j]:.2f}"
         table.add_row(name, gain, escape("; ".join(chosen) or "-"))
-    table.caption = ladder.why or "± standard error from the scatter between stretches of motion"
+    said = "± standard error from the scatter between stretches of motion; these made the choice, so it is optimistic"
+    table.caption = " ".join(filter(None, ((said + ".") if ladder.evidence else "", ladder.why)))
     table.caption_justify = "left"
     return table
 
@@ -202,9 +214,8 @@ def print_methods(found: MethodTable, units: Sequence[str]) -> None:
             "-" if each.eigenvalue is None else f"{each.eigenvalue:.1e}",
             f"{each.seconds:.3f} s",
         )
-    what = {"validation": "on the validation recordings", "cross-validation": "on stretches left out in turn"}
     table.caption = (
-        f"unseen: {what[found.unseen]}; physical: whether bodies with these base parameters exist; λ: of the "
+        f"unseen: {found.note}; physical: whether bodies with these base parameters exist; λ: of the "
         "pseudo-inertias of the estimated bodies"
     )
     table.caption_justify = "left"

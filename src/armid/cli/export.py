@@ -55,17 +55,12 @@ def export(
         armid export runs/today --to c --out code
     """
     from armid.codegen import LANGUAGES
-    from armid.export.code import code_record, export_code
     from armid.export.write import export_record, export_run
     from armid.study.records import to_json
     from armid.study.run import load_run
 
     if to in LANGUAGES:
-        files = export_code(load_run(run), to, out)
-        sys.stdout.write(
-            to_json(code_record(files)) + "\n" if json else "".join(f"{p} written\n" for p in files.files)
-        )
-        return
+        return _code(run, to, out, json=json)
     exported = export_run(
         load_run(run),
         to,
@@ -79,6 +74,17 @@ def export(
         sys.stdout.write(to_json(export_record(exported)) + "\n")
     else:
         _report(exported)
+
+
+def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:
+    """Source code of the run's model."""
+    from armid.export.code import code_record, export_code
+    from armid.study.records import to_json
+    from armid.study.run import load_run
+
+    exported = export_code(load_run(run), to, out)
+    written = "".join(f"{path} written\n" for path in exported.files)
+    sys.stdout.write(to_json(code_record(exported)) + "\n" if json else written)
 
 
 def _report(exported: Exported) -> None:

@@ -124,7 +124,14 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, json: boo
 
 def report_result(result: Any) -> None:
     """Tables of an identification on standard output."""
-    from armid.cli.console import estimate_table, ladder_table, output_console, print_verdict, validation_table
+    from armid.cli.console import (
+        estimate_table,
+        ladder_table,
+        output_console,
+        print_verdict,
+        status_line,
+        validation_table,
+    )
 
     console = output_console()
     fit = result.estimate.fit
@@ -138,6 +145,8 @@ def report_result(result: Any) -> None:
         f"{int(fit.rows.max())} rows\nintervals from {KINDS[fit.covariance_kind]}: {fit.report.why}\n"
         f"{result.estimate.seconds:.2f} s from recordings to result"
     )
+    if fit.standard is not None:
+        console.print(status_line(fit.standard))
     print_verdict(console, result.validation)
 
 

@@ -19,7 +19,7 @@ from armid.values import Array
 
 __all__ = ["Weighted", "rows_of", "weigh"]
 
-ITERATIONS = 100
+ITERATIONS = 1000
 STANDSTILL = 1e-6
 """Largest relative change of a deviation that ends the iteration: some 1e-5 of a deviation in any parameter."""
 

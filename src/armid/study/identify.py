@@ -33,7 +33,13 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.study.cut import cut, refuse_shared
-from armid.study.plausibility import excitation_finding, few_blocks_finding, gravity_finding, torque_finding
+from armid.study.plausibility import (
+    excitation_finding,
+    few_blocks_finding,
+    gravity_finding,
+    negative_finding,
+    torque_finding,
+)
 from armid.study.study import (
     RecordingChoice,
     Study,
@@ -198,6 +204,7 @@ def prepare(
         described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
         estimation = lean_on_prior(study.estimation, ladder.prior_weight, described=described)
         study = replace(study, estimation=estimation)
+        findings.append(_chosen_finding(ladder, estimation.method))
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     study = replace(study, model=resolve_model(model), processing=processing)
@@ -323,6 +330,17 @@ def _estimate(
     )
 
 
+def _chosen_finding(ladder: Ladder, method: str) -> Finding:
+    """How friction that was chosen is estimated, which a study need not have said."""
+    if ladder.prior_weight is None:
+        return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")
+    evidence = (
+        f"Friction was chosen with bodies under a prior that weighs {ladder.prior_weight:.3g} independent samples; "
+        f"the method {method} estimates with the same. It holds for speeds and poses like those recorded."
+    )
+    return Finding("friction-chosen", "info", "", evidence, "validate on another recording.")
+
+
 def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: Robot) -> Array:
     """Relative standard deviation of each joint's torque scale: the largest of the training recordings."""
     given = [choice.reading.drive_gain_deviation for choice, _ in train]
@@ -339,6 +357,7 @@ def _doubts(
         torque_finding(model, observations),
         excitation_finding(information),
         few_blocks_finding(estimate.fit),
+        negative_finding(model, estimate.fit),
     ]
     return [finding for finding in found if finding is not None]
 

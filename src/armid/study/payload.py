@@ -157,6 +157,17 @@ def _doubts(beside: Beside, load: Load, gains: Gains | None) -> list[Finding]:
         found.append(
             Finding("gain-unseen", "warning", names, "Nothing determines the drive gain.", "move the joint.")
         )
+    exact = beside.run.reading.drive_gain is not None and not beside.new.scale_deviation.any()
+    if gains is None and exact:
+        found.append(
+            Finding(
+                "gain-deviation-missing",
+                "warning",
+                "",
+                "The effort is a current times drive gains that are taken as exact; a load scales with them.",
+                "give --gain-deviation 0.1 for gains from a data sheet, or the known mass with --mass.",
+            )
+        )
     few = few_blocks_finding(load.solved.fit)
     return found if few is None else [*found, few]
 

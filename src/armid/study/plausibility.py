@@ -13,7 +13,13 @@ from armid.maths.linalg import unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 
-__all__ = ["excitation_finding", "few_blocks_finding", "gravity_finding", "torque_finding"]
+__all__ = [
+    "excitation_finding",
+    "few_blocks_finding",
+    "gravity_finding",
+    "negative_finding",
+    "torque_finding",
+]
 
 AGAINST = -0.5
 """Correlation of measured with predicted torque on the most loaded joint below which their senses disagree."""
@@ -95,4 +101,25 @@ def few_blocks_finding(fit: Fit) -> Finding | None:
         "",
         f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as white and are too narrow.",
         "record longer.",
+    )
+
+
+def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
+    """Friction or rotor inertia whose whole interval lies where physics forbids it, or `None`."""
+    forbidden = {parameter.name for parameter in model.parameters if parameter.nonnegative}
+    names = [
+        name
+        for name, (_, high) in zip(fit.names, fit.intervals, strict=True)
+        if name.split("[", 1)[0] in forbidden and high < 0.0
+    ]
+    if not names:
+        return None
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return Finding(
+        "not-physical",
+        "warning",
+        "",
+        f"No real arm has {', '.join(names[:NAMED])}{more}: negative with their whole intervals. The model lacks "
+        "something that the motion shows, or the motion does not tell these parameters from others.",
+        'use method = "physical" (--method physical), and look at what the report says is left.',
     )

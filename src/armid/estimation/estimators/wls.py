@@ -35,8 +35,9 @@ class WeightedLeastSquares:
         iterations: Most solutions before giving up.
     """
 
-    iterations: int = 100
+    iterations: int = 1000
     name: ClassVar[str] = "wls"
+    quick: ClassVar[bool] = True
 
     def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.
