@@ -10,7 +10,6 @@ import pytest
 
 from armid import load_study
 from armid.estimation.estimators import ESTIMATORS
-from armid.study import compare
 from armid.study.compare import MethodTable, compare_methods
 from armid.study.identify import prepare
 
@@ -18,6 +17,9 @@ STUDIES = Path(__file__).parent / "studies"
 
 LINEAR = ("ols", "wls", "robust", "essential", "ridge", "physical")
 """Methods that are repeated for every fold."""
+
+SHORT = ("staubli_tx40",)
+"""One period in four blocks: without one of them and those beside it, 90 rows are left for 61 parameters."""
 
 ARMS = [path.stem for path in sorted(STUDIES.glob("*.toml"))]
 
@@ -38,13 +40,17 @@ def test_every_method_has_numbers_on_a_recording(shared_data: Path):
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_every_arm_can_be_compared_without_validation(shared_data: Path, monkeypatch: pytest.MonkeyPatch, name: str):
+def test_every_arm_can_be_compared_without_validation(shared_data: Path, name: str):
     """On its first recording alone, parts of it being left out in turn."""
-    monkeypatch.setattr(compare, "PATIENCE", np.inf)  # whatever else the machine does
     study = load_study(STUDIES / f"{name}.toml")
     alone = next(choice for choice in study.recordings if choice.role == "train")
     table = compare_methods(prepare(replace(study, recordings=(alone,))), LINEAR)
     assert table.unseen == "cross-validation"
+    if name in SHORT:
+        known = {score.method for score in table.scores if np.isfinite(score.unseen).all()}
+        assert {"ridge", "physical"} <= known  # a prior stands in for the rows
+        assert all(score.failure for score in table.scores if score.method not in known)
+        return
     assert_finite(table)
     training, unseen = (np.linalg.norm([getattr(s, what) for s in table.scores]) for what in ("training", "unseen"))
     assert unseen > training

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError
-from armid.estimation.crossvalidation import folds
+from armid.estimation.crossvalidation import beside, folds
 from armid.estimation.estimators import ESTIMATORS, WeightedLeastSquares
 from armid.estimation.fit import Fit
+from armid.estimation.friction import Evidence, Ladder
 from armid.estimation.problem import Problem
 from armid.information.information import select
 from armid.information.stream import inform
@@ -86,13 +87,57 @@ def test_without_validation_every_fold_is_left_out_once():
     fold = folds(information)
     squares = np.zeros(3)
     for k in np.unique(fold):
-        values = WeightedLeastSquares().estimate(Problem(select(information, fold != k))).values
+        trains = (fold != k) & ~beside(information, fold == k)
+        values = WeightedLeastSquares().estimate(Problem(select(information, trains))).values
         for j, joint in enumerate(information.joints):
             R = joint.R[fold == k]
             squares[j] += np.sum((R[:, :, -1] - R[:, :, :-1] @ values[joint.parameters]) ** 2)
     expected = np.sqrt(squares / information.rows.sum(axis=0))
     np.testing.assert_allclose(table.scores[0].unseen, expected, rtol=1e-9)
     np.testing.assert_allclose(table.scores[1].unseen, expected, rtol=0.05)  # the noise is normal
+
+
+def test_what_is_repeated_does_not_hang_on_the_clock(monkeypatch: pytest.MonkeyPatch):
+    seconds = iter(np.arange(100.0) * 1000.0)
+    monkeypatch.setattr(module.time, "perf_counter", lambda: next(seconds))
+    table = compare_methods(prepared(validated=False), ("wls", "ridge", "thesis-nlp"))
+    assert [bool(np.isfinite(each.unseen).all()) for each in table.scores] == [True, True, False]
+    assert "takes too long" in table.scores[-1].failure
+
+
+@pytest.mark.parametrize(
+    ("method", "option"), [("ridge", {"towards": "nominal"}), ("physical", {"prior": "log-det"})]
+)
+def test_folds_use_the_weight_of_the_prior_found_on_all(
+    monkeypatch: pytest.MonkeyPatch, method: str, option: dict[str, Any]
+):
+    given = prepared(validated=False)
+    study = replace(given.study, estimation=replace(given.study.estimation, options={method: option}))
+    kind, weights = ESTIMATORS[method], []
+    estimate = kind.estimate
+
+    def told(self: Any, problem: Problem) -> Fit:
+        weights.append(self.weight)
+        return estimate(self, problem)
+
+    monkeypatch.setattr(kind, "estimate", told)
+    (row,) = compare_methods(replace(given, study=study), (method,)).scores
+    assert np.isfinite(row.unseen).all()
+    assert weights[0] == "auto" and len(weights) > 2 and len(set(weights[1:])) == 1 and weights[1] > 0.0
+
+
+def test_friction_chosen_on_all_training_data_leaves_nothing_unseen():
+    given = prepared(validated=False)
+    ones = np.ones(3)
+    trial = Evidence("joint_1", "ripple", "ripple 2", 1.0, 0.1, False)
+    ladder = Ladder(given.model, (), (trial,), ones, 0.0 * ones, 1.0)
+    table = compare_methods(replace(given, ladder=ladder), ("wls",))
+    assert table.unseen == "none" and "keep a recording for validation" in table.note
+    assert np.isnan(table.scores[0].unseen).all() and not table.scores[0].failure
+    unjudged = compare_methods(replace(given, ladder=replace(ladder, evidence=())), ("wls",))
+    assert unjudged.unseen == "cross-validation"
+    seen = compare_methods(replace(prepared(), ladder=ladder), ("wls",))
+    assert seen.unseen == "validation" and np.isfinite(seen.scores[0].unseen).all()
 
 
 def test_samples_of_a_fold_left_out_stay_out():
@@ -125,6 +170,7 @@ class Broken:
 
     kind: str = "refuses"
     name: ClassVar[str] = "broken"
+    quick: ClassVar[bool] = True
 
     def estimate(self, problem: Problem) -> Fit:
         """Never an estimate of parts of the data, and of all of it only on request."""

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armid.errors import EstimationError
 from armid.estimation.crossvalidation import (
+    beside,
     folds,
     held_out_error,
     held_out_squares,
@@ -15,6 +17,7 @@ from armid.estimation.crossvalidation import (
     split,
 )
 from armid.estimation.least_squares import solve
+from armid.estimation.per_recording import separate_by_recording
 from armid.information.information import Information, select, stack, total
 from armid.information.stream import inform
 from informed import RATE, branching_arm, dense, recorded
@@ -69,11 +72,56 @@ def test_parts_are_what_they_are_made_of():
     parts = split(information, fold)
     assert len(parts) == len(np.unique(fold))
     for k, part in enumerate(parts):
-        for kept, blocks in ((part.held_out, fold == k), (part.training, fold != k)):
+        near = beside(information, fold == k)
+        for kept, blocks in ((part.held_out, fold == k), (part.training, (fold != k) & ~near)):
             expected = total(select(information, blocks))
             np.testing.assert_array_equal(kept.rows, expected.rows)
             for a, b in zip(kept.joints, expected.joints, strict=True):
                 np.testing.assert_allclose(a.R[0].T @ a.R[0], b.R[0].T @ b.R[0], rtol=SAME, atol=SAME)
+
+
+def test_blocks_beside_a_fold_in_its_run_do_not_train():
+    information = information_of(12.0, 12.0)
+    first, last = np.flatnonzero(information.run == 0)[[0, -1]]
+    fold = np.zeros(information.blocks, dtype=np.int64)
+    fold[first + 5 : first + 8] = 1
+    fold[last + 1 :] = 2  # a run of its own, which knows nothing of the one before
+    trained = {k: part.training.rows.sum() for k, part in enumerate(split(information, fold))}
+    expected = {1: [first + 4, first + 5, first + 6, first + 7, first + 8], 2: np.flatnonzero(fold == 2)}
+    for k, without in expected.items():
+        assert trained[k] == information.rows.sum() - information.rows[without].sum()
+
+
+def test_nothing_is_split_where_a_fold_has_only_neighbours():
+    information = information_of(12.0)
+    assert split(select(information, np.arange(2)), np.arange(2)) == ()
+
+
+def apart(*seconds: float) -> Information:
+    """Every recording with friction of its own."""
+    together = information_of(*seconds)
+    together = replace(together, recording=together.run)
+    return separate_by_recording(together, np.array([name[0] == "F" for name in together.names]))
+
+
+@pytest.mark.parametrize("seconds", [(8.0,) * 6, (4.0, 20.0), (30.0, 6.0, 6.0)])
+def test_every_fold_trains_on_each_recording_that_has_parameters_of_its_own(seconds: tuple[float, ...]):
+    information = apart(*seconds)
+    fold = folds(information)
+    assert len(np.unique(fold)) >= 2
+    for recording in range(len(seconds)):
+        stretch = fold[information.recording == recording]
+        assert (np.diff(stretch) >= 0).all() and len(np.unique(stretch)) == len(np.unique(fold))
+    for part in split(information, fold):
+        A, _ = stack(part.training)
+        assert (np.abs(A).max(axis=0) > 0.0).all()  # no parameter is judged that no row has shown
+
+
+def test_a_recording_too_short_to_leave_a_part_out_is_refused_where_it_has_parameters_of_its_own():
+    information = apart(12.0, 12.0)
+    few = np.concatenate([np.flatnonzero(information.recording == 0), np.flatnonzero(information.recording == 1)[:3]])
+    with pytest.raises(EstimationError, match="too short to leave a part of it out"):
+        folds(select(information, few))
 
 
 def test_one_fold_leaves_nothing_to_train_on():

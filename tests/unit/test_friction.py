@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from armid.errors import EstimationError
+from armid.estimation import friction as module
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.friction import choose_friction
 from armid.estimation.friction_candidates import Piece, candidates, described, superset, terms_of
 from armid.estimation.friction_folds import Prior, make_stretches
-from armid.information.information import select
+from armid.estimation.weighted import Weighted, weigh
+from armid.information.information import Information, select
 from armid.information.observations import Observations
 from armid.information.stream import inform
 from armid.model.base import find_base_parameters
@@ -129,3 +133,17 @@ def test_a_few_seconds_are_no_evidence():
     ladder = choose_friction(model, recorded(model, seconds=3.0))
     assert ladder.model is model and not ladder.added and ladder.prior_weight is None
     assert "blocks" in ladder.why
+
+
+def test_a_prior_without_a_known_unit_is_not_handed_on(monkeypatch: pytest.MonkeyPatch):
+    calls = iter(range(10))
+
+    def unsettled(information: Information) -> Weighted:
+        if next(calls):  # the first is for the model without what was chosen
+            raise EstimationError("The joints' weights do not settle.")
+        return weigh(information)
+
+    monkeypatch.setattr(module, "weigh", unsettled)
+    ladder = choose_friction(arm(), recorded(arm()))
+    assert ladder.evidence and ladder.prior_weight is None
+    assert "left to the method" in ladder.why and "do not settle" in ladder.why

@@ -5,6 +5,9 @@ method look as good as its fit. With R_j and ρ_j a joint's factor and right-han
 
     error = Σ_j w_j² |ρ_j - R_j π|² / Σ_j M_j,        π from the other folds, M_j rows of joint j.
 
+Blocks beside the fold do not train either: they know of it through the filter and the pose. Where each recording has
+friction of its own, a fold has a part of every recording, so that no parameter is judged that no row has shown.
+
 Where a motion repeats, the repetition left out is motion that the others have seen; the error then tells of noise and
 drift, not of other motion.
 """
@@ -16,10 +19,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.errors import EstimationError
 from armid.information.information import Information, merge, select, total
 from armid.values import Array
 
-__all__ = ["FOLDS", "Fold", "folds", "held_out_error", "held_out_squares", "one_standard_error", "split"]
+__all__ = [
+    "FOLDS",
+    "Fold",
+    "beside",
+    "folds",
+    "held_out_error",
+    "held_out_squares",
+    "one_standard_error",
+    "split",
+]
 
 FOLDS = 5
 """Folds where nothing else is said: each estimate sees four fifths of the data, the usual compromise between the
@@ -31,7 +44,7 @@ class Fold:
     """A stretch that is left out, and the rest.
 
     Attributes:
-        training: All other blocks as one.
+        training: All other blocks as one, those beside the stretch excluded.
         held_out: The stretch as one block.
     """
 
@@ -44,13 +57,18 @@ def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
 
     A fold is a stretch of neighbouring blocks of one run. Longer runs are cut into more folds; runs far shorter than
     a fold join the run after them, or before them at the end. Blocks without a row that counts go with their
-    neighbours.
+    neighbours. Where parameters have copies for each recording, `FV_1[2]`, a fold is one stretch of every recording.
 
     Args:
         information: Blocks in their order.
         count: Folds wanted; there are about as many, but no more than blocks, and at least one a long run.
+
+    Raises:
+        EstimationError: A recording with parameters of its own is too short to leave a part of it out.
     """
     rows = information.rows.sum(axis=1).astype(np.float64)
+    if count > 1 and any(name.endswith("]") for name in information.names):
+        return _parts_of_each(information, rows, count)
     fold = np.zeros(information.blocks, dtype=np.int64)
     first = 0
     for group in _long_runs(information.run, rows, count):
@@ -62,16 +80,41 @@ def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
 
 
 def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]:
-    """The information with each fold in turn left out; none where there is only one fold.
+    """The information with each fold in turn left out; none where a fold would leave nothing to train on.
 
     Args:
         information: All blocks.
         fold: Fold of each block, shape (blocks,).
     """
-    parts = [total(select(information, fold == k)) for k in np.unique(fold)]
-    if len(parts) < 2:
-        return ()
-    return tuple(Fold(total(merge([*parts[:k], *parts[k + 1 :]])), part) for k, part in enumerate(parts))
+    numbers = np.unique(fold)
+    parts = [total(select(information, fold == k)) for k in numbers]
+    result: list[Fold] = []
+    for k, out in enumerate(parts):
+        near = beside(information, fold == numbers[k])
+        rest: list[Information] = []
+        for number, part in zip(numbers, parts, strict=True):
+            kept = (fold == number) & ~near
+            if number != numbers[k] and kept.any():
+                untouched = not near[fold == number].any()
+                rest.append(part if untouched else total(select(information, kept)))
+        if not any(part.rows.any() for part in rest):
+            return ()
+        result.append(Fold(total(merge(rest)), out))
+    return tuple(result)
+
+
+def beside(information: Information, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Blocks beside the chosen ones in the same run, which know of them through the filter and the pose.
+
+    Args:
+        information: Blocks in their order.
+        chosen: Blocks that are left out, shape (blocks,).
+    """
+    same = information.run[1:] == information.run[:-1]
+    near = np.zeros_like(chosen)
+    near[1:] |= chosen[:-1] & same
+    near[:-1] |= chosen[1:] & same
+    return near & ~chosen
 
 
 def held_out_squares(held_out: Information, values: Array) -> Array:
@@ -113,6 +156,33 @@ def one_standard_error(errors: Array) -> int:
             if excess.mean() <= excess.std(ddof=1) / np.sqrt(len(excess)):
                 return k
     return best
+
+
+def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray[np.int64]:
+    """Fold of each block: as many as every recording can be cut into and still train without any of them."""
+    recordings = [information.recording == each for each in np.unique(information.recording[rows > 0.0])]
+    for parts in range(count, 1, -1):
+        fold = np.zeros(information.blocks, dtype=np.int64)
+        for recording in recordings:
+            fold[recording] = _stretches(rows[recording], parts)
+        if all(_trains(information, recording, fold, parts) for recording in recordings):
+            return fold
+    raise EstimationError(
+        "Parameters of each recording cannot be validated: a recording is too short to leave a part of it out.",
+        remedy="record for longer, estimate friction for all recordings together, or give the prior a weight.",
+    )
+
+
+def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArray[np.int64], parts: int) -> bool:
+    """Whether a recording has a part in every fold, and rows of each joint left without it."""
+    if len(np.unique(fold[recording])) < parts:
+        return False
+    seen = information.rows[recording].any(axis=0)
+    for k in range(parts):
+        left = recording & (fold != k) & ~beside(information, fold == k)
+        if (seen & ~information.rows[left].any(axis=0)).any():
+            return False
+    return True
 
 
 def _long_runs(run: NDArray[np.int64], rows: Array, count: int) -> list[NDArray[np.intp]]:

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import folds
@@ -25,10 +24,9 @@ from armid.estimation.friction_search import Climb, Trial, climb
 from armid.estimation.prior import believe
 from armid.estimation.problem import Problem, standard_of
 from armid.estimation.weighted import Weighted, weigh
-from armid.information.information import Information, JointFactors
+from armid.information.information import Information, restrict
 from armid.information.observations import Observations
 from armid.information.stream import inform
-from armid.kernel import factor_columns
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import LoadCoulomb, Term
@@ -81,12 +79,13 @@ class Ladder:
         model: The model with the chosen terms, and with `load_parameters` where one of them needs the load.
         added: The terms that were added, restricted to their joints.
         evidence: Every candidate of every joint that was looked at.
-        ratio: Held-out RMS with the chosen terms over that without, shape (n,); one where nothing was judged.
+        ratio: Held-out RMS with the chosen terms over that without, shape (n,); one where nothing was judged. It is
+            that of the stretches that made the choice, so it is optimistic; a recording for validation is not.
         deviation: Standard error of the ratio, shape (n,).
         prior_weight: Weight of the prior towards the description with which all of this was judged, in independent
             samples of the data as the chosen model explains them: what an estimate with this model best uses. `None`
-            where nothing was judged.
-        why: Why nothing was looked at; empty where it was.
+            where nothing was judged, or where the unit is not known.
+        why: Why nothing was looked at, or why there is no prior's weight; empty where all is as it should be.
     """
 
     model: DynamicsModel
@@ -130,8 +129,8 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     added = terms_of(loaded, found.chosen)
     needs = any(isinstance(term, LoadCoulomb) for term in added)
     chosen = replace(loaded if needs else model, terms=(*model.terms, *added))
-    weight *= weighted.correlation / _correlation(_narrowed(information, found.kept), weighted)
-    return Ladder(chosen, added, _evidence(model, found.trials), *_outcome(stretches, wide, found), weight)
+    handed, why = _handed_on(weight * weighted.correlation, restrict(information, found.kept))
+    return Ladder(chosen, added, _evidence(model, found.trials), *_outcome(stretches, wide, found), handed, why)
 
 
 def _loaded(problem: Problem, weight: float) -> DynamicsModel:
@@ -144,25 +143,20 @@ def _loaded(problem: Problem, weight: float) -> DynamicsModel:
     return replace(model, load_parameters=theta[model.inertial_columns].reshape(model.n, 10))
 
 
-def _correlation(information: Information, before: Weighted) -> float:
-    """Rows that count as one independent sample as the chosen model explains them."""
+def _handed_on(rows: float, information: Information) -> tuple[float | None, str]:
+    """Weight of the prior in independent samples as the chosen model explains them, and why there is none.
+
+    Args:
+        rows: The weight in rows.
+        information: For the chosen model.
+    """
     try:
-        return weigh(information).correlation
-    except EstimationError:  # weights that do not settle, where rows hardly outnumber the parameters
-        return before.correlation
-
-
-def _narrowed(information: Information, kept: NDArray[np.intp]) -> Information:
-    """The information with only some of the parameters' columns."""
-    number = np.full(information.count, -1, dtype=np.int32)
-    number[kept] = np.arange(len(kept))
-    joints: list[JointFactors] = []
-    for joint in information.joints:
-        at = np.flatnonzero(number[joint.parameters] >= 0)
-        R = joint.R[:, :, np.append(at, joint.R.shape[2] - 1)]
-        factors = [factor_columns(np.ascontiguousarray(each.T))[0] for each in R]
-        joints.append(JointFactors(number[joint.parameters[at]], np.stack(factors)))
-    return replace(information, names=tuple(information.names[k] for k in kept), joints=tuple(joints))
+        return rows / weigh(information).correlation, ""
+    except EstimationError as error:  # weights that do not settle, where rows hardly outnumber the parameters
+        return None, (
+            "The prior's weight is left to the method: how many rows of the chosen model count as one independent "
+            f"sample is not known. {error.problem}"
+        )
 
 
 def _prior(problem: Problem, weighted: Weighted) -> tuple[float, Prior]:

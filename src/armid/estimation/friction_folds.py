@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.crossvalidation import beside, held_out_squares
 from armid.information.information import Information, select
 from armid.values import Array
 
@@ -188,21 +188,12 @@ def make_stretches(information: Information, fold: NDArray[np.int64], weights: A
     names = np.unique(fold)
     each = [_products(information, fold == f, weights) for f in names]
     whole = np.sum(each, axis=0)
-    near = [_neighbours(information, fold == f) for f in names]
+    near = [beside(information, fold == f) for f in names]
     training = np.stack(
         [whole - own - _products(information, at, weights) for own, at in zip(each, near, strict=True)]
     )
     parts = tuple(select(information, fold == f) for f in names)
     return Stretches(parts, np.stack(each), training, whole, weights, prior)
-
-
-def _neighbours(information: Information, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Blocks beside the chosen ones in the same run, which know of them through the filter and the pose."""
-    same = information.run[1:] == information.run[:-1]
-    near = np.zeros_like(chosen)
-    near[1:] |= chosen[:-1] & same
-    near[:-1] |= chosen[1:] & same
-    return near & ~chosen
 
 
 def _products(information: Information, chosen: NDArray[np.bool_], weights: Array) -> Array:

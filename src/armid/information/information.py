@@ -18,7 +18,7 @@ from armid.errors import ArmidError
 from armid.kernel import factor_columns
 from armid.values import Array, array
 
-__all__ = ["Information", "JointFactors", "merge", "select", "stack", "total"]
+__all__ = ["Information", "JointFactors", "merge", "restrict", "select", "stack", "total"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -136,6 +136,24 @@ def select(information: Information, blocks: NDArray[np.integer] | NDArray[np.bo
         run=information.run[blocks],
         recording=information.recording[blocks],
     )
+
+
+def restrict(information: Information, kept: NDArray[np.intp]) -> Information:
+    """The information about some parameters had the others been left out of the model.
+
+    Args:
+        information: Any number of blocks.
+        kept: Numbers of the parameters, rising.
+    """
+    number = np.full(information.count, -1, dtype=np.int32)
+    number[kept] = np.arange(len(kept))
+    joints: list[JointFactors] = []
+    for joint in information.joints:
+        at = np.flatnonzero(number[joint.parameters] >= 0)
+        R = joint.R[:, :, np.append(at, joint.R.shape[2] - 1)]
+        factors = [factor_columns(np.ascontiguousarray(each.T))[0] for each in R]
+        joints.append(JointFactors(number[joint.parameters[at]], np.stack(factors)))
+    return replace(information, names=tuple(information.names[k] for k in kept), joints=tuple(joints))
 
 
 def total(information: Information) -> Information:

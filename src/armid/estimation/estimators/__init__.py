@@ -32,9 +32,11 @@ class Estimator(Protocol):
 
     Attributes:
         name: Name of the method in a study.
+        quick: Whether an estimate takes well under a second, so that it can be made again with parts left out.
     """
 
     name: ClassVar[str]
+    quick: ClassVar[bool]
 
     def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters."""

@@ -32,8 +32,7 @@ from armid.estimation.fit import Fit
 from armid.estimation.least_squares import Solution
 from armid.estimation.problem import Problem
 from armid.estimation.uncertainty import block_covariance
-from armid.information.information import Information, JointFactors, stack, total
-from armid.kernel import factor_columns
+from armid.information.information import Information, restrict, stack, total
 from armid.maths.linalg import condition, scaled_condition
 from armid.values import Array
 
@@ -55,6 +54,7 @@ class EssentialParameters:
     ratio: float = 30.0
     price: float = 0.003
     name: ClassVar[str] = "essential"
+    quick: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.criterion not in ("pham-gautier", "bic"):
@@ -142,7 +142,7 @@ def _correlation(information: Information, full: Fit, inverse: Array) -> float:
 
 def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> Fit:
     """The estimate of the parameters left, the others zero."""
-    reduced = _restricted(whole, kept)
+    reduced = restrict(whole, kept)
     solution = Solution(reduced, full.weights)
     values = np.zeros(whole.count)
     values[kept] = solution.values
@@ -172,16 +172,3 @@ def _finding(dropped: tuple[str, ...], count: int, rise: float, ratio: float) ->
         f"{len(dropped)} of {count} base parameters are held at zero{names}. The weighted residual grows by "
         f"{100.0 * rise:.2g} %; the largest relative deviation is {ratio:.3g} times the smallest.",
     )
-
-
-def _restricted(whole: Information, kept: NDArray[np.intp]) -> Information:
-    """The information about some parameters had the others been left out of the model."""
-    number = np.full(whole.count, -1)
-    number[kept] = np.arange(len(kept))
-    joints: list[JointFactors] = []
-    for joint in whole.joints:
-        own = np.flatnonzero(number[joint.parameters] >= 0)
-        columns = [*own.tolist(), len(joint.parameters)]
-        R = np.stack([factor_columns(np.ascontiguousarray(R[:, columns].T))[0] for R in joint.R])
-        joints.append(JointFactors(number[joint.parameters[own]].astype(np.int32), R))
-    return replace(whole, names=tuple(whole.names[k] for k in kept), joints=tuple(joints))

@@ -75,6 +75,7 @@ class LogCholesky:
     seed: int = 0
     evaluations: int = 1000
     name: ClassVar[str] = "log-cholesky"
+    quick: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.prior not in ("mass", "none"):

@@ -22,6 +22,7 @@ class OrdinaryLeastSquares:
     """The estimate that minimises the sum of all squared residuals."""
 
     name: ClassVar[str] = "ols"
+    quick: ClassVar[bool] = True
 
     def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.

@@ -77,6 +77,7 @@ class PhysicallyConsistent:
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
     known: tuple[int, ...] = ()
     name: ClassVar[str] = "physical"
+    quick: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.prior not in PRIORS:

@@ -53,6 +53,7 @@ class Ridge:
     towards: Literal["auto", "nominal", "zero"] = "auto"
     weight: float | Literal["auto"] = "auto"
     name: ClassVar[str] = "ridge"
+    quick: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.towards not in ("auto", "nominal", "zero"):
@@ -76,6 +77,13 @@ class Ridge:
         if weight == 0.0:
             solve(problem.information, weighted.weights)  # refuses what the data do not determine
         return _fit(weighted, prior, weight, how)
+
+    def settled(self, problem: Problem) -> Ridge:
+        """The method with the weight of the prior that it finds on a problem."""
+        if self.weight != "auto":
+            return self
+        weighted = weigh(problem.information)
+        return replace(self, weight=_chosen(problem.information, weighted, self._prior(problem, weighted))[0])
 
     def _prior(self, problem: Problem, weighted: Weighted) -> _Prior:
         """Mean and precision of the base parameters for weight 1."""

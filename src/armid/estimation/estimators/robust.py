@@ -77,6 +77,7 @@ class RobustLeastSquares:
     constant: float | None = None
     iterations: int = 300
     name: ClassVar[str] = "robust"
+    quick: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.loss not in ("huber", "tukey"):

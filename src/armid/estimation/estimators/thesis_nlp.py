@@ -72,6 +72,7 @@ class ThesisNLP:
     seed: int = 0
     iterations: int = 1000
     name: ClassVar[str] = "thesis-nlp"
+    quick: ClassVar[bool] = False
     excludes_bodies: ClassVar[bool] = True  # its inequalities refuse bodies that exist
 
     def __post_init__(self) -> None:

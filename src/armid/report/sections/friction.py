@@ -89,11 +89,13 @@ def _ladder(material: Material) -> Table | None:
         ]
         for each in record["evidence"]
     ]
-    note = record["why"] or (
+    said = (
         "Error on stretches of motion that were left out, over that without the candidate. All together: "
         + ", ".join(f"{each['name']} {fixed(each['ratio'], 2)}" for each in record["joints"])
-        + "."
+        + ". The same stretches made the choice, so this is optimistic; the error on recordings kept for validation "
+        "is not."
     )
+    note = " ".join(part for part in (said if rows else "", record["why"]) if part)
     return Table("ladder", "How friction was chosen", columns, rows, note)
 
 
