@@ -17,6 +17,7 @@ from armid.measurement import readers as recording_readers
 from armid.model import terms
 from armid.report import sections
 from armid.robot import readers as robot_readers
+from armid.validation import doctor
 
 CATALOGUES = {
     "terms": (terms, terms.TERMS, {"term"}),
@@ -26,6 +27,7 @@ CATALOGUES = {
     "formats of controllers": (formats, formats.FORMATS, {"track"}),
     "exporters": (descriptions, descriptions.EXPORTERS, set()),
     "languages": (languages, languages.LANGUAGES, set()),
+    "doctor's checks": (doctor, doctor.CHECKS, {"effects", "evidence", "rows", "state"}),
     "recording readers": (recording_readers, recording_readers.READERS, set()),
 }
 """Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""

@@ -33,6 +33,10 @@ from trees import random_rotation
 
 RATE, NOISE = 50.0, 0.2
 
+CONE = 0.03
+"""Most that the cone narrows a deviation of data that determine bodies: a light link's inertia is some ten to twenty
+deviations from its border."""
+
 
 @cache
 def model() -> DynamicsModel:
@@ -90,7 +94,7 @@ def test_data_that_determine_bodies_are_not_bent():
     free = WeightedLeastSquares().estimate(problem)
     assert (np.abs(fit.values - free.values) < 0.05 * free.deviation).all()
     assert 0.0 <= standard.proof.price < 0.005
-    np.testing.assert_allclose(fit.deviation, free.deviation, rtol=1e-3)
+    np.testing.assert_allclose(fit.deviation, free.deviation, rtol=CONE)
     assert not fit.findings
 
 

@@ -19,7 +19,9 @@ from armid.cli.base import base
 from armid.cli.bench import bench
 from armid.cli.certify import certify
 from armid.cli.demo import demo
+from armid.cli.doctor import doctor
 from armid.cli.excite import excite
+from armid.cli.export import export
 from armid.cli.identify import identify
 from armid.cli.payload import payload
 from armid.cli.predict import predict
@@ -81,12 +83,14 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     excite,
     simulate,
     identify,
+    doctor,
     validate,
     predict,
     certify,
     payload,
     recalibrate,
     report,
+    export,
     demo,
     bench,
 )

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from armid.errors import Finding
+from armid.estimation.centre import find_centre
 from armid.estimation.consistency import smallest_eigenvalues
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit import Fit
 from armid.estimation.prior import Belief
 from armid.estimation.problem import Standard
-from armid.estimation.standard_fit import PriorUse, Proof, StandardFit, inverse_of, shares, status_of
+from armid.estimation.standard_fit import PriorUse, Proof, StandardFit, inverse_of, lift, shares, stated, status_of
 from armid.estimation.uncertainty import scale_covariance
 from armid.estimation.weighted import Weighted
 from armid.information.information import stack
@@ -20,9 +21,6 @@ from armid.maths.linalg import condition, scaled_condition
 from armid.values import Array
 
 __all__ = ["Outcome"]
-
-STUDENT = 1.96
-"""Half width of a 95 % interval in standard deviations."""
 
 PRICE = 0.05
 """Residual cost of consistency from which on something is said: noise alone makes it far less than a hundredth."""
@@ -74,6 +72,14 @@ class Outcome:
         self.precision: Array = weighted.correlation * (self.basis.T @ curvature @ self.basis)
         seen = weighted.rows @ standard.regrouping @ self.basis
         self.information: Array = seen.T @ seen
+        self.least: Array = smallest_eigenvalues(standard, values)
+        lowest = min(float(self.least.min(initial=0.0)), float(values[standard.nonnegative].min(initial=0.0)))
+        # An estimate that the cone did not hold says nothing of the cone.
+        held = lowest >= PHYSICAL
+        centre = find_centre(standard, weighted, belief, prior, values, self.basis) if held else None
+        self.inside = centre is not None
+        self.narrow: Array = self.precision if centre is None else self.basis.T @ centre.precision @ self.basis
+        self.shift: Array = np.zeros(len(values)) if centre is None else centre.values - values
 
     def fit(self, further: Sequence[Finding] = ()) -> Fit:
         """The estimate, with further findings of the method."""
@@ -85,14 +91,17 @@ class Outcome:
         unweighted = stack(whole)[0]
         rows = whole.rows[0]
         squares = held_out_squares(whole, self.base)
+        freedom = max(float(rows.sum() - self.weighted.spent.sum()), 1.0)
+        known = scale_covariance(whole, weights, white)
         standard, findings = self._standard(squares)
+        standard = stated(standard, self.weighted.correlation * white, known, np.full(whole.count, freedom))
         return Fit(
             whole.names,
             self.base,
             np.sqrt(np.diag(white)),
-            white + scale_covariance(whole, weights, white),
+            white + known,
             "white",
-            max(float(rows.sum() - self.weighted.spent.sum()), 1.0),
+            freedom,
             np.sqrt(squares / np.maximum(rows, 1)),
             rows,
             condition(unweighted),
@@ -104,13 +113,16 @@ class Outcome:
         )
 
     def _prior_precision(self) -> Array | None:
-        """Precision (b, b) of the prior in base parameters; `None` where data alone determine them."""
-        if not self.told and not len(self.weighted.unseen) and self.basis.shape[0] == self.basis.shape[1]:
+        """Precision (b, b) of prior and cone in base parameters; `None` where data alone determine them."""
+        whole = self.basis.shape[0] == self.basis.shape[1]
+        if not (self.inside or self.told or len(self.weighted.unseen)) and whole:
             return None
         moved = self.standard.regrouping @ self.basis
-        size = 1.0 / np.sqrt(np.diag(self.precision))
-        whitened = np.linalg.solve(size[:, None] * self.precision * size, (moved * size).T)
+        size = 1.0 / np.sqrt(np.diag(self.narrow))
+        whitened = np.linalg.solve(size[:, None] * self.narrow * size, (moved * size).T)
         covariance = (moved * size) @ whitened
+        if whole:
+            return inverse_of(covariance)
         # What is given has no variance; a millionth of the others' stands for that.
         length = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         length = np.where(length > 0.0, length, np.median(length) if length.any() else 1.0)
@@ -133,39 +145,42 @@ class Outcome:
         )
         at_bound = standard.nonnegative & (values <= AT_BOUND * np.maximum(deviation, np.finfo(np.float64).tiny))
         held = at_bound & (pull * white > PUSHED) & ~given
-        least = smallest_eigenvalues(standard, values)
         free = self.weighted.weights**2 @ self.weighted.squares
         price = float(self.weighted.weights**2 @ squares / free - 1.0) if free > 0.0 else 0.0
         lowest = float(values[standard.nonnegative].min(initial=np.inf))
-        proof = Proof(price, float(least.min(initial=np.inf)), lowest, self.gap)
+        proof = Proof(price, float(self.least.min(initial=np.inf)), lowest, self.gap)
         fit = StandardFit(
             standard.names,
             standard.units,
             values,
             deviation,
-            self._intervals(deviation),
+            np.stack([values, values], axis=1),
             resolution,
             status_of(resolution, self.told, given, held),
             self.prior,
             proof,
+            lift(
+                self.narrow,
+                standard.regrouping,
+                self.basis,
+                self.weighted.correlation,
+                self.shift,
+                self._bounded(),
+            ),
         )
         return fit, (*self.belief.findings, *self._findings(price, held))
 
-    def _intervals(self, deviation: Array) -> Array:
-        """95 % intervals (p, 2), cut where physics forbids values."""
-        half = STUDENT * deviation
-        ends = np.stack([self.values - half, self.values + half], axis=1)
-        positive = self.standard.nonnegative.copy()
+    def _bounded(self) -> Array:
+        """What cannot be negative, shape (p,)."""
+        bounded = self.standard.nonnegative.copy()
         for own in self.standard.inertial:
-            positive[own[[0, 4, 6, 9]]] = True  # mass and the moments of inertia about the axes
-        ends[positive, 0] = np.maximum(ends[positive, 0], 0.0)
-        return ends
+            bounded[own[[0, 4, 6, 9]]] = True  # mass and the moments of inertia about the axes
+        return bounded.astype(np.float64)
 
     def _findings(self, price: float, held: Array) -> list[Finding]:
         """What the reader of the result should know."""
         found: list[Finding] = []
-        least = smallest_eigenvalues(self.standard, self.values)
-        for own, smallest in zip(self.standard.inertial, least, strict=True):
+        for own, smallest in zip(self.standard.inertial, self.least, strict=True):
             if smallest < PHYSICAL:
                 said = f"No body has the link's values: smallest eigenvalue of its pseudo-inertia {smallest:.2g}."
                 found.append(Finding("not-physical", "warning", self.standard.names[own[0]], said, REMEDY))

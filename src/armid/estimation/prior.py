@@ -27,7 +27,7 @@ from armid.maths.barrier import LogDet
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.values import Array
 
-__all__ = ["LENGTH", "MASS", "Belief", "believe", "size_of_bodies"]
+__all__ = ["LENGTH", "MASS", "Belief", "believe", "relative_precision", "size_of_bodies"]
 
 LENGTH = 0.3
 """Length that makes masses, first moments and inertias of an arm comparable [m]: half of a link's."""
@@ -65,7 +65,7 @@ class Belief:
             return result
         J = pseudo_inertia(values[standard.inertial])
         for own, matrix in zip(standard.inertial, J, strict=True):
-            result[np.ix_(own, own)] = weight * _relative(matrix)
+            result[np.ix_(own, own)] = weight * relative_precision(matrix)
         return result
 
     def log_det(self, standard: Standard, origin: Array, basis: Array, weight: float) -> tuple[LogDet, ...]:
@@ -105,7 +105,7 @@ def believe(kind: str, standard: Standard, weighted: Weighted) -> Belief:
         _fill(precision, standard, mass, radius)
         return Belief(mean, precision, none, findings)
     for own, matrix in zip(standard.inertial, J, strict=True):
-        precision[np.ix_(own, own)] = _relative(matrix)
+        precision[np.ix_(own, own)] = relative_precision(matrix)
     return Belief(mean, precision, np.asarray(np.linalg.inv(J), dtype=np.float64), findings)
 
 
@@ -126,7 +126,7 @@ def _fill(precision: Array, standard: Standard, mass: float, length: float) -> N
         precision[own, own] = 1.0 / scale**2
 
 
-def _relative(J: Array) -> Array:
+def relative_precision(J: Array) -> Array:
     """Second derivative (10, 10) of -log det at a pseudo-inertia."""
     moved = np.einsum("ij,kjl->kil", np.linalg.inv(J), pseudo_inertia(np.eye(10)))
     return np.einsum("aij,bji->ab", moved, moved)

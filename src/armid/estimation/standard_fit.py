@@ -11,7 +11,7 @@ are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -21,13 +21,17 @@ from armid.values import Array, array
 __all__ = [
     "IDENTIFIED",
     "UNSEEN",
+    "Lift",
     "PriorUse",
     "Proof",
     "StandardFit",
     "Status",
     "Trial",
+    "half_of",
     "inverse_of",
+    "lift",
     "shares",
+    "stated",
     "status_of",
 ]
 
@@ -39,6 +43,9 @@ tenth of what the prior is wrong."""
 
 LEAST = 1e-15
 """Smallest eigenvalue over the largest, rows and columns scaled: what is smaller is rounding."""
+
+SEEN = 1e-9
+"""Smallest singular value over the largest, columns of unit length, of what base parameters show of the unknowns."""
 
 UNSEEN = 0.1
 """Share of the data below which a parameter is not identifiable: the data say next to nothing."""
@@ -94,6 +101,32 @@ class Proof:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Lift:
+    """How the uncertainty of b base parameters becomes that of p standard ones.
+
+    Attributes:
+        share: Change of each standard parameter with the base parameters, the least under the prior, shape (p, b).
+        rest: Variance that stays where base parameters are known, the prior's and the cone's, shape (p,).
+        shift: Way from the estimate to the middle of what can be, shape (p,).
+        base_shift: The same in base parameters, shape (b,).
+        bounded: What cannot be negative, shape (p,).
+    """
+
+    share: Array
+    rest: Array
+    shift: Array
+    base_shift: Array
+    bounded: Array
+
+    def __post_init__(self) -> None:
+        p, b = np.shape(self.share)
+        for name in ("rest", "shift", "bounded"):
+            object.__setattr__(self, name, array(getattr(self, name), (p,), name))
+        object.__setattr__(self, "share", array(self.share, (p, b), "share"))
+        object.__setattr__(self, "base_shift", array(self.base_shift, (b,), "base_shift"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class StandardFit:
     """Estimate of p standard parameters.
 
@@ -102,11 +135,12 @@ class StandardFit:
         units: Their units.
         values: Shape (p,).
         deviation: Standard deviations of what data and prior leave open, correlation of rows counted, shape (p,).
-        intervals: 95 % intervals, cut where physics forbids values, shape (p, 2).
+        intervals: Student's 95 % intervals, cut where physics forbids values, shape (p, 2).
         resolution: Share of the data in each value, shape (p,).
         status: What that means, p of them.
         prior: The prior.
         proof: Checks of the solution.
+        lift: How these follow from the base parameters' uncertainty, until that is settled; `None` afterwards.
     """
 
     names: tuple[str, ...]
@@ -118,6 +152,7 @@ class StandardFit:
     status: tuple[str, ...]
     prior: PriorUse
     proof: Proof
+    lift: Lift | None = None
 
     def __post_init__(self) -> None:
         p = len(self.names)
@@ -161,7 +196,68 @@ def shares(information: Array, precision: Array) -> tuple[Array, Array]:
 
 def inverse_of(matrix: Array) -> Array:
     """Inverse of a positive definite matrix, symmetric and positive whatever rounding made of the matrix."""
+    half = half_of(matrix)
+    return half @ half.T
+
+
+def half_of(matrix: Array) -> Array:
+    """A square root h of the inverse of a positive definite matrix, h hᵀ = matrix⁻¹."""
     size = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
     values, vectors = np.linalg.eigh(size[:, None] * (0.5 * (matrix + matrix.T)) * size)
-    half = size[:, None] * vectors / np.sqrt(np.maximum(values, LEAST * values[-1]))
-    return half @ half.T
+    return size[:, None] * vectors / np.sqrt(np.maximum(values, LEAST * values[-1]))
+
+
+def lift(precision: Array, regrouping: Array, basis: Array, correlation: float, shift: Array, bounded: Array) -> Lift:
+    """What a prior shares out among standard parameters when base parameters are known.
+
+    With P the prior's precision and L the regrouping, known base parameters π leave θ with the mean G π, where
+    G = P⁻¹Lᵀ(L P⁻¹Lᵀ)⁻¹, and the covariance P⁻¹ - G L P⁻¹: nothing for a parameter that stands alone. With H the
+    information of the data, this is (LᵀHL + P)⁻¹ in two parts.
+
+    Args:
+        precision: P of the unknowns, in units of the weighted normal equations, shape (x, x).
+        regrouping: L, shape (b, p).
+        basis: Parameters (p,) that each unknown moves, shape (p, x).
+        correlation: Rows that count as one independent sample.
+        shift: Way from the estimate to the middle of what can be, shape (p,).
+        bounded: What cannot be negative, shape (p,).
+    """
+    half = half_of(precision)
+    shown, spread = half.T @ (regrouping @ basis).T, half.T @ basis.T
+    length = np.linalg.norm(shown, axis=0)
+    length = np.where(length > 0.0, length, 1.0)
+    U, s, V = np.linalg.svd(shown / length, full_matrices=False)
+    known = s > SEEN * max(float(s.max(initial=0.0)), np.finfo(np.float64).tiny)
+    U, s, V = U[:, known], s[known], V[known]
+    share = spread.T @ (U / s) @ V / length
+    left = spread - U @ (U.T @ spread)
+    rest = correlation * np.sum(left**2, axis=0)
+    return Lift(share, rest, shift, regrouping @ shift, bounded)
+
+
+def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> StandardFit:
+    """The fit with deviations and intervals that follow from the base parameters'.
+
+    Args:
+        fit: With its lift.
+        scatter: Covariance of the base parameters that was learned from residuals, shape (b, b).
+        known: What is added to it for certain, prior and torque scales, shape (b, b).
+        freedom: Degrees of freedom of the scatter of each base parameter, shape (b,).
+    """
+    from scipy.special import stdtrit  # a third of a second to import
+
+    own = fit.lift
+    if own is None:
+        return fit
+    learned = np.maximum(np.einsum("ij,jk,ik->i", own.share, scatter, own.share), 0.0)
+    certain = np.maximum(np.einsum("ij,jk,ik->i", own.share, known, own.share), 0.0) + own.rest + own.shift**2
+    part = own.share**2 * np.diag(scatter)
+    whole = part.sum(axis=1)
+    free = np.where(whole > 0.0, part @ freedom / np.where(whole > 0.0, whole, 1.0), np.inf)
+    # What is known for certain has no degrees of freedom to pay for [Satterthwaite1946].
+    free = free * (1.0 + certain / np.where(learned > 0.0, learned, 1.0)) ** 2
+    deviation = np.sqrt(learned + certain)
+    half = stdtrit(np.where(learned > 0.0, free, np.inf), 0.975) * deviation
+    ends = np.stack([fit.values - half, fit.values + half], axis=1)
+    ends[own.bounded > 0.0] = np.maximum(ends[own.bounded > 0.0], 0.0)
+    return replace(fit, deviation=deviation, intervals=ends)

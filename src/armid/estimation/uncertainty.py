@@ -9,8 +9,11 @@ third of what it says. What the samples and the motion allow decides what is use
 - `spectral`, from the spectrum that the residuals show and that of the columns, with all there is between joints;
 - `block`, the scatter between blocks of rows, where there are factors and no samples.
 
-All are of the form H⁻¹ (S + P) H⁻¹, S being the scatter of the data's pull and P the precision of a prior. What an
-estimator holds at zero is not surer for it: it keeps the interval that the data give it.
+All are of the form H⁻¹ (S + P) H⁻¹, S being the scatter of the data's pull and P the precision of a prior, with the
+cone of real bodies counted as one; how far such an estimate stands from the middle of what can be is added. Standard
+parameters follow from the base ones, and what stands alone has one interval in both.
+
+What an estimator holds at zero is not surer for it: it keeps the interval that the data give.
 """
 
 from __future__ import annotations
@@ -25,8 +28,10 @@ from armid.estimation.fit import CovarianceReport, Fit
 from armid.estimation.jackknife import Groups, correlation, grouped, jackknife, periods
 from armid.estimation.noise import LARGEST, NoiseModel, Scatter
 from armid.estimation.problem import Problem
+from armid.estimation.standard_fit import stated
 from armid.estimation.whiteness import whiteness
 from armid.information.information import Information, stack, total
+from armid.information.memory import remember
 from armid.maths.linalg import unit_columns
 from armid.values import Array
 
@@ -113,6 +118,9 @@ class _Uncertainty:
         self.inverse: Array = half @ half.T
         self.known = scale_covariance(self.whole, fit.weights, self.inverse)
         self.known = self.known + self.inverse @ self.prior @ self.inverse
+        own = None if fit.standard is None else fit.standard.lift
+        # An estimate at the border of what can be stands apart from the middle of it.
+        self.apart: Array = np.zeros((b, b)) if own is None else np.outer(own.base_shift, own.base_shift)
 
     def covered(self) -> Fit:
         """The fit with the covariance that fits the case."""
@@ -125,7 +133,7 @@ class _Uncertainty:
         kind, why = choose(spectrum.whiteness, free, spectrum.repeated)
         report = CovarianceReport(why, len(spectrum.model.basis), spectrum.whiteness, scatter.noise)
         if kind == "white":
-            return replace(self.fit, report=replace(report, parts=0))
+            return replace(self._white(), report=replace(report, parts=0))
         if kind == "period" and motions is not None:
             return self._periods(motions, report)
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
@@ -138,7 +146,7 @@ class _Uncertainty:
         found = block_covariance(self.information, self.fit.values, self.fit.weights, self.inverse)
         if found is None:
             why = f"{hindrance}, and fewer than {FEWEST_BLOCKS} blocks of rows: residuals are taken as white"
-            return replace(self.fit, report=replace(report, why=why))
+            return replace(self._white(), report=replace(report, why=why))
         covariance, free = found
         return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))
 
@@ -153,13 +161,25 @@ class _Uncertainty:
         fit = self._with(covariance, "period", float(_free(motions)))
         return replace(fit, report=replace(report, parts=len(used)))
 
+    def _white(self) -> Fit:
+        """The fit as the estimator gave it."""
+        return self._settled(self.fit, self.fit.covariance, np.zeros_like(self.apart), self.fit.freedom)
+
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
         """The fit with a scatter of the data, to which prior and torque scales add what is known for certain."""
-        every = covariance + self.known
-        scatter, certain = np.diag(covariance), np.diag(self.known)
+        return self._settled(replace(self.fit, covariance_kind=kind), covariance, self.known, freedom)
+
+    def _settled(self, fit: Fit, scatter: Array, known: Array, freedom: Array | float) -> Fit:
+        """The fit with its covariance, and standard parameters that follow it."""
+        certain = known + self.apart
+        learned, sure = np.diag(scatter), np.diag(certain)
         # What is known for certain has no degrees of freedom to pay for [Satterthwaite1946].
-        share = np.where(scatter > 0.0, 1.0 + certain / np.where(scatter > 0.0, scatter, 1.0), 1.0)
-        return replace(self.fit, covariance=every, covariance_kind=kind, freedom=freedom * share**2)
+        share = np.where(learned > 0.0, 1.0 + sure / np.where(learned > 0.0, learned, 1.0), 1.0)
+        each = np.broadcast_to(np.asarray(freedom, dtype=np.float64), learned.shape)
+        standard = fit.standard
+        if standard is not None and standard.lift is not None:
+            standard = replace(stated(standard, scatter, known, each), lift=None)
+        return replace(fit, covariance=scatter + certain, freedom=each * share**2, standard=standard)
 
     def _spectrum(self) -> tuple[_Spectrum | None, str]:
         """What the samples say about the noise; `None` and the reason where they say nothing."""
@@ -245,8 +265,8 @@ def _same(problem: Problem, rows: NDArray[np.int64]) -> bool:
     """Whether samples and information are about the same rows and parameters."""
     model, base, observations = problem.require_samples("cover")
     known = {name.split("[", 1)[0] for name in problem.information.names}  # copies for each recording are FV_1[1], …
-    counted = sum(run.mask.sum(axis=0) for run in observations.runs)
-    return known == set(base.names) and (bool(model.nodes) or bool(np.array_equal(counted, rows)))
+    counted = sum(remember(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
+    return known == set(base.names) and bool(np.array_equal(counted, rows))
 
 
 def _free(motions: Groups) -> int:

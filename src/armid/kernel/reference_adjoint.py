@@ -36,7 +36,8 @@ def columns_adjoint(
     no_terms = np.zeros((len(layout.term), len(q)))
 
     def value(states: list[Array]) -> Array:
-        made = reference_factor.columns(tree, layout, *states, np.zeros_like(q), no_terms)
+        at, speed, acceleration = states
+        made = reference_factor.columns(tree, layout, at, speed, acceleration, np.zeros_like(q), no_terms)
         return np.sum(weights * made, axis=0)
 
     gradients = [np.zeros_like(q) for _ in range(3)]

@@ -23,6 +23,7 @@ from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Vi
 from armid.robot import Robot
 from armid.study.run import Run
 from armid.validation.consistency import Certificate, certify_values
+from armid.validation.gravity_sign import gravity_sign_finding
 from armid.validation.thesis_constraints import Constraint, thesis_constraints
 from armid.validation.worst_pose import Pose, worst_along, worst_pose
 from armid.values import Array
@@ -271,4 +272,6 @@ def _findings(
             "worst pose), although no real body has these values: that test is necessary, not sufficient."
         )
         findings.append(Finding("mass-matrix-positive", "info", "", evidence))
-    return tuple(findings)
+    base = find_base_parameters(model)
+    suspicion = gravity_sign_finding(base, base.values_of(theta))
+    return tuple(findings if suspicion is None else [*findings, suspicion])

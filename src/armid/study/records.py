@@ -13,10 +13,11 @@ import numpy as np
 from armid.errors import Finding
 from armid.estimation.estimate import Estimate, standard_parameters
 from armid.estimation.friction import Ladder
+from armid.estimation.standard_fit import StandardFit
 from armid.model.formulas import base_formulas
 from armid.validation.predict import Validation
 
-__all__ = ["estimate_record", "finding_record", "ladder_record", "to_json", "validation_record"]
+__all__ = ["certificate_record", "estimate_record", "finding_record", "ladder_record", "to_json", "validation_record"]
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
 """As `json` breaks it into lines. No text matches, since a line end inside one is written as an escape."""
@@ -64,11 +65,23 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
             "degrees_of_freedom": fit.freedom,
             "matrix": fit.covariance,
         },
-        "certificate": None,
+        "certificate": certificate_record(fit.standard),
         "seconds": estimate.seconds,
         "warnings": [finding_record(finding) for finding in estimate.findings],
         "made_from": estimate.made_from,
         "made_by": estimate.made_by,
+    }
+
+
+def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
+    """What proves that the bodies can exist and fit best, and the prior they were found with; null without bodies."""
+    if fit is None:
+        return None
+    return {
+        "price": fit.proof.price,
+        "smallest_eigenvalue": fit.proof.smallest_eigenvalue,
+        "gap": fit.proof.gap,
+        "prior": {"kind": fit.prior.kind, "weight": fit.prior.weight, "how": fit.prior.how},
     }
 
 

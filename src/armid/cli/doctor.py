@@ -1,0 +1,87 @@
+"""`armid doctor`: what is wrong with a log, before anyone trusts it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Gravity, Json, Lock, Terms, model_choice, robot_choice
+from armid.errors import ArmidError
+
+if TYPE_CHECKING:
+    from armid.study.doctor import Diagnosis
+
+__all__ = ["doctor"]
+
+
+def doctor(
+    subject: Annotated[str, typer.Argument(metavar="STUDY | ROBOT", help="A study.toml, or an arm.")],
+    recordings: Annotated[
+        list[str] | None, typer.Argument(metavar="[RECORDING…]", help="Recordings of the arm.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
+    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    terms: Terms = None,
+    json: Json = False,
+) -> None:
+    """Examine recordings: signs, order, units, zeros, gravity, clock, delays, channels, motion.
+
+    Nothing is repaired. Each finding has its evidence and the line of a study that takes care of it. Exit code 1
+    says that there is an error among them.
+
+    Examples:
+        armid doctor study.toml
+
+        armid doctor panda monday.csv tuesday.csv
+    """
+    from armid.measurement.reading import Reading
+    from armid.study.doctor import diagnose, diagnosis_record, is_ill
+    from armid.study.records import to_json
+    from armid.study.study import RecordingChoice, Study, load_study
+
+    if not recordings:
+        if Path(subject).suffix != ".toml":
+            raise ArmidError(f"{subject} is no study, and no recording is given.", remedy="give a recording of it.")
+        study = load_study(subject)
+    else:
+        said = {"rate": rate, "torque_sign": torque_sign, "period": period}
+        reading = Reading(**{key: value for key, value in said.items() if value is not None})  # pyright: ignore[reportArgumentType]
+        choices = tuple(RecordingChoice(path, reading=reading) for path in recordings)
+        study = Study(robot_choice(subject, gravity, lock), model_choice(terms), choices)
+    found = diagnose(study)
+    if json:
+        sys.stdout.write(to_json(diagnosis_record(found)) + "\n")
+    else:
+        _report(found)
+    if is_ill(found):
+        raise typer.Exit(1)
+
+
+def _report(found: tuple[Diagnosis, ...]) -> None:
+    """A table for each recording."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from armid.cli.console import output_console
+    from armid.validation.doctor import EFFECTS
+
+    console = output_console()
+    colours = {"error": "red", "warning": "yellow", "info": "dim"}
+    for each in found:
+        if not each.findings:
+            console.print(f"{escape(each.path)}: [green]nothing found[/]")
+            continue
+        table = Table(title=escape(each.path), title_justify="left", header_style="bold", show_lines=True)
+        for name in ("", "finding", "channel", "evidence, effect and remedy"):
+            table.add_column(name, overflow="fold")
+        for f in each.findings:
+            parts = [escape(f.evidence), f"[dim]{escape(EFFECTS.get(f.code, ''))}[/]", f"[bold]{escape(f.remedy)}[/]"]
+            text = "\n".join(part for part in parts if part and not part.startswith("[bold][/]"))
+            table.add_row(f"[{colours[f.severity]}]{f.severity}[/]", f.code, escape(f.channel), text)
+        console.print(table)

@@ -1,0 +1,97 @@
+"""The doctor: what is wrong with a log, before anyone trusts it.
+
+`CHECKS` is the catalogue: a new check is a new file and one line here. A check looks at the evidence and says what
+it found, with numbers; it repairs nothing. Those that `explain` take part in a contest: each says how much less a
+model would leave of the torque if its fault were the log's, the best is believed, and the rest look at the log
+without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from armid.errors import Finding
+from armid.validation.doctor import (
+    channel_dead,
+    channel_delay,
+    clock,
+    contact,
+    excitation_weak,
+    filtered_before_logging,
+    gravity_direction,
+    joint_order,
+    motor_side,
+    noted,
+    period_misaligned,
+    position_offset,
+    rotor_inertia_missing,
+    saturation,
+    temperature_drift,
+    torque_sign,
+    velocity_mismatch,
+)
+from armid.validation.doctor.effects import EFFECTS
+from armid.validation.doctor.evidence import Evidence, Explain
+
+__all__ = ["CHECKS", "EFFECTS", "EXPLAINS", "FOLLOW", "SEVERITIES", "Evidence", "examine"]
+
+Check = Callable[[Evidence], list[Finding]]
+
+CHECKS: dict[str, Check] = {
+    "noted": noted.check,
+    "clock": clock.check,
+    "channel-dead": channel_dead.check,
+    "saturation": saturation.check,
+    "filtered-before-logging": filtered_before_logging.check,
+    "velocity-mismatch": velocity_mismatch.check,
+    "period-misaligned": period_misaligned.check,
+    "motor-side": motor_side.check,
+    "torque-sign": torque_sign.check,
+    "joint-order": joint_order.check,
+    "gravity-direction": gravity_direction.check,
+    "channel-delay": channel_delay.check,
+    "position-offset": position_offset.check,
+    "rotor-inertia-missing": rotor_inertia_missing.check,
+    "excitation-weak": excitation_weak.check,
+    "temperature-drift": temperature_drift.check,
+    "contact": contact.check,
+}
+"""Checks by the name of their file, those of the log itself before those that need a model."""
+
+EXPLAINS: tuple[Explain, ...] = (
+    motor_side.explain,
+    torque_sign.explain,
+    joint_order.explain,
+    gravity_direction.explain,
+    channel_delay.explain,
+    position_offset.explain,
+)
+"""What takes part in the contest."""
+
+SEVERITIES = ("error", "warning", "info")
+"""Worst first."""
+
+FOLLOW: dict[str, tuple[str, ...]] = {
+    "channel-dead": (
+        "contact",
+        "temperature-drift",
+        "excitation-weak",
+        "rotor-inertia-missing",
+        "channel-delay",
+        "position-offset",
+        "velocity-mismatch",
+    ),
+    "joint-order": ("saturation",),
+    "motor-side": ("saturation",),
+    "saturation": ("contact", "temperature-drift"),
+    "period-misaligned": ("contact", "velocity-mismatch", "rotor-inertia-missing", "temperature-drift"),
+}
+"""What a model says of a log because of another fault that is known: it is not said twice."""
+
+
+def examine(evidence: Evidence) -> tuple[Finding, ...]:
+    """All findings on a log, errors first, each said once."""
+    found = [finding for check in CHECKS.values() for finding in check(evidence)]
+    known = {code for f in found if f.severity != "info" for code in FOLLOW.get(f.code, ())}
+    kept = [f for f in dict.fromkeys(found) if f.code not in known or f in evidence.noted]
+    return tuple(sorted(kept, key=lambda f: SEVERITIES.index(f.severity)))

@@ -1,0 +1,114 @@
+"""What the checks look at: a recording as logged, as read, and as a model explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
+from armid.robot import Robot
+from armid.validation.doctor.rows import thin
+from armid.validation.doctor.state import Explanation, State
+
+__all__ = ["Evidence", "Explain"]
+
+Explain = Callable[[State], Explanation | None]
+
+ROUNDS = 3
+"""Faults that are looked for on top of each other in what the model explains."""
+
+WIDTH = 0.02
+"""Width of Coulomb friction in the model that the doctor compares with [rad/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """A log and what is known of it.
+
+    Attributes:
+        robot: The arm as described.
+        raw: The recording as its file has it.
+        reading: How it is read.
+        recording: The recording in the robot's terms; `None` where it cannot be read so.
+        noted: What was noticed while it was read.
+        model: The study's model, if there is one: what its terms are.
+        explains: Faults to look for where the model contradicts the log.
+    """
+
+    robot: Robot
+    raw: Recording
+    reading: Reading
+    recording: Recording | None
+    noted: tuple[Finding, ...] = ()
+    model: DynamicsModel | None = None
+    explains: Sequence[Explain] = ()
+
+    @cached_property
+    def state(self) -> State | None:
+        """The log beside a model with friction, offsets and rotors; `None` where it holds too little."""
+        if self.recording is None or self.recording.effort is None or self.robot.n == 0:
+            return None
+        log = thin(self.recording)
+        if not log.runs:
+            return None
+        own = () if self.model is None else self.model.terms
+        names = {term.name for term in own}
+        usual = (RigidBody(), Viscous(), Coulomb(width=WIDTH), Offset(), RotorInertia())
+        plain = tuple(term for term in own if term.name == "coupling" or term.name in {u.name for u in usual})
+        model = DynamicsModel(self.robot, plain + tuple(term for term in usual if term.name not in names))
+        state = State(model, find_base_parameters(model), log)
+        counted = state.rows.mask.sum(axis=0)
+        enough = all(rows > 2 * len(own) for rows, own in zip(counted, state.rows.parameters, strict=True))
+        return state if enough else None
+
+    @cached_property
+    def explanations(self) -> tuple[Explanation, ...]:
+        """Faults that together explain what the log contradicts, the strongest first."""
+        state = self.state
+        found: list[Explanation] = []
+        for _ in range(ROUNDS):
+            if state is None:
+                break
+            codes = {each.code for each in found}
+            tried = [each for explain in self.explains if (each := explain(state)) is not None]
+            tried = [each for each in tried if each.code not in codes]
+            if not tried:
+                break
+            best = max(tried, key=lambda each: each.gain)
+            found.append(best)
+            state = best.after
+        return tuple(found)
+
+    @cached_property
+    def understood(self) -> State | None:
+        """The log as it is understood once its faults are taken out."""
+        return self.explanations[-1].after if self.explanations else self.state
+
+    def explained(self, code: str) -> list[Finding]:
+        """Findings of the explanations of one code."""
+        return [
+            Finding(each.code, each.severity, each.channel, each.evidence, each.remedy)
+            for each in self.explanations
+            if each.code == code
+        ]
+
+    @cached_property
+    def rate(self) -> float:
+        """Samples a second of the log, or one where nobody knows [Hz]."""
+        recording = self.recording or self.raw
+        if recording.time is not None and len(recording.time) > 1:
+            step = float(np.median(np.diff(recording.time)))
+            return 1.0 / step if step > 0.0 else 1.0
+        return recording.rate or 1.0
+
+    def without(self, *codes: str) -> Evidence:
+        """The same log, some of what was noted left out."""
+        return replace(self, noted=tuple(finding for finding in self.noted if finding.code not in codes))

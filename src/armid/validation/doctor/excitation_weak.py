@@ -1,0 +1,109 @@
+"""A motion that hardly tells some parameters apart: which, and what to move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import RotorInertia
+from armid.validation.doctor.evidence import Evidence
+from armid.validation.doctor.rows import products
+from armid.validation.doctor.state import State
+
+__all__ = ["check"]
+
+WEAK_CONDITION = 100.0
+"""Condition number with columns of unit length above which an estimate holds for the motion that it was made from
+and hardly for another: well recorded arms have 8 to 42, those whose estimates fail elsewhere 200 and more."""
+
+POOR_CONDITION = 500.0
+"""The same from which it is a warning: motions drawn at random, joints all moving, have up to 400."""
+
+TIMID = 0.25
+"""Share of its largest speed that no joint reaches in a motion too slow for inertias to show beside friction."""
+
+NAMED = 4
+
+LITTLE = 0.35
+"""Share of a joint's range or speed below which there is room to move it more."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """One finding with the parameters that are hardest to tell apart."""
+    state = evidence.understood
+    if state is None:
+        return _too_short(evidence)
+    model = evidence.model
+    if model is None:
+        model = DynamicsModel(evidence.robot, tuple(t for t in state.model.terms if not isinstance(t, RotorInertia)))
+    if model.nodes:
+        return []
+    own = State(model, find_base_parameters(model), state.log)
+    names, rows = own.base.names, own.rows
+    G = np.zeros((rows.count, rows.count))
+    for j, P in enumerate(products(rows)):
+        G[np.ix_(rows.parameters[j], rows.parameters[j])] += P[:-1, :-1]
+    scale = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
+    powers, directions = np.linalg.eigh(G / np.outer(scale, scale))
+    condition = float(np.sqrt(powers[-1] / max(powers[0], 1e-18 * powers[-1])))
+    if condition <= WEAK_CONDITION:
+        return []
+    worst = np.argsort(-np.abs(directions[:, 0]))[:NAMED]
+    listed = ", ".join(names[k] for k in worst)
+    return [
+        Finding(
+            "excitation-weak",
+            "warning" if condition > POOR_CONDITION or _is_timid(own) else "info",
+            "",
+            f"The motion hardly tells {listed} apart (condition number {condition:.0f} with columns of unit length, "
+            f"where {WEAK_CONDITION:.0f} is much).",
+            _advice(own),
+        )
+    ]
+
+
+def _too_short(evidence: Evidence) -> list[Finding]:
+    """One finding where there is no model to look at, because there is too little of the log."""
+    recording = evidence.recording
+    if recording is None or recording.effort is None:
+        return []
+    return [
+        Finding(
+            "excitation-weak",
+            "warning",
+            "",
+            f"{recording.samples} samples, {recording.samples / evidence.rate:.3g} s, are too little to compare with "
+            "a model; signs, order, zeros, gravity and delays were not looked at.",
+            "record longer, at 20 Hz or more",
+        )
+    ]
+
+
+def _is_timid(state: State) -> bool:
+    """Whether every joint stays slow."""
+    limits = np.array([joint.velocity_limit for joint in state.model.robot.joints])
+    known = np.isfinite(limits) & (limits > 0.0)
+    fastest = np.abs(state.rows.motion.dq).max(axis=0)
+    return bool(known.all() and (fastest < TIMID * limits).all())
+
+
+def _advice(state: State) -> str:
+    """Which joints have room to move more."""
+    motion, parts = state.rows.motion, []
+    for j, joint in enumerate(state.model.robot.joints):
+        low, high = joint.position_limits
+        span, speed = float(np.ptp(motion.q[:, j])), float(np.abs(motion.dq[:, j]).max())
+        room = min(high - low, 2 * np.pi) if np.isfinite(high - low) else 2 * np.pi
+        narrow = span < LITTLE * room
+        slow = 0.0 < joint.velocity_limit < np.inf and speed < LITTLE * joint.velocity_limit
+        if narrow and slow:
+            parts.append(f"{joint.name} wider than {span:.2g} and faster than {speed:.2g} {joint.unit}/s")
+        elif narrow or slow:
+            parts.append(
+                f"{joint.name} {'wider than' if narrow else 'faster than'} "
+                f"{span if narrow else speed:.2g} {joint.unit}{'' if narrow else '/s'}"
+            )
+    moves = "; ".join(parts) if parts else "all joints together, fast and wide"
+    return f"armid excite designs a motion; move {moves}"

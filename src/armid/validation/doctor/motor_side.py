@@ -1,0 +1,71 @@
+"""Torque in another unit than the joints': of the motors, or a current."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.validation.doctor.evidence import Evidence
+from armid.validation.doctor.state import Explanation, State
+from armid.values import Array
+
+__all__ = ["check", "explain"]
+
+MOTOR, CURRENT = "motor-side", "current-without-gain"
+
+SMALL = 0.3
+"""Share of the described torque below which it is none of the joints': descriptions and arms differ by a factor
+2."""
+
+MOTOR_SCALE = 0.04
+"""Share from which down a torque is a motor's, before gears of 32 and more; currents of arm drives make 5 to 20
+N·m an ampere at the joint."""
+
+ALIKE = 0.85
+"""Correlation of a joint with the description from which its scale is known."""
+
+HEAVY = 0.05
+"""Described torque, over that of the most loaded joint, below which a joint does not count."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """The finding, if the scale is another."""
+    return [*evidence.explained(MOTOR), *evidence.explained(CURRENT)]
+
+
+def explain(state: State) -> Explanation | None:
+    """The scale that explains the log, or `None` if it is that of the description."""
+    nominal = state.nominal
+    if nominal is None:
+        return None
+    known = (np.abs(nominal.correlation) > ALIKE) & (nominal.size > HEAVY * nominal.size.max())
+    if not known.any():
+        return None
+    typical = float(np.median(np.abs(nominal.scale[known])))
+    if typical >= SMALL or typical <= 0.0:
+        return None
+    scale = np.where(known, np.abs(nominal.scale), typical)
+    after = _scaled(state, 1.0 / scale)
+    names = state.model.robot.joint_names
+    listed = ", ".join(f"{names[j]} 1/{1 / abs(nominal.scale[j]):.3g}" for j in np.flatnonzero(known))
+    motor = typical < MOTOR_SCALE
+    numbers = ", ".join(f"{1 / s:.3g}" for s in scale)
+    diagonal = "[" + ", ".join("[…]" for _ in names) + "]"
+    return Explanation(
+        MOTOR if motor else CURRENT,
+        10.0,  # before anything else: all other numbers are in a wrong unit until then
+        "error",
+        "effort",
+        f"The effort is a small share of the torque that the description asks for, in the same shape: {listed}.",
+        f"transmission = {diagonal}  # N with q_motor = N q, about {numbers} on its diagonal"
+        if motor
+        else f"drive_gain = [{numbers}]  # N·m/A; these make the description's weight, take the maker's",
+        after,
+    )
+
+
+def _scaled(state: State, factor: Array) -> State:
+    runs = tuple(replace(run, torque=run.torque * factor) for run in state.log.runs)
+    return replace(state, log=replace(state.log, runs=runs))

@@ -1,0 +1,32 @@
+"""What reading, clock and robot have noticed already, under the codes of the doctor."""
+
+from __future__ import annotations
+
+from armid.errors import Finding
+from armid.validation.doctor.evidence import Evidence
+
+__all__ = ["CODES", "check"]
+
+CODES = (
+    "clock-gap",
+    "clock-jitter",
+    "clock-missing",
+    "channel-dead",
+    "current-without-gain",
+    "degrees",
+    "description-rounded",
+    "gravity-direction",
+    "motor-side",
+    "position-offset",
+    "position-wrapped",
+    "rows-not-consecutive",
+    "rows-repeated",
+    "standstill",
+)
+"""Codes that reading a log may already give; others are about processing, which the doctor does in its own way."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """Findings of these codes, each once."""
+    found = [finding for finding in evidence.noted if finding.code in CODES]
+    return list(dict.fromkeys(found))

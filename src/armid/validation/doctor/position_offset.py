@@ -1,0 +1,148 @@
+"""Positions with another zero than the description's.
+
+A zero shows by the geometry alone, and more clearly where the description's inertias are taken for a guess: the
+weight of a forearm points down, whatever it is. The zero of a vertical first joint shows in no torque, those of
+light wrists in few.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.validation.doctor.evidence import Evidence
+from armid.validation.doctor.rows import products
+from armid.validation.doctor.state import Explanation, State
+from armid.values import Array
+
+__all__ = ["check", "explain", "offsets_of"]
+
+CODE = "position-offset"
+
+STEP = 1e-4
+"""Displacement by which the torque's derivative is taken [rad or m]: rounding and curvature both stay below
+1e-7."""
+
+LONGEST = 0.4
+"""Largest change of a zero in one Gauss-Newton step [rad]."""
+
+KNOWN = 0.15
+"""Deviation from which on the torques say nothing about a joint's zero [rad]; it is left where it is."""
+
+STEPS = 4
+
+LEAST = 0.08
+"""Smallest offset worth a word [rad]. Fits of recorded arms, whose zeros are right, find up to 0.06."""
+
+SURE = 4.5
+"""Standard deviations by which an offset must differ from none."""
+
+ALONE = 0.015
+"""Fall of the residual, as a logarithm, that zeros must bring where the description has no weights to compare
+with."""
+
+LOSS = 0.005
+"""Rise of the residual, as a logarithm, that zeros nearer to the description's weights may bring."""
+
+USUAL = 0.1
+"""Conflict between the joints that noise makes; where more remains, deviations grow with it, since what conflicts
+is then none of noise."""
+
+MASS, SPREAD, INERTIA = 0.3, 0.03, 0.5
+"""How far the description is trusted: share of mass and first moment, centre of mass [m], share of inertia."""
+
+UNSEEN = 1e-10
+"""Added to what is known of columns of unit length: where nothing is, as of the last joint's zero without a
+description, the deviation is then huge."""
+
+FREE = 1e3
+"""Deviation of parameters that the description does not have, in SI units."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """The finding, if other zeros explain the log."""
+    return evidence.explained(CODE)
+
+
+def explain(state: State) -> Explanation | None:
+    """The zeros that explain the log, or `None` if they are those that it has."""
+    offset, deviation, after = offsets_of(state)
+    gain = state.fit.cost - after.fit.cost
+    deviation = deviation * np.hypot(1.0, after.conflict / USUAL)
+    sure = (np.abs(offset) > SURE * deviation) & (np.abs(offset) > LEAST)
+    known = state.nominal is not None
+    if not sure.any() or (gain < ALONE and not known):
+        return None
+    only = np.where(sure, offset, 0.0)
+    names = state.model.robot.joint_names
+    listed = ", ".join(f"{names[j]} {offset[j]:+.3f} ± {deviation[j]:.3f}" for j in np.flatnonzero(sure))
+    return Explanation(
+        CODE,
+        max(gain, LOSS),
+        "error",
+        ", ".join(names[j] for j in np.flatnonzero(sure)),
+        f"Positions that are off by {listed} rad would leave {1 - np.exp(-max(gain, 0.0)):.0%} less of the torque"
+        + (", with weights nearer to the description's." if known else "."),
+        "joint_offset = [" + ", ".join(f"{x + 0.0:.3f}" for x in only) + "]",
+        after,
+    )
+
+
+def offsets_of(state: State) -> tuple[Array, Array, State]:
+    """What must be added to the positions (n,) so that the torques fit best, its deviation, and the log then."""
+    n, b = state.rows.n, state.base.count
+    precision, expected = _prior(state)
+    offset, deviation = np.zeros(n), np.full(n, np.inf)
+    now = state
+    for _ in range(STEPS):
+        weight = 1.0 / (now.fit.sigma**2 * now.fit.memory)
+        values = _posterior(now, weight, precision, expected, np.zeros((0, *now.rows.torque.shape)))[0]
+        theta = now.standard(values)
+        slopes = [
+            (now.rigid_torque(theta, now.log.moved(e)) - now.rigid_torque(theta, now.log.moved(-e))) / (2 * STEP)
+            for e in np.eye(n) * STEP
+        ]
+        found, spread = _posterior(now, weight, precision, expected, np.array(slopes))
+        step, deviation = found[b:], spread[b:]
+        seen = (deviation > 0.0) & (deviation < KNOWN)
+        step = np.where(seen, np.clip(step, -LONGEST, LONGEST), 0.0)
+        deviation = np.where(seen, deviation, np.inf)
+        moved = State(state.model, state.base, state.log.moved(offset + step))
+        if moved.fit.cost > now.fit.cost + LOSS or not step.any():
+            break
+        offset, now = offset + step, moved
+    return offset, deviation, now
+
+
+def _prior(state: State) -> tuple[Array, Array]:
+    """Precision (b, b) of the description's base parameters, and these; zeros where it has no inertias."""
+    b, model = state.base.count, state.model
+    theta = model.nominal_parameters()
+    if theta is None:
+        return np.zeros((b, b)), np.zeros(b)
+    deviation = np.full(len(theta), FREE)
+    for own in model.inertial_columns.reshape(-1, 10):
+        body = theta[own]
+        deviation[own[0]] = MASS * body[0]
+        deviation[own[1:4]] = MASS * np.abs(body[1:4]) + SPREAD * body[0]
+        deviation[own[4:]] = INERTIA * np.abs(body[4:]).max() + SPREAD**2 * body[0]
+    deviation = np.maximum(deviation, 1e-6)
+    spread = state.base.regrouping * deviation
+    covariance = spread @ spread.T
+    unit = np.sqrt(np.diag(covariance))
+    return np.linalg.inv(covariance / np.outer(unit, unit)) / np.outer(unit, unit), state.base.values_of(theta)
+
+
+def _posterior(state: State, weight: Array, precision: Array, expected: Array, extra: Array) -> tuple[Array, Array]:
+    """Base parameters and factors of the extra columns with their deviations, given data and prior."""
+    rows, b, more = state.rows, state.base.count, len(extra)
+    H, side = np.zeros((b + more, b + more)), np.zeros(b + more)
+    H[:b, :b], side[:b] = precision, precision @ expected
+    for j, P in enumerate(products(rows, extra=extra)):
+        own = np.concatenate([rows.parameters[j], np.arange(b, b + more)])
+        H[np.ix_(own, own)] += weight[j] * P[:-1, :-1]
+        side[own] += weight[j] * P[:-1, -1]
+    unit = np.sqrt(np.diag(H))
+    unit = np.where(unit > 0.0, unit, 1.0)
+    inverse = np.linalg.inv(H / np.outer(unit, unit) + UNSEEN * np.eye(b + more)) / np.outer(unit, unit)
+    return inverse @ side, np.sqrt(np.maximum(np.diag(inverse), 0.0))

@@ -1,0 +1,63 @@
+"""Do parameters alone say that they were identified under the opposite gravity, or the opposite torque?
+
+A grouped first moment such as MYR_2 = MY_2 + 0.2045 M_3 + 0.42 (M_4 + …) holds the weight of all that a joint
+carries at the length of the arm. Masses are positive and centres of mass lie within their links, so that its sign
+is that of the lengths. Identified with gravity the wrong way round, these moments come out with the other sign,
+while friction and inertias keep theirs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armid.errors import Finding
+from armid.model.base import BaseParameters
+from armid.values import array
+
+__all__ = ["gravity_sign_finding"]
+
+WEIGHTY = 0.1
+"""Share of the largest of these moments below which one says nothing: the own moments of a wrist outweigh its
+lengths."""
+
+MOMENTS = ("MX", "MY", "MZ")
+FRICTION = ("FV", "FS")
+
+
+def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | None:
+    """A suspicion that gravity, or the torque, had the other sign; `None` where the parameters give no reason.
+
+    Args:
+        base: Which parameters these are, and under which gravity.
+        values: Base parameters, shape (b,).
+    """
+    values = array(values, (base.count,), "base parameters")
+    symbols = np.array([name.rsplit("_", 1)[0] for name in base.standard_names])
+    forced = _forced(base, symbols)
+    size = np.abs(values * forced)
+    telling = np.flatnonzero(size > WEIGHTY * size.max(initial=0.0))
+    against = [k for k in telling if values[k] * forced[k] < 0.0]
+    if not against or size[against].sum() < 0.5 * size[telling].sum():
+        return None
+    listed = ", ".join(f"{base.names[k]} = {values[k]:.4g}" for k in against)
+    friction = values[np.isin(symbols[base.kept], FRICTION)]
+    turned = bool(len(friction)) and float(friction.sum()) < 0.0
+    sign = "negative" if forced[against[0]] > 0.0 else "positive"
+    evidence = (
+        f"{listed}: {sign}, although the lengths of the arm and positive masses force the other sign for any centre "
+        f"of mass within its link ({len(against)} of {len(telling)} such moments)."
+    )
+    if turned:
+        return Finding("torque-sign", "warning", "", f"{evidence} Friction is negative too.", "torque_sign = -1")
+    opposite = ", ".join(f"{-x + 0.0:.4g}" for x in base.gravity)
+    kept = " Friction has the right sign, so that gravity alone is turned." if len(friction) else ""
+    return Finding("gravity-direction", "warning", "", f"{evidence}{kept}", f"gravity = [{opposite}]")
+
+
+def _forced(base: BaseParameters, symbols: NDArray[np.str_]) -> NDArray[np.float64]:
+    """Sign that masses force on each base parameter, +1 or -1, and 0 where they force none, shape (b,)."""
+    masses = base.regrouping[:, symbols == "M"]
+    moment = np.isin(symbols[base.kept], MOMENTS)
+    up, down = (masses > 0.0).any(axis=1), (masses < 0.0).any(axis=1)
+    return np.where(moment & up & ~down, 1.0, np.where(moment & down & ~up, -1.0, 0.0))

@@ -1,0 +1,146 @@
+"""The doctor on virtual arms: each check fires on its fault and is silent on the sound log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from armid.errors import Finding
+from armid.measurement.interpret import interpret
+from armid.measurement.reading import Reading
+from armid.study.doctor import diagnose_recording
+from armid.validation.doctor import CHECKS, EFFECTS, EXPLAINS, Evidence, velocity_mismatch
+from armid.validation.doctor.channel_delay import delay_of
+from armid.validation.doctor.gravity_direction import explain as explain_gravity
+from armid.validation.doctor.position_offset import offsets_of
+from armid.validation.doctor.state import State
+from sick import FAULTS, Case, sound
+
+SEEDS = (4, 9)  # a UR10e and an iiwa
+
+
+@cache
+def sound_findings(seed: int) -> tuple[Finding, ...]:
+    return examined(sound(seed))
+
+
+def examined(case: Case) -> tuple[Finding, ...]:
+    return diagnose_recording(case.robot, case.recording, case.reading)
+
+
+def codes(findings: tuple[Finding, ...], *severities: str) -> set[str]:
+    return {f.code for f in findings if not severities or f.severity in severities}
+
+
+def state_of(case: Case) -> State:
+    log = interpret(case.recording, case.reading, case.robot).recording
+    state = Evidence(case.robot, case.recording, case.reading, log).state
+    assert state is not None
+    return state
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_sound_log_raises_no_alarm(seed: int):
+    assert codes(sound_findings(seed), "error", "warning") == set()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_and_no_other_called_an_error(fault: str):
+    found = examined(FAULTS[fault](4))
+    assert fault in codes(found)
+    assert fault not in codes(sound_findings(4))
+    assert codes(found, "error") <= {fault}
+
+
+def test_findings_come_with_numbers_an_effect_and_a_remedy():
+    for fault in ("position-offset", "contact"):
+        for finding in examined(FAULTS[fault](4)):
+            assert any(c.isdigit() for c in finding.evidence), finding
+            assert finding.remedy and EFFECTS[finding.code], finding
+
+
+def test_errors_come_first():
+    found = examined(FAULTS["torque-sign"](0))
+    assert [f.severity for f in found] == sorted((f.severity for f in found), key=("error", "warning", "info").index)
+
+
+def test_signs_are_those_of_the_joints():
+    case = FAULTS["torque-sign"](2)
+    (found,) = (f for f in examined(case) if f.code == "torque-sign")
+    assert found.remedy == "torque_sign = [" + ", ".join(str(int(s)) for s in case.truth["sign"]) + "]"
+
+
+def test_the_remedy_heals():
+    case = FAULTS["torque-sign"](2)
+    read = replace(case.reading, torque_sign=case.truth["sign"])
+    assert "torque-sign" not in codes(diagnose_recording(case.robot, case.recording, read))
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_delay_is_found_to_a_fifth_of_a_sample(seed: int):
+    case = FAULTS["channel-delay"](seed)
+    state = state_of(case)
+    found, deviation, _ = delay_of(state)
+    assert abs(found - case.truth["delay"]) * state.log.rate < 0.2
+    assert deviation < 1e-3
+
+
+def test_an_offset_is_found_in_its_joint_and_with_its_sign():
+    case = FAULTS["position-offset"](10)
+    offset, deviation, _ = offsets_of(state_of(case))
+    j = int(np.argmax(np.abs(case.truth["offset"])))
+    assert offset[j] == pytest.approx(-case.truth["offset"][j], abs=4 * deviation[j] + 0.03)
+
+
+def test_a_tilt_is_found_to_a_degree():
+    case = FAULTS["gravity-direction"](0)
+    found = explain_gravity(state_of(case))
+    assert found is not None
+    g, true = found.after.model.robot.gravity, case.truth["gravity"]
+    assert np.degrees(np.arccos(g @ true / np.linalg.norm(g) / np.linalg.norm(true))) < 1.0
+
+
+def test_conflict_between_joints_is_what_wrong_geometry_makes_and_noise_does_not():
+    assert state_of(sound(5)).conflict < 0.25 < state_of(FAULTS["joint-order"](5)).conflict
+
+
+def test_two_faults_are_told_apart():
+    case = FAULTS["torque-sign"](0)
+    assert case.recording.effort is not None
+    late = np.roll(case.recording.effort, round(0.02 / float(case.motion.time[1])), axis=0)
+    found = examined(case.logged(effort=late))
+    assert codes(found, "error") == {"torque-sign", "channel-delay"}
+
+
+def test_a_reversed_velocity_is_not_a_scaled_one():
+    texts: dict[int, str] = {}
+    for case in (FAULTS["velocity-mismatch"](seed) for seed in range(8)):
+        log = interpret(case.recording, case.reading, case.robot).recording
+        (found, *_) = velocity_mismatch.check(Evidence(case.robot, case.recording, case.reading, log))
+        texts[case.truth["kind"]] = found.evidence
+    assert "against" in texts[0] and "times" in texts[1] and "lag" in texts[3]
+
+
+def test_a_log_with_nan_is_an_error_and_not_a_crash():
+    case = sound(4)
+    q = case.recording.q.copy()
+    q[10, 2] = np.nan
+    assert "channel-dead" in codes(examined(case.logged(q=q)), "error")
+
+
+def test_every_code_has_an_effect_and_every_explanation_a_check():
+    assert set(FAULTS) <= set(EFFECTS)
+    assert len(EXPLAINS) <= len(CHECKS)
+
+
+def test_what_could_not_be_looked_at_is_said():
+    log = sound(4).recording
+    assert log.time is not None and log.effort is not None
+    rows = slice(0, 60)
+    short = replace(log, time=log.time[rows], q=log.q[rows], dq=None, effort=log.effort[rows], valid=True)
+    (found,) = diagnose_recording(sound(4).robot, short, Reading())
+    assert "not looked at" in found.evidence
+    assert codes(diagnose_recording(sound(4).robot, replace(log, effort=None), Reading())) == {"channel-dead"}
