@@ -22,8 +22,12 @@ GAIN = 0.1
 """Fall of the residual, as a logarithm, that a delay must bring: recorded arms have up to 0.04 for delays that
 their friction only feigns, logs delayed by 10 ms and more 0.3 and more."""
 
-CLEARER = 0.05
-"""By how much less, as a logarithm, a delay must leave than friction that lags by itself."""
+ALIKE = 0.01
+"""Fall of the residual, as a logarithm, that delays of each joint's own may bring beyond a common one: a late log is
+late on all joints and gains 0.004, gears with slack lag each by its own amount and gain 0.017 and more."""
+
+CLEARER = 0.07
+"""By how much less, as a logarithm, a common delay must else leave than friction that lags by itself."""
 
 SURE = 6.0
 """Standard deviations by which a delay must differ from none."""
@@ -46,7 +50,9 @@ def explain(state: State) -> Explanation | None:
         return None
     delay, deviation, after = delay_of(state)
     gain = state.fit.cost - after.fit.cost
-    if gain < GAIN or abs(delay) < SURE * deviation or _friction_alone(state) < after.fit.cost + CLEARER:
+    if gain < GAIN or abs(delay) < SURE * deviation:
+        return None
+    if _each_joint_gains(after) > ALIKE and _friction_alone(state) < after.fit.cost + CLEARER:
         return None
     word = "lags behind" if delay > 0 else "runs ahead of"
     return Explanation(
@@ -74,6 +80,13 @@ def delay_of(state: State) -> tuple[float, float, State]:
         if abs(late) < 0.2 * deviation:
             break
     return delay, deviation, state
+
+
+def _each_joint_gains(state: State) -> float:
+    """By how much less, as a logarithm, is left when each joint has a delay of its own."""
+    rows = state.rows
+    extra = np.eye(rows.n)[:, None, :] * rows.slope[None]
+    return state.fit.cost - solve(rows, extra=extra).cost
 
 
 def _friction_alone(state: State) -> float:
