@@ -92,8 +92,8 @@ def _each_joint_gains(state: State) -> float:
 def _friction_alone(state: State) -> float:
     """What is left when each joint's dry friction may lag by itself, and nothing else does.
 
-    Where a joint sticks or its gear has slack, friction does so; that is no delay of the log, and weights and inertias
-    do not take part in it.
+    Where a joint sticks or its gear has slack, friction does so; that is no delay of the log, and weights and
+    inertias do not take part in it.
     """
     from scipy.interpolate import CubicSpline
 
