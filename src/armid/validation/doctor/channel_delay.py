@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from armid import kernel
 from armid.errors import Finding
+from armid.information.filtering import in_band
 from armid.information.observations import ObservedRun
 from armid.maths.spectrum import frequencies, inverse, spectrum
 from armid.validation.doctor.evidence import Evidence
@@ -31,6 +33,9 @@ CLEARER = 0.07
 
 SURE = 6.0
 """Standard deviations by which a delay must differ from none."""
+
+SLACK = (0.005, 0.02, 0.08)
+"""Deflections at which the springs of a gear are let slip [rad]."""
 
 STEPS = 4
 """Rounds of shifting the torque and estimating what is left; two are enough for what one round finds."""
@@ -95,6 +100,14 @@ def _friction_alone(state: State) -> float:
     Where a joint sticks or its gear has slack, friction does so; that is no delay of the log, and weights and
     inertias do not take part in it.
     """
+    rows = state.rows
+    parts = [_slack(run, state) for run in state.log.runs]
+    extra = np.concatenate([np.concatenate(parts, axis=1), _lag_of_friction(state)])
+    return solve(rows, extra=extra).cost
+
+
+def _lag_of_friction(state: State) -> Array:
+    """Derivative of each joint's Coulomb column, shape (n, M, n)."""
     from scipy.interpolate import CubicSpline
 
     rows = state.rows
@@ -107,7 +120,19 @@ def _friction_alone(state: State) -> float:
                 inside = rows.run == run
                 time = np.arange(inside.sum()) / rows.rate
                 extra[j, inside, j] = CubicSpline(time, column[inside])(time, 1)
-    return solve(rows, extra=extra).cost
+    return extra
+
+
+def _slack(run: ObservedRun, state: State) -> Array:
+    """Springs of each joint that slip at a few deflections, in the band, shape (n widths, rows, n)."""
+    n = run.motion.n
+    joints = np.tile(np.arange(n), len(SLACK))
+    widths = np.repeat(SLACK, n)
+    states, _ = kernel.play(run.motion.q, joints, widths)
+    forces = in_band((run.motion.q[:, joints] - states) / widths, run.rate, state.log.band)[run.rows]
+    extra = np.zeros((len(joints), len(forces), n))
+    extra[np.arange(len(joints)), :, joints] = forces.T
+    return extra
 
 
 def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:
