@@ -6,9 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid import kernel
 from armid.errors import Finding
-from armid.information.filtering import in_band
 from armid.information.observations import ObservedRun
 from armid.maths.spectrum import frequencies, inverse, spectrum
 from armid.validation.doctor.evidence import Evidence
@@ -24,18 +22,11 @@ GAIN = 0.1
 """Fall of the residual, as a logarithm, that a delay must bring: recorded arms have up to 0.04 for delays that
 their friction only feigns, logs delayed by 10 ms and more 0.3 and more."""
 
-ALIKE = 0.01
-"""Fall of the residual, as a logarithm, that delays of each joint's own may bring beyond a common one: a late log is
-late on all joints and gains 0.004, gears with slack lag each by its own amount and gain 0.017 and more."""
-
-CLEARER = 0.07
-"""By how much less, as a logarithm, a common delay must else leave than friction that lags by itself."""
+CLEARER = 0.05
+"""By how much less, as a logarithm, a delay must leave than friction that lags by itself."""
 
 SURE = 6.0
 """Standard deviations by which a delay must differ from none."""
-
-SLACK = (0.005, 0.02, 0.08)
-"""Deflections at which the springs of a gear are let slip [rad]."""
 
 STEPS = 4
 """Rounds of shifting the torque and estimating what is left; two are enough for what one round finds."""
@@ -55,9 +46,7 @@ def explain(state: State) -> Explanation | None:
         return None
     delay, deviation, after = delay_of(state)
     gain = state.fit.cost - after.fit.cost
-    if gain < GAIN or abs(delay) < SURE * deviation:
-        return None
-    if _each_joint_gains(after) > ALIKE and _friction_alone(state) < after.fit.cost + CLEARER:
+    if gain < GAIN or abs(delay) < SURE * deviation or _friction_alone(state) < after.fit.cost + CLEARER:
         return None
     word = "lags behind" if delay > 0 else "runs ahead of"
     return Explanation(
@@ -87,27 +76,12 @@ def delay_of(state: State) -> tuple[float, float, State]:
     return delay, deviation, state
 
 
-def _each_joint_gains(state: State) -> float:
-    """By how much less, as a logarithm, is left when each joint has a delay of its own."""
-    rows = state.rows
-    extra = np.eye(rows.n)[:, None, :] * rows.slope[None]
-    return state.fit.cost - solve(rows, extra=extra).cost
-
-
 def _friction_alone(state: State) -> float:
     """What is left when each joint's dry friction may lag by itself, and nothing else does.
 
     Where a joint sticks or its gear has slack, friction does so; that is no delay of the log, and weights and
     inertias do not take part in it.
     """
-    rows = state.rows
-    parts = [_slack(run, state) for run in state.log.runs]
-    extra = np.concatenate([np.concatenate(parts, axis=1), _lag_of_friction(state)])
-    return solve(rows, extra=extra).cost
-
-
-def _lag_of_friction(state: State) -> Array:
-    """Derivative of each joint's Coulomb column, shape (n, M, n)."""
     from scipy.interpolate import CubicSpline
 
     rows = state.rows
@@ -120,19 +94,7 @@ def _lag_of_friction(state: State) -> Array:
                 inside = rows.run == run
                 time = np.arange(inside.sum()) / rows.rate
                 extra[j, inside, j] = CubicSpline(time, column[inside])(time, 1)
-    return extra
-
-
-def _slack(run: ObservedRun, state: State) -> Array:
-    """Springs of each joint that slip at a few deflections, in the band, shape (n widths, rows, n)."""
-    n = run.motion.n
-    joints = np.tile(np.arange(n), len(SLACK))
-    widths = np.repeat(SLACK, n)
-    states, _ = kernel.play(run.motion.q, joints, widths)
-    forces = in_band((run.motion.q[:, joints] - states) / widths, run.rate, state.log.band)[run.rows]
-    extra = np.zeros((len(joints), len(forces), n))
-    extra[np.arange(len(joints)), :, joints] = forces.T
-    return extra
+    return solve(rows, extra=extra).cost
 
 
 def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:

@@ -15,7 +15,6 @@ from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.robot import Robot
-from armid.validation.doctor.bursts import calm
 from armid.validation.doctor.rows import thin
 from armid.validation.doctor.state import Explanation, State
 
@@ -54,16 +53,7 @@ class Evidence:
 
     @cached_property
     def state(self) -> State | None:
-        """The log beside a model with friction, offsets and rotors, bursts not counting."""
-        whole = self.whole
-        if whole is None or whole.log.band.is_open:
-            return whole
-        log = calm(whole)
-        return whole if log is whole.log else State(whole.model, whole.base, log)
-
-    @cached_property
-    def whole(self) -> State | None:
-        """The same with every row; `None` where the log holds too little."""
+        """The log beside a model with friction, offsets and rotors; `None` where it holds too little."""
         if self.recording is None or self.recording.effort is None or self.robot.n == 0:
             return None
         log = thin(self.recording)
