@@ -306,6 +306,18 @@ def test_options_of_reading_and_processing_arrive(armid: Armid, small: Path):
     assert found["FV_2"] == pytest.approx(value["FV_2"], rel=0.05)
 
 
+def test_an_earlier_run_is_kept_unless_its_folder_is_named(armid: Armid, small: Path):
+    command = ("identify", small / "small.urdf", small / "run1.csv", "--no-report")
+    first = armid(*command)
+    kept = Path("runs/small/estimate.json").read_bytes()
+    second = armid(*command)
+    assert first.out.endswith(f"run written to {Path('runs') / 'small'}\n")
+    assert second.out.endswith(f"run written to {Path('runs') / 'small-2'}\n")
+    assert Path("runs/small/estimate.json").read_bytes() == kept
+    third = armid(*command, "--out", "runs/small")
+    assert third.out.endswith(f"run written to {Path('runs') / 'small'}, in place of the one there\n")
+
+
 def test_the_preset_processes_and_estimates_as_the_thesis_does(armid: Armid, small: Path):
     done = armid("identify", small / "small.urdf", small / "run1.csv", "--preset", "thesis", "--period", 8, "--json")
     assert done.code == 0 and done.json["method"] == "ols"
@@ -317,7 +329,7 @@ def test_the_preset_processes_and_estimates_as_the_thesis_does(armid: Armid, sma
     kept = json.loads(Path("runs/small/study.json").read_text())["processing"]
     assert (kept["order"], kept["columns"], kept["average"]) == (THESIS.order, False, True)
     done = armid("identify", small / "small.urdf", small / "run1.csv", "--preset", "thesis", "--edges", "pad")
-    kept = json.loads(Path("runs/small/study.json").read_text())["processing"]
+    kept = json.loads(Path("runs/small-2/study.json").read_text())["processing"]
     assert done.code == 0 and (kept["edges"], kept["average"]) == ("pad", False)
 
 

@@ -236,6 +236,33 @@ def test_friction_is_recalibrated(armid: Armid, tmp_path: Path):
         assert armid("validate", out, seen)[0] == 2
 
 
+def test_recalibration_shows_what_the_earlier_run_would_have_left(armid: Armid, tmp_path: Path):
+    command = ("recalibrate", "run", "warm.npz", "--validate", "later.npz", "--out", tmp_path / "new")
+    code, text, err = armid(*command)
+    assert code == 0 and "earlier run" in text and "recalibration-worse" not in err
+    _, text, _ = armid(*command, "--json")
+    (before,) = json.loads(text)["rms_before"]
+    _, text, _ = armid("validate", "run", "later.npz", "--json")
+    np.testing.assert_allclose(before["rms"], json.loads(text)["recordings"][0]["rms"])
+
+
+def test_a_recalibration_that_does_worse_is_told(armid: Armid, tmp_path: Path):
+    # The friction of a warm arm, judged on the arm as it was cold.
+    write_recording(recorded(7), tmp_path / "cold.npz")
+    command = ("recalibrate", "run", "warm.npz", "--validate", tmp_path / "cold.npz", "--out", tmp_path / "new")
+    _, _, err = armid(*command)
+    assert "recalibration-worse" in err
+
+
+def test_what_is_built_on_a_failed_run_says_so(armid: Armid, tmp_path: Path):
+    failed = shutil.copytree("run", tmp_path / "failed")
+    validation = json.loads((failed / "validation.json").read_text())
+    (failed / "validation.json").write_text(json.dumps(validation | {"verdict": "fail"}))
+    assert "earlier-run-failed" in armid("payload", failed, "loaded.npz")[2]
+    assert "earlier-run-failed" in armid("recalibrate", failed, "warm.npz", "--out", tmp_path / "new")[2]
+    assert "earlier-run-failed" not in armid("payload", "run", "loaded.npz")[2]
+
+
 def test_a_changed_tool_is_noticed_and_recalibrated(armid: Armid, tmp_path: Path):
     code, out, err = armid("recalibrate", "run", "tool.npz", "--out", tmp_path / "friction")
     assert code == 0 and "more-has-changed" in err and "--tool" in err

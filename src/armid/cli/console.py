@@ -127,13 +127,15 @@ def _percent(relative: float) -> str:
     return f"{relative:.2f}" if relative >= 0.1 else f"{relative:.3g}"
 
 
-def validation_table(validation: Validation, training: Sequence[Score], units: Sequence[str]) -> Table:
-    """Torque errors, joint by joint."""
+def validation_table(
+    validation: Validation, training: Sequence[Score], units: Sequence[str], before: Sequence[Score] = ()
+) -> Table:
+    """Torque errors, joint by joint; `before` are those of an earlier run on the same recordings."""
     same = len(set(units)) == 1
     table = Table(title=f"Torque error, RMS{f' in {units[0]}' if same else ''}", header_style="bold")
     table.add_column("joint")
     held = validation.recordings
-    several = [*_columns("train", training), *_columns("unseen", held)]
+    several = [*_columns("train", training), *_columns("unseen", held), *_columns("earlier run", before)]
     for name, _ in several:
         table.add_column(name, justify="right")
     last = (held or tuple(training))[-1]

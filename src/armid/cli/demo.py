@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from armid.cli.identify import Preset, report_result
-from armid.cli.options import Json, Out, Threads, run_folder
+from armid.cli.options import Json, Out, Threads
 from armid.cli.report import NoReport, write_page
 
 __all__ = ["demo"]
@@ -37,12 +38,13 @@ def demo(
     from armid.study.records import estimate_record, to_json, validation_record
     from armid.study.run import refuse_folder, save_run
 
-    refuse_folder(run_folder(out, "demo"))
+    folder = out or Path("runs") / "demo"
+    refuse_folder(folder)
     default = Processing(edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
     study = demo_study(default) if preset is None else demo_study(thesis_processing(edges), "ols")
     with progress(quiet=json) as tell:
         done = run_demo(study, seed=seed, threads=threads, progress=tell)
-    folder = save_run(done.result, run_folder(out, "demo"))
+    save_run(done.result, folder)
     if json:
         record = estimate_record(done.result.estimate)
         record["run"] = str(folder)

@@ -77,8 +77,8 @@ def identify(
     """
     from armid.cli.console import print_findings, progress
     from armid.study import identify as stage
-    from armid.study.compare import compare_methods, compare_record
-    from armid.study.run import refuse_folder, save_run
+    from armid.study.compare import compare_methods
+    from armid.study.run import refuse_folder
 
     if out is not None:
         refuse_folder(out)
@@ -90,17 +90,27 @@ def identify(
         prepared = stage.prepare(study, threads=threads, progress=tell)
         result = stage.conclude(prepared, progress=tell)
         table = compare_methods(prepared, progress=tell) if compare else None
-    beside = {} if table is None else {"compare.json": compare_record(table)}
-    folder = save_run(result, run_folder(out, result.estimate.robot), beside=beside)
+    folder, replaced = _save(result, table, out)
     print_findings(result.estimate.findings)
-    _print(result, table, folder, json=json)
+    _print(result, table, folder, replaced, json=json)
     if not no_report:
         write_page(folder, prepared.recordings)
     if result.validation.verdict == "fail":
         raise typer.Exit(1)
 
 
-def _print(result: Result, table: MethodTable | None, folder: Path, *, json: bool) -> None:
+def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[Path, bool]:
+    """Write the run; its folder, and whether another run was there."""
+    from armid.study.compare import compare_record
+    from armid.study.run import save_run
+
+    folder = run_folder(out, result.estimate.robot)
+    replaced = folder.exists()
+    save_run(result, folder, beside={} if table is None else {"compare.json": compare_record(table)})
+    return folder, replaced
+
+
+def _print(result: Result, table: MethodTable | None, folder: Path, replaced: bool, *, json: bool) -> None:
     """The result on standard output: one JSON object, or tables."""
     from armid.cli.console import print_methods
     from armid.study.compare import compare_record
@@ -119,7 +129,7 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, json: boo
     report_result(result)
     if table is not None:
         print_methods(table, [joint.effort_unit for joint in result.robot.joints])
-    sys.stdout.write(f"\nrun written to {folder}\n")
+    sys.stdout.write(f"\nrun written to {folder}{', in place of the one there' if replaced else ''}\n")
 
 
 def report_result(result: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -80,8 +81,12 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
 
 
 def run_folder(out: Path | None, robot: str) -> Path:
-    """Where a run goes: what the command line says, else `runs/` and the arm's name."""
-    return out or Path("runs") / (re.sub(r"[^\w.+-]+", "-", robot).strip(".-") or "robot")
+    """Where a run goes: what the command line says, else `runs/` and the arm's name, numbered where that is taken."""
+    if out is not None:
+        return out
+    usual = Path("runs") / (re.sub(r"[^\w.+-]+", "-", robot).strip(".-") or "robot")
+    numbered = (usual.with_name(f"{usual.name}-{number}") for number in count(2))
+    return next(folder for folder in chain((usual,), numbered) if not folder.exists())
 
 
 BASE_TERMS = ("rigid-body", "viscous", "coulomb")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Json, Out
+from armid.cli.options import Json, Out, run_folder
 from armid.cli.validate import changed_reading
 from armid.errors import OutputError, StudyError
 
@@ -51,8 +50,7 @@ def recalibrate(
         raise StudyError("--tool and --all are given.", remedy="give one: --all includes the tool.")
     changed: Changed = "tool" if tool else "all" if everything else "friction"
     earlier = load_run(run)
-    name = re.sub(r"[^\w.+-]+", "-", earlier.robot.name).strip(".-") or "robot"
-    folder = out or Path("runs") / f"{name}-recalibrated"
+    folder = run_folder(out, f"{earlier.robot.name}-recalibrated")
     if folder.resolve() == Path(run).resolve():
         raise OutputError(f"{folder} is the earlier run.", remedy="choose another folder with --out.")
     refuse_folder(folder)
@@ -94,5 +92,5 @@ def _report(found: Recalibration, recordings: int) -> None:
         f"{len(found.changes) - len(beyond)} of {len(found.changes)} parameters have not changed beyond them"
     )
     of_joints = [joint.effort_unit for joint in result.robot.joints]
-    console.print(validation_table(result.validation, result.training[:recordings], of_joints))
+    console.print(validation_table(result.validation, result.training[:recordings], of_joints, found.before))
     print_verdict(console, result.validation)

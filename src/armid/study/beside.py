@@ -94,7 +94,22 @@ def beside_run(
         deviation = np.full(run.robot.n, gain_deviation)
         earlier = replace(earlier, scale_deviation=deviation)
     new = replace(inform(run.model, base, observations), scale_deviation=deviation)
-    return Beside(run, base, earlier, new, tuple(recordings), (*findings, *found))
+    return Beside(run, base, earlier, new, tuple(recordings), (*_doubts(run), *findings, *found))
+
+
+def _doubts(run: Run) -> list[Finding]:
+    """What speaks against building on a run."""
+    if run.verdict != "fail":
+        return []
+    return [
+        Finding(
+            "earlier-run-failed",
+            "warning",
+            "",
+            f"{run.folder} did not predict its unseen motion (verdict fail), and what is built on it inherits that.",
+            "look at its report, and identify the arm on motion that says more before relying on this.",
+        )
+    ]
 
 
 def _deviation(reading: Reading, n: int) -> Array:

@@ -18,7 +18,7 @@ from armid.information.information import Information
 from armid.measurement.recording import Recording
 from armid.study.beside import Beside, beside_run, link_columns
 from armid.study.identify import Result, read_recording, score_recordings
-from armid.study.plausibility import few_blocks_finding
+from armid.study.plausibility import few_blocks_finding, negative_finding
 from armid.study.run import Run
 from armid.study.study import EstimationChoice, RecordingChoice, RobotChoice, Study, resolve_model
 from armid.validation.predict import Score, validate
@@ -45,12 +45,14 @@ class Recalibration:
         earlier: The earlier run's folder.
         changed: What was let change.
         changes: Every base parameter before and after.
+        before: Torque errors of the earlier run on the recordings that judge: held out, or else the new ones.
     """
 
     result: Result
     earlier: str
     changed: Changed
     changes: tuple[Change, ...]
+    before: tuple[Score, ...]
 
 
 def recalibrate(
@@ -95,17 +97,23 @@ def recalibrate(
         ),
         made_by=beside.new.made_by,
     )
-    result = _result(beside, estimate, found.information, held_out)
-    findings = (*estimate.findings, *_doubts(beside, result, changed))
+    unseen = [_held_out(beside, path) for path in held_out]
+    result = _result(beside, estimate, found.information, unseen)
+    before, _ = score_recordings(run.model, run.estimate, unseen or beside.recordings, run.processing)
+    findings = (*result.estimate.findings, *_doubts(beside, result, changed), *_worse(result, before, changed))
     estimate = replace(result.estimate, findings=findings, seconds=time.perf_counter() - began)
-    return Recalibration(replace(result, estimate=estimate), run.folder, changed, found.changes)
+    return Recalibration(replace(result, estimate=estimate), run.folder, changed, found.changes, before)
 
 
-def _result(beside: Beside, estimate: Estimate, information: Information, held_out: Sequence[str]) -> Result:
+def _result(
+    beside: Beside,
+    estimate: Estimate,
+    information: Information,
+    unseen: Sequence[tuple[RecordingChoice, Recording]],
+) -> Result:
     """The new run: scores of the new and of held-out recordings, and the study that stands for it."""
     run = beside.run
     training, _ = score_recordings(run.model, estimate, beside.recordings, run.processing)
-    unseen = [_held_out(beside, path) for path in held_out]
     scores, found = score_recordings(run.model, estimate, unseen, run.processing)
     validation = validate(run.robot.joint_names, scores, estimate)
     recordings = tuple(choice for choice, _ in (*beside.recordings, *unseen))
@@ -169,8 +177,31 @@ def _doubts(beside: Beside, result: Result, changed: Changed) -> list[Finding]:
                 f"try {further}.",
             )
         )
-    few = few_blocks_finding(result.estimate.fit)
-    return found if few is None else [*found, few]
+    fit = result.estimate.fit
+    further = (negative_finding(beside.run.model, fit), few_blocks_finding(fit))
+    return [*found, *(finding for finding in further if finding is not None)]
+
+
+def _worse(result: Result, before: Sequence[Score], changed: Changed) -> list[Finding]:
+    """Held-out motion on which the earlier run is the better one."""
+    scores = result.validation.recordings
+    if not scores:
+        return []
+    error, earlier = (float(np.sqrt(np.nansum([score.rms**2 for score in each]))) for each in (scores, before))
+    if not error > earlier:
+        return []
+    return [
+        Finding(
+            "recalibration-worse",
+            "warning",
+            "",
+            f"On unseen motion the torque error is {error:.3g}, the earlier run's is {earlier:.3g}: the new values "
+            "are no better than the earlier ones.",
+            "record longer or wider motion"
+            + (", let less change," if changed != "friction" else "")
+            + " or keep the earlier run.",
+        )
+    ]
 
 
 def changes_record(recalibration: Recalibration) -> dict[str, Any]:
@@ -180,6 +211,7 @@ def changes_record(recalibration: Recalibration) -> dict[str, Any]:
     return {
         "earlier": recalibration.earlier,
         "let_change": recalibration.changed,
+        "rms_before": [{"path": score.path, "rms": score.rms} for score in recalibration.before],
         "changes": [
             {
                 "name": each.name,

@@ -43,6 +43,7 @@ class Run:
         processing: How recordings were processed.
         reading: How the first training recording was read.
         trained_on: Digests of the training recordings (sha256).
+        verdict: Of its validation: `pass`, `fail` or `not judged`.
     """
 
     folder: str
@@ -52,6 +53,7 @@ class Run:
     processing: Processing
     reading: Reading
     trained_on: tuple[str, ...]
+    verdict: str = "not judged"
 
 
 def save_run(result: Result, folder: Path | str, *, beside: Mapping[str, Any] | None = None) -> Path:
@@ -102,12 +104,19 @@ def load_run(folder: Path | str) -> Run:
             Processing(**kept["processing"]),
             Reading(**kept["reading"]),
             tuple(kept["trained_on"]),
+            _verdict(folder),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ArmidError(
-            f"{folder / 'model.json'} is damaged or of another version ({type(error).__name__}: {error}).",
+            f"{folder} is damaged or of another version: its model.json or validation.json cannot be read "
+            f"({type(error).__name__}: {error}).",
             remedy="identify again.",
         ) from error
+
+
+def _verdict(folder: Path) -> str:
+    """What the validation of a run came to."""
+    return str(json.loads((folder / "validation.json").read_text(encoding="utf-8"))["verdict"])
 
 
 def _model(robot: Robot, kept: Mapping[str, Any]) -> DynamicsModel:
