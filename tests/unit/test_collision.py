@@ -10,9 +10,12 @@ from armid.excitation import coal
 from armid.excitation.channels import States, soft_maximum
 from armid.excitation.clearance import around, floor
 from armid.excitation.collision import collision_of, load_environment
+from armid.excitation.finish import fine_grid, margins
 from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, Objective
+from armid.excitation.places import SCALE
 from armid.excitation.series import SeriesBasis
+from armid.excitation.solver import Problem, drawn_together
 from armid.maths.spatial import homogeneous
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -93,6 +96,25 @@ def test_nothing_hides_between_the_points_of_a_grid(collision):
     coarse, fine = (States(Objective(goal, basis, samples), x) for samples in (200, 2000))
     seen = made.every.values(coarse).max(axis=0) + made.every.between(coarse, basis.period / 200)
     assert (made.every.values(fine).max(axis=0) <= seen).all()
+
+
+def test_the_certificate_of_a_long_motion_asks_for_no_more_than_its_speed():
+    """Where the arm is far from the floor a rough bound does; it is none for where the arm is near."""
+    robot = load_robot("ur10e")
+    start = np.array([0.0, -1.57, 0.5, 0.0, 0.5, 0.0])
+    made = collision_of(robot, limits_of(robot), start, [floor()])
+    model = DynamicsModel(robot, (RigidBody(),))
+    basis = SeriesBasis(2.0 * np.pi / 10.0, 4, start)
+    problem = Problem(Goal(model, find_base_parameters(model)), basis, (made.every,))
+    x = drawn_together(problem, problem.fine, basis.project(np.random.default_rng(1).normal(size=(6, 9))))
+    assert x is not None
+    grid = fine_grid(problem)
+    assert len(grid) > 1
+    near = [margin for margin in margins(problem, grid, x) if margin.share > 0.5]
+    assert near
+    # No point of this arm is faster than its joints together at its reach; half a step of a millisecond.
+    fastest = 1.5 * np.abs(States(problem.fine, x).derivatives[1]).max(axis=0).sum()
+    assert all(margin.certified - margin.share < 0.0005 * fastest / SCALE for margin in near)
 
 
 def test_capsules_go_around_bodies():

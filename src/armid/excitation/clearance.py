@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.excitation.channels import States
-from armid.excitation.places import SCALE, carried_by, point_gradient, point_speed
+from armid.excitation.places import SCALE, carried_by, point_gradient
+from armid.kernel.tree import Tree
 from armid.maths.spatial import homogeneous
 from armid.robot.shapes import Shape, capsule_between
 from armid.values import Array
@@ -202,6 +203,21 @@ class Bodies:
                 along[:, k] = R[:, capsule.link] @ axis
         return begin, along
 
+    def lengths(self, poses: tuple[Array, Array], tree: Tree) -> Array:
+        """How far the points of each capsule are at most from each joint's axis, shape (N, c, n) [m].
+
+        The distance to a line is convex, so one of the ends of the capsule's axis is the furthest.
+        """
+        begin, along = self._segments(poses)
+        R, p = poses
+        axes = np.einsum("njik,jk->nji", R, tree.axis)[:, None]
+        result = np.zeros((len(p), len(self.capsules), tree.n))
+        for end in (begin, begin + along):
+            away = end[:, :, None] - p[:, None]
+            away -= (away * axes).sum(axis=-1, keepdims=True) * axes
+            np.maximum(result, np.linalg.norm(away, axis=-1), out=result)
+        return result + np.array([capsule.size[0] for capsule in self.capsules])[:, None]
+
     def only(self, which: Sequence[int] | NDArray[np.intp]) -> Bodies:
         """Some of the pairs."""
         return Bodies(self.capsules, self.solids, self.pairs[np.asarray(which, dtype=np.intp)])
@@ -241,38 +257,49 @@ class Clearance:
         return states.pull_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """How far each pair may come together between points of a grid, as a share.
+        """How far each pair may come together between points of a grid beyond its closest there, as a share.
 
-        Half a step at the speeds of the two bodies. For pairs that are far apart a rougher bound does: no point of
+        Two bodies approach each other no faster than the joints between them move the points of either, so half a
+        step brings them together by no more than that. For pairs that are far apart a rougher bound does: no point of
         the arm is further from an axis than the widest spread of all points.
         """
         distance, first, second, _ = self._nearest(states)
         speed, origins = states.speed_bound, states.poses[1]
         spread = 2.0 * max(float(np.abs(points).max(initial=0.0)) for points in (first, second, origins)) * 3.0**0.5
-        size = self._size()
-        reach = np.where(states.tree.prismatic.astype(np.bool_), 1.0, spread)
-        total = np.full(len(self.labels), 2.0 * float(speed @ reach)) + 2.0 * size.max() * float(speed.sum())
-        close = np.flatnonzero(distance.min(axis=0) - 0.5 * step * total < self.margin)
+        size = max((float(capsule.size[:2].sum()) for capsule in self.bodies.capsules), default=0.0)
+        reach = np.where(states.tree.prismatic.astype(np.bool_), 1.0, spread + size)
+        total = np.full(len(self.labels), step * float(speed @ reach))
+        close = np.flatnonzero(distance.min(axis=0) - total < self.margin + SCALE)
         if len(close):
-            near = self.bodies.only(close)
-            total[close] = 0.0
-            for side, points in ((0, first), (1, second)):
-                mask = carried_by(states.tree, near.links(side))
-                # Any point of a body is at most the body's length and radius from the nearest one.
-                total[close] += point_speed(states.tree, states.poses, mask, points[:, close], speed).max(axis=0)
-                total[close] += size[close, side] * (mask @ speed)
-        return 0.5 * step * total / SCALE
+            nearer = distance[:, close] - self._approach(states, step, self.bodies.only(close), float(speed @ reach))
+            total[close] = distance[:, close].min(axis=0) - nearer.min(axis=0)
+        return total / SCALE
+
+    def _approach(self, states: States, step: float, bodies: Bodies, fastest: float) -> Array:
+        """How far (N, m) [m] pairs may come together within half a step of each point of a grid.
+
+        Args:
+            states: The motion.
+            step: Of the grid [s].
+            bodies: The pairs.
+            fastest: Bound of the speed of any point of the arm [m/s].
+        """
+        half = 0.5 * step
+        speed = np.abs(states.derivatives[1]) + half * states.basis.peaks_between(states.x, 2)
+        lengths = bodies.lengths(states.poses, states.tree) + half * fastest
+        reach = np.where(states.tree.prismatic.astype(np.bool_), 1.0, lengths)
+        one, other = (carried_by(states.tree, bodies.links(side)) for side in (0, 1))
+        solid = bodies.pairs[:, 1] >= len(bodies.capsules)
+        i, j = bodies.pairs[:, 0], np.where(solid, 0, bodies.pairs[:, 1])
+        # A joint that carries both moves neither by the other; one that carries a solid does not exist.
+        moved = reach[:, i] * (one * (1.0 - other)) + reach[:, j] * (other * (1.0 - one))
+        return half * np.einsum("nmj,nj->nm", moved, speed)
 
     def _nearest(self, states: States) -> tuple[Array, Array, Array, Array]:
         """Distances, nearest points and directions, computed once a point of a search."""
         if id(self) not in states.nearest:
             states.nearest[id(self)] = self.bodies.nearest(states.poses)
         return states.nearest[id(self)]
-
-    def _size(self) -> Array:
-        """Radius and length of both bodies of each pair, shape (m, 2)."""
-        every = (*self.bodies.capsules, *self.bodies.solids)
-        return np.array([[every[k].size[0] + every[k].size[1] for k in pair] for pair in self.bodies.pairs])
 
 
 def floor(height: float = 0.0) -> Shape:

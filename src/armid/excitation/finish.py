@@ -72,7 +72,11 @@ def fine_grid(problem: Problem) -> tuple[Objective, ...]:
 
 
 def _peaks(problem: Problem, grid: tuple[Objective, ...], x: Array) -> list[tuple[Array, Array, Array]]:
-    """For each channel the highest shares (m,), what could hide between points (m,), and times (m,) [s]."""
+    """For each channel the highest shares (m,), these with what could hide between points (m,), and times (m,) [s].
+
+    What hides is bounded chunk by chunk, roughly where a chunk is far from a limit, so it is added before chunks are
+    compared.
+    """
     step = problem.basis.period / sum(len(chunk.times) for chunk in grid)
     found: list[list[tuple[Array, Array, Array]]] = [[] for _ in problem.channels]
     for chunk in grid:
@@ -81,13 +85,14 @@ def _peaks(problem: Problem, grid: tuple[Objective, ...], x: Array) -> list[tupl
             values = channel.values(states)
             at = values.argmax(axis=0)
             times = chunk.times[at] if len(values) > 1 else np.full(len(at), np.nan)
-            parts.append((values.max(axis=0), channel.between(states, step), times))
+            highest = values.max(axis=0)
+            parts.append((highest, highest + channel.between(states, step), times))
     result: list[tuple[Array, Array, Array]] = []
     for parts in found:
-        shares, rises, times = (np.array([part[k] for part in parts]) for k in range(3))
+        shares, totals, times = (np.array([part[k] for part in parts]) for k in range(3))
         best = shares.argmax(axis=0)
         every = np.arange(shares.shape[1])
-        result.append((shares[best, every], rises.max(axis=0), times[best, every]))
+        result.append((shares[best, every], totals.max(axis=0), times[best, every]))
     return result
 
 
@@ -100,7 +105,7 @@ def certified(problem: Problem, grid: tuple[Objective, ...], x: Array) -> Array:
     factor, trial = 1.0, x
     for k in range(STEPS):
         trial = about_start(problem.basis, x, factor)
-        worst = max((float((u + rise).max()) for u, rise, _ in _peaks(problem, grid, trial)), default=0.0)
+        worst = max((float(total.max()) for _, total, _ in _peaks(problem, grid, trial)), default=0.0)
         if worst <= 1.0:
             return trial
         # Most limits grow with the amplitude; those that hardly do are met with larger and larger steps.
@@ -108,8 +113,8 @@ def certified(problem: Problem, grid: tuple[Objective, ...], x: Array) -> Array:
     name, label, worst = max(
         (
             (channel.name, label, float(total))
-            for channel, (u, rise, _) in zip(problem.channels, _peaks(problem, grid, trial), strict=True)
-            for label, total in zip(channel.labels, u + rise, strict=True)
+            for channel, (_, totals, _) in zip(problem.channels, _peaks(problem, grid, trial), strict=True)
+            for label, total in zip(channel.labels, totals, strict=True)
         ),
         key=lambda each: each[2],
     )
@@ -128,9 +133,9 @@ def margins(problem: Problem, grid: tuple[Objective, ...], x: Array) -> tuple[Ma
     result: list[Margin] = []
     robot = problem.goal.model.robot
     series = problem.basis.excitation(x)
-    for channel, (shares, rises, times) in zip(problem.channels, _peaks(problem, grid, x), strict=True):
+    for channel, (shares, totals, times) in zip(problem.channels, _peaks(problem, grid, x), strict=True):
         for k, label in enumerate(channel.labels):
-            share, total, time = float(shares[k]), float(shares[k] + rises[k]), float(times[k])
+            share, total, time = float(shares[k]), float(totals[k]), float(times[k])
             joint = robot.joints[robot.joint_index(label)] if label in robot.joint_names else None
             slides = joint is not None and joint.is_prismatic
             value, bound, unit = _physical(channel, k, share, slides)
