@@ -7,8 +7,9 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.excitation import coal
+from armid.excitation.capsules import covering
 from armid.excitation.channels import States, soft_maximum
-from armid.excitation.clearance import around, floor
+from armid.excitation.clearance import floor
 from armid.excitation.collision import collision_of, load_environment
 from armid.excitation.finish import fine_grid, margins
 from armid.excitation.limits import limits_of
@@ -117,20 +118,43 @@ def test_the_certificate_of_a_long_motion_asks_for_no_more_than_its_speed():
     assert all(margin.certified - margin.share < 0.0005 * fastest / SCALE for margin in near)
 
 
+def inside(capsules, points):
+    """How far points lie outside the nearest of capsules that the base carries, shape (v,)."""
+    distances = []
+    for capsule in capsules:
+        local = (points - capsule.placement[:3, 3]) @ capsule.placement[:3, :3]
+        beyond = np.maximum(np.abs(local[:, 2]) - 0.5 * capsule.size[1], 0.0)
+        distances.append(np.hypot(np.hypot(local[:, 0], local[:, 1]), beyond) - capsule.size[0])
+    return np.min(distances, axis=0)
+
+
 def test_capsules_go_around_bodies():
+    """Every point of every triangle of a body lies in one of its capsules, also where a body is cut."""
     rng = np.random.default_rng(3)
     placement = homogeneous(random_rotation(rng), rng.normal(size=3))
-    points = rng.normal(size=(30, 3)) * [0.1, 0.05, 0.4]
     box = Shape("box", 0, "box", np.array([0.2, 0.1, 0.5]), placement)
-    corners = 0.5 * box.size * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     mesh = Shape("mesh", 0, "mesh", np.ones(3), placement, "none.stl")
-    for shape, inside in ((box, corners), (mesh, points)):
-        capsule = around(shape, points)
-        local = (inside @ placement[:3, :3].T + placement[:3, 3] - capsule.placement[:3, 3]) @ capsule.placement[
-            :3, :3
-        ]
-        beyond = np.maximum(np.abs(local[:, 2]) - 0.5 * capsule.size[1], 0.0)
-        assert (np.hypot(np.hypot(local[:, 0], local[:, 1]), beyond) <= capsule.size[0] + 1e-9).all()
+    # An elbow: two boxes at right angles, of large triangles.
+    bent = np.concatenate(
+        [box_triangles([0.1, 0.1, 0.6], [0, 0, 0.3]), box_triangles([0.6, 0.1, 0.1], [0.3, 0, 0.6])]
+    )
+    for shape, triangles in (
+        (box, box_triangles(box.size, [0, 0, 0])),
+        (mesh, bent),
+        (mesh, rng.normal(size=(9, 3, 3))),
+    ):
+        capsules = covering(shape, triangles)
+        weights = rng.dirichlet(np.ones(3), 2000)
+        points = np.einsum("vk,vkx->vx", weights, triangles[rng.integers(len(triangles), size=2000)])
+        assert inside(capsules, points @ placement[:3, :3].T + placement[:3, 3]).max() < 1e-9
+        assert len(capsules) > 1 or triangles is not bent
+
+
+def box_triangles(size, centre):
+    """Two triangles a side."""
+    corners = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size + centre
+    faces = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+    return np.array([corners[[a, b, c]] for a, b, c, d in faces] + [corners[[a, c, d]] for a, b, c, d in faces])
 
 
 def test_neighbours_are_skipped_and_others_refused():

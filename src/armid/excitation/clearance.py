@@ -1,14 +1,15 @@
 """Distances between bodies of the arm and of its surroundings, with their gradients by the points that are nearest.
 
-A search asks for distances millions of times, so bodies of the arm are taken as capsules here: exact where the
-description has capsules and spheres, and around the body otherwise, so that what is found apart is apart. Boxes and
-half-spaces of the surroundings are exact. `armid.excitation.coal` measures bodies as they are, when a plan is done.
+A search asks for distances millions of times, so bodies of the arm are taken as capsules here (see
+`armid.excitation.capsules`), several to a body where one would be too wide. Boxes and half-spaces of the surroundings
+are exact. `armid.excitation.coal` measures bodies as they are, when a plan is done.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,10 @@ from armid.excitation.channels import States
 from armid.excitation.places import SCALE, carried_by, point_gradient
 from armid.kernel.tree import Tree
 from armid.maths.spatial import homogeneous
-from armid.robot.shapes import Shape, capsule_between
+from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["Bodies", "Clearance", "around", "nearest_on_box", "nearest_on_segments"]
+__all__ = ["Bodies", "Clearance", "floor", "nearest_on_box", "nearest_on_segments"]
 
 TINY = 1e-12
 """Squared length [m²] below which a line is a point."""
@@ -29,51 +30,6 @@ SECTIONS = 40
 """Steps of the golden section along a capsule beside a box: 4e-9 of its length."""
 
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
-
-
-def around(shape: Shape, points: Array | None = None) -> Shape:
-    """The capsule around a body; a capsule is itself.
-
-    Args:
-        shape: The body.
-        points: Corners of a mesh in its own frame, shape (v, 3) [m].
-    """
-    if shape.kind in ("capsule", "half-space"):
-        return shape
-    radius, length, _ = shape.size
-    name, link, placement = shape.name, shape.link, shape.placement
-    if shape.kind == "sphere":
-        return Shape(name, link, "capsule", np.array([radius, 0.0]), placement)
-    if shape.kind == "cylinder":
-        return Shape(name, link, "capsule", np.array([radius, length]), placement)
-    if shape.kind == "box":
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        points = 0.5 * signs * shape.size
-    assert points is not None
-    centre = points.mean(axis=0)
-    directions = np.linalg.svd(points - centre, full_matrices=False)[2]
-    best: Shape | None = None
-    for direction in directions:
-        along = (points - centre) @ direction
-        middle = centre + 0.5 * (along.max() + along.min()) * direction
-        across = (points - middle) - np.outer((points - middle) @ direction, direction)
-        # Centring across the axis brings the radius near the smallest.
-        middle = middle + 0.5 * (across.max(axis=0) + across.min(axis=0))
-        away = points - middle
-        reach = away @ direction
-        wide = np.linalg.norm(away - np.outer(reach, direction), axis=1)
-        size = float(wide.max())
-        half = float(np.max(np.abs(reach) - np.sqrt(np.maximum(size**2 - wide**2, 0.0)), initial=0.0))
-        made = capsule_between(name, link, middle - half * direction, middle + half * direction, size)
-        if best is None or _volume(made) < _volume(best):
-            best = made
-    assert best is not None
-    return best.on(link, placement)
-
-
-def _volume(capsule: Shape) -> float:
-    radius, length, _ = capsule.size
-    return float(np.pi * radius**2 * (length + 4.0 / 3.0 * radius))
 
 
 def nearest_on_segments(a: Array, u: Array, b: Array, v: Array) -> tuple[Array, Array]:
@@ -136,31 +92,55 @@ def _box_distance(point: Array, half: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Bodies:
-    """Capsules of the arm, and pairs of them with each other or with the surroundings.
+    """Capsules of the arm, and pairs of bodies with each other or with the surroundings.
 
     Attributes:
         capsules: Of the arm and, carried by -1, of the base and the surroundings.
         solids: Boxes and half-spaces of the surroundings.
-        pairs: Indices of two capsules, or of a capsule and, counted on after the capsules, a solid, shape (m, 2).
+        pairs: Indices of two capsules, or of a capsule and, counted on after the capsules, a solid, shape (c, 2).
+        groups: Which pair of bodies each pair of capsules belongs to, rising from 0 without gaps, shape (c,).
     """
 
     capsules: tuple[Shape, ...]
     solids: tuple[Shape, ...]
     pairs: NDArray[np.intp]
+    groups: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    @property
+    def first(self) -> NDArray[np.intp]:
+        """Where the capsules of each pair of bodies begin among `pairs`, shape (m,)."""
+        return np.flatnonzero(np.diff(self.groups, prepend=-1))
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the pairs."""
+        """Names of the pairs of bodies."""
         every = (*self.capsules, *self.solids)
-        return tuple(f"{every[a].name} - {every[b].name}" for a, b in self.pairs)
+        return tuple(f"{every[a].name} - {every[b].name}" for a, b in self.pairs[self.first])
 
     def links(self, side: int) -> list[int]:
         """Links that carry the first or the second bodies of the pairs."""
         every = (*self.capsules, *self.solids)
-        return [every[k].link for k in self.pairs[:, side]]
+        return [every[k].link for k in self.pairs[self.first, side]]
 
     def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
         """Distances (N, m) [m], nearest points of both axes and directions from the second, each (N, m, 3)."""
+        found = self._of_capsules(poses)
+        first = self.first
+        if len(first) == len(self.pairs):
+            return found
+        distance, *points = found
+        chosen = np.tile(first, (len(distance), 1))
+        for k, (begin, end) in enumerate(pairwise((*first, len(self.pairs)))):
+            if end > begin + 1:
+                chosen[:, k] += distance[:, begin:end].argmin(axis=1)
+        one, two, normal = (np.take_along_axis(each, chosen[:, :, None], axis=1) for each in points)
+        return np.take_along_axis(distance, chosen, axis=1), one, two, normal
+
+    def _of_capsules(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
+        """The same for each pair of capsules."""
         begin, along = self._segments(poses)
         samples = len(begin)
         shape = (samples, len(self.pairs))
@@ -219,8 +199,10 @@ class Bodies:
         return result + np.array([capsule.size[0] for capsule in self.capsules])[:, None]
 
     def only(self, which: Sequence[int] | NDArray[np.intp]) -> Bodies:
-        """Some of the pairs."""
-        return Bodies(self.capsules, self.solids, self.pairs[np.asarray(which, dtype=np.intp)])
+        """Some of the pairs of bodies, in rising order."""
+        chosen = np.isin(self.groups, np.asarray(which, dtype=np.intp))
+        groups = np.unique(self.groups[chosen], return_inverse=True)[1]
+        return Bodies(self.capsules, self.solids, self.pairs[chosen], groups)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -292,8 +274,9 @@ class Clearance:
         solid = bodies.pairs[:, 1] >= len(bodies.capsules)
         i, j = bodies.pairs[:, 0], np.where(solid, 0, bodies.pairs[:, 1])
         # A joint that carries both moves neither by the other; one that carries a solid does not exist.
-        moved = reach[:, i] * (one * (1.0 - other)) + reach[:, j] * (other * (1.0 - one))
-        return half * np.einsum("nmj,nj->nm", moved, speed)
+        at = bodies.groups
+        moved = reach[:, i] * (one * (1.0 - other))[at] + reach[:, j] * (other * (1.0 - one))[at]
+        return half * np.maximum.reduceat(np.einsum("nmj,nj->nm", moved, speed), bodies.first, axis=1)
 
     def _nearest(self, states: States) -> tuple[Array, Array, Array, Array]:
         """Distances, nearest points and directions, computed once a point of a search."""

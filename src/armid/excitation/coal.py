@@ -16,7 +16,7 @@ from armid.errors import ArmidError
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["distances", "mesh_points"]
+__all__ = ["distances", "mesh_triangles"]
 
 
 def _coal() -> Any:
@@ -39,10 +39,12 @@ def _mesh(path: str, scale: tuple[float, float, float]) -> Any:
         ) from error
 
 
-def mesh_points(shape: Shape) -> Array:
-    """Corners of a mesh in its own frame, shape (v, 3) [m]."""
+def mesh_triangles(shape: Shape) -> Array:
+    """Triangles of a mesh in its own frame, shape (t, 3, 3) [m]."""
     mesh = _mesh(shape.path, tuple(shape.size.tolist()))
-    return np.array([mesh.vertex(k) for k in range(mesh.num_vertices)])
+    corners = np.array([mesh.vertex(k) for k in range(mesh.num_vertices)])
+    faces = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
+    return corners[np.array([[face[i] for i in range(3)] for face in faces])]
 
 
 def _geometry(shape: Shape) -> Any:

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
-from armid.excitation.clearance import Bodies, Clearance, around
-from armid.excitation.coal import mesh_points
+from armid.excitation.capsules import covering
+from armid.excitation.clearance import Bodies, Clearance
+from armid.excitation.coal import mesh_triangles
 from armid.excitation.limits import Limits
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.kinematics import forward_kinematics
@@ -21,7 +22,7 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape, rotation_with_z
 from armid.values import Array
 
-__all__ = ["Collision", "collision_of", "load_environment"]
+__all__ = ["Cell", "Collision", "cell_of", "collision_of", "kept_apart", "load_environment"]
 
 LOOKED = 3000
 """Random poses in which pairs are looked at, to leave out of a search those that never come near each other."""
@@ -35,6 +36,9 @@ at the speeds of both bodies, need not draw the plan together."""
 
 NEIGHBOURS = 2
 """Links so many joints apart may touch by construction; further apart they may not."""
+
+CONSTRUCTION = 0.5
+"""Such links do so if they touch in more than this share of random poses; else they would touch by accident."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,23 +60,49 @@ class Collision:
     pairs: NDArray[np.intp]
 
 
-def collision_of(
-    robot: Robot, limits: Limits, start: Array, surroundings: Sequence[Shape] = (), *, margin: float = 0.02
-) -> Collision:
-    """Pairs of bodies that a plan must keep apart.
+@dataclass(frozen=True, eq=False, slots=True)
+class Cell:
+    """An arm and its surroundings, with all pairs of bodies that are not next to each other.
 
-    Links next to each other are no pair. Links two joints apart that are closer than the margin in the start pose
-    touch by construction, as a ball-shaped shoulder does, and are listed as skipped.
-
-    Args:
-        robot: The arm, with shapes.
-        limits: Of its joints.
-        start: The start pose, shape (n,) [rad or m].
-        surroundings: Bodies that do not move.
+    Attributes:
+        robot: The arm.
+        shapes: The bodies as they are, the surroundings last.
+        bodies: Capsules, solids and their pairs.
+        pairs: Indices into `shapes` of these pairs, shape (m, 2).
         margin: Distance that stays between bodies [m].
+        nearest: Least distance of each pair in many random poses, shape (m,) [m].
+        touching: Share of these poses in which each pair is closer than the margin, shape (m,).
+    """
+
+    robot: Robot
+    shapes: tuple[Shape, ...]
+    bodies: Bodies
+    pairs: NDArray[np.intp]
+    margin: float
+    nearest: Array
+    touching: Array
+
+    @property
+    def constructed(self) -> NDArray[np.bool_]:
+        """Which pairs may touch by construction, shape (m,)."""
+        result = np.zeros(len(self.pairs), dtype=np.bool_)
+        for k, pair in enumerate(self.pairs):
+            a, b = (self.shapes[i].link for i in pair)
+            stands = pair[1] >= len(self.robot.shapes) and a <= 0  # what the arm stands on
+            apart = _joints_between(self.robot, a, b)
+            result[k] = stands or (apart <= NEIGHBOURS and self.touching[k] > CONSTRUCTION)
+        return result
+
+    def distances(self, q: Array) -> Array:
+        """Distance of each pair in poses (N, n), shape (N, m) [m]."""
+        return self.bodies.nearest(forward_kinematics(self.robot, q))[0]
+
+
+def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *, margin: float = 0.02) -> Cell:
+    """An arm among bodies, looked at in many random poses.
 
     Raises:
-        ArmidError: No shapes, or bodies too close to each other in the start pose.
+        ArmidError: The description has no shapes, or the margin is negative.
     """
     if not robot.shapes:
         raise ArmidError(
@@ -83,73 +113,83 @@ def collision_of(
         raise ArmidError(f"The distance that stays between bodies cannot be negative; found {margin} m.")
     shapes = (*robot.shapes, *surroundings)
     bodies, pairs = _bodies(robot, shapes)
-    skipped: list[int] = []
-    poses = forward_kinematics(robot, start[None])
-    close = bodies.nearest(poses)[0][0] < margin
-    for k in np.flatnonzero(close):
-        a, b = (shapes[i].link for i in pairs[k])
-        on_the_base = pairs[k, 1] >= len(robot.shapes) and a <= 0  # what the arm stands on
-        if on_the_base or _joints_between(robot, a, b) <= NEIGHBOURS:
-            skipped.append(int(k))
-            continue
-        distance = float(bodies.nearest(poses)[0][0, k])
+    low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
+    high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
+    q = np.random.default_rng(0).uniform(low, high, (LOOKED, robot.n))
+    distance = bodies.nearest(forward_kinematics(robot, q))[0]
+    touching = (distance < margin).mean(axis=0)
+    return Cell(robot, shapes, bodies, pairs, margin, distance.min(axis=0, initial=np.inf), touching)
+
+
+def collision_of(
+    robot: Robot, limits: Limits, start: Array, surroundings: Sequence[Shape] = (), *, margin: float = 0.02
+) -> Collision:
+    """Pairs of bodies that a plan must keep apart; see `kept_apart`."""
+    return kept_apart(cell_of(robot, limits, surroundings, margin=margin), start)
+
+
+def kept_apart(cell: Cell, start: Array) -> Collision:
+    """Pairs of bodies that a plan from a start pose must keep apart.
+
+    Links next to each other are no pair. Links two joints apart that are closer than the margin in the start pose,
+    and in most other poses too, touch by construction, as a ball-shaped shoulder does, and are listed as skipped.
+
+    Args:
+        cell: The arm and its surroundings.
+        start: The start pose, shape (n,) [rad or m].
+
+    Raises:
+        ArmidError: Bodies are too close to each other in the start pose.
+    """
+    distance, labels = cell.distances(start[None])[0], cell.bodies.labels
+    close = distance < cell.margin
+    wrong = np.flatnonzero(close & ~cell.constructed)
+    if len(wrong):
+        k = int(wrong[distance[wrong].argmin()])
         raise ArmidError(
-            f"In the start pose {bodies.labels[k]} are {1000 * distance:.0f} mm apart, less than the "
-            f"{1000 * margin:.0f} mm that are asked.",
+            f"In the start pose {labels[k]} are {1000 * max(distance[k], 0.0):.0f} mm apart, less than the "
+            f"{1000 * cell.margin:.0f} mm that are asked.",
             remedy="choose another start pose with --start, or a smaller --clearance.",
         )
-    kept = np.setdiff1d(np.arange(len(pairs)), skipped)
-    every = bodies.only(kept)
-    near = _near(robot, limits, start, every, margin)
-    labels = bodies.labels
+    kept = np.flatnonzero(~close)
+    every = cell.bodies.only(kept)
+    near = np.flatnonzero(np.minimum(cell.nearest, distance)[kept] < cell.margin + NEAR)
     return Collision(
-        Clearance("collision", every.only(near), margin + CERTIFICATE) if len(near) else None,
-        Clearance("collision", every, margin),
-        tuple(labels[k] for k in skipped),
-        shapes,
-        pairs[kept],
+        Clearance("collision", every.only(near), cell.margin + CERTIFICATE) if len(near) else None,
+        Clearance("collision", every, cell.margin),
+        tuple(labels[k] for k in np.flatnonzero(close)),
+        cell.shapes,
+        cell.pairs[kept],
     )
 
 
 def _bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDArray[np.intp]]:
     """Capsules and solids with their pairs, and the pairs as indices into the shapes."""
+    solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
     capsules: list[Shape] = []
-    solids: list[Shape] = []
-    place: dict[int, tuple[bool, int]] = {}
-    for k, shape in enumerate(shapes):
-        if shape.kind in ("box", "half-space") and shape.link < 0:
-            place[k] = (True, len(solids))
-            solids.append(shape)
-        else:
-            place[k] = (False, len(capsules))
-            capsules.append(around(shape, mesh_points(shape) if shape.kind == "mesh" else None))
+    solids = [shape for shape, apart in zip(shapes, solid, strict=True) if apart]
+    places: list[list[int]] = []
+    for shape, apart in zip(shapes, solid, strict=True):
+        made = () if apart else covering(shape, mesh_triangles(shape) if shape.kind == "mesh" else None)
+        places.append(list(range(len(capsules), len(capsules) + len(made))))
+        capsules += made
+    for number, k in enumerate(np.flatnonzero(solid)):
+        places[k] = [len(capsules) + number]
     chosen: list[tuple[int, int]] = []
     for a in range(len(shapes)):
         for b in range(a + 1, len(shapes)):
-            if _joints_between(robot, shapes[a].link, shapes[b].link) > 1 and not (place[a][0] and place[b][0]):
-                chosen.append((b, a) if place[a][0] else (a, b))
-    own = [
-        [place[i][1] + (len(capsules) if place[i][0] else 0) for i in pair]
-        for pair in chosen
-    ]  # fmt: skip
-    index = np.array(own, dtype=np.intp).reshape(-1, 2)
-    return Bodies(tuple(capsules), tuple(solids), index), np.array(chosen, dtype=np.intp).reshape(-1, 2)
+            if _joints_between(robot, shapes[a].link, shapes[b].link) > 1 and not (solid[a] and solid[b]):
+                chosen.append((b, a) if solid[a] else (a, b))
+    own = [(i, j, group) for group, (a, b) in enumerate(chosen) for i in places[a] for j in places[b]]
+    index = np.array(own, dtype=np.intp).reshape(-1, 3)
+    bodies = Bodies(tuple(capsules), tuple(solids), index[:, :2], index[:, 2])
+    return bodies, np.array(chosen, dtype=np.intp).reshape(-1, 2)
 
 
 def _joints_between(robot: Robot, a: int, b: int) -> int:
     """Joints on the way from one link to another."""
     above_a, above_b = ([*robot.tree.ancestors(k)] if k >= 0 else [] for k in (a, b))
     return len(set(above_a) ^ set(above_b))
-
-
-def _near(robot: Robot, limits: Limits, start: Array, bodies: Bodies, margin: float) -> NDArray[np.intp]:
-    """Pairs that come near each other in any of many random poses."""
-    rng = np.random.default_rng(0)
-    low = np.where(np.isfinite(limits.lower), limits.lower, start - np.pi)
-    high = np.where(np.isfinite(limits.upper), limits.upper, start + np.pi)
-    q = rng.uniform(low, high, (LOOKED, robot.n))
-    distance = bodies.nearest(forward_kinematics(robot, q))[0]
-    return np.flatnonzero(distance.min(axis=0) < margin + NEAR)
 
 
 ENVIRONMENT = {

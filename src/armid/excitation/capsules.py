@@ -1,0 +1,109 @@
+"""Capsules around bodies: what is found apart by its capsules is apart.
+
+Exact where the description has capsules and spheres. Other bodies are cut into slabs across one of their axes, and
+each slab, cut edges included, lies in the smallest capsule found; more slabs are taken as long as the capsules
+become much smaller by it, so that an elbow with an offset is not a balloon.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.robot.shapes import Shape, capsule_between
+from armid.values import Array
+
+__all__ = ["around", "covering"]
+
+SLABS = 4
+"""A body is cut into no more slabs."""
+
+WORTH = 0.8
+"""A further slab is worth having where it brings the volume of the capsules below this share."""
+
+FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
+                  [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 3, 7], [1, 7, 5]])  # fmt: skip
+"""Triangles of a box's corners, which are counted with z the fastest."""
+
+
+def covering(shape: Shape, triangles: Array | None = None) -> tuple[Shape, ...]:
+    """Capsules that a body lies in; a capsule is itself.
+
+    Args:
+        shape: The body, no half-space.
+        triangles: Of a mesh, in its own frame, shape (t, 3, 3) [m].
+    """
+    radius, length, _ = shape.size
+    name, link, placement = shape.name, shape.link, shape.placement
+    if shape.kind == "capsule":
+        return (shape,)
+    if shape.kind == "sphere":
+        return (Shape(name, link, "capsule", np.array([radius, 0.0]), placement),)
+    if shape.kind == "cylinder":
+        return (Shape(name, link, "capsule", np.array([radius, length]), placement),)
+    if shape.kind == "box":
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        triangles = (0.5 * signs * shape.size)[FACES]
+    assert triangles is not None
+    points = triangles.reshape(-1, 3)
+    best = (around(name, points),)
+    directions = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+    for slabs in range(2, SLABS + 1):
+        cut = [tuple(around(name, part) for part in _slabs(triangles, along, slabs)) for along in directions]
+        smallest = min(cut, key=_volume)
+        if _volume(smallest) < WORTH * _volume(best):
+            best = smallest
+    return tuple(capsule.on(link, placement) for capsule in best)
+
+
+def _slabs(triangles: Array, direction: Array, slabs: int) -> list[Array]:
+    """Corners (v, 3) of the parts of triangles between parallel planes at even distances."""
+    heights = triangles @ direction
+    planes = np.linspace(heights.min(), heights.max(), slabs + 1)
+    parts: list[Array] = []
+    crossings: list[Array] = []
+    for plane in planes[1:-1]:
+        points: list[Array] = []
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            below, above = heights[:, a] - plane, heights[:, b] - plane
+            through = below * above < 0.0
+            share = (below[through] / (below - above)[through])[:, None]
+            points.append((1.0 - share) * triangles[through, a] + share * triangles[through, b])
+        crossings.append(np.concatenate(points))
+    for k in range(slabs):
+        inside = (heights >= planes[k]) & (heights <= planes[k + 1])
+        sides = [crossings[i] for i in (k - 1, k) if 0 <= i < len(crossings)]
+        corners = np.concatenate([triangles[inside], *sides])
+        if len(corners):
+            parts.append(corners)
+    return parts
+
+
+def around(name: str, points: Array) -> Shape:
+    """The smallest capsule found around points (v, 3), carried by the base."""
+    points = np.unique(points, axis=0)
+    centre = points.mean(axis=0)
+    best: Shape | None = None
+    for direction in np.linalg.svd(points - centre, full_matrices=True)[2]:
+        along = (points - centre) @ direction
+        middle = centre + 0.5 * (along.max() + along.min()) * direction
+        across = (points - middle) - np.outer((points - middle) @ direction, direction)
+        # Centring across the axis brings the radius near the smallest.
+        middle = middle + 0.5 * (across.max(axis=0) + across.min(axis=0))
+        away = points - middle
+        reach = away @ direction
+        wide = np.linalg.norm(away - np.outer(reach, direction), axis=1)
+        size = max(float(wide.max()), THIN)
+        half = float(np.max(np.abs(reach) - np.sqrt(np.maximum(size**2 - wide**2, 0.0)), initial=0.0))
+        made = capsule_between(name, -1, middle - half * direction, middle + half * direction, size)
+        if best is None or _volume((made,)) < _volume((best,)):
+            best = made
+    assert best is not None
+    return best
+
+
+THIN = 1e-6
+"""Radius [m] of what has none."""
+
+
+def _volume(capsules: tuple[Shape, ...]) -> float:
+    return float(sum(np.pi * c.size[0] ** 2 * (c.size[1] + 4.0 / 3.0 * c.size[0]) for c in capsules))
