@@ -13,7 +13,7 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding
 from armid.excitation.channels import Channel
-from armid.excitation.collision import Collision, collision_of
+from armid.excitation.collision import Collision, cell_of, kept_apart
 from armid.excitation.design import Progress, Search, search, single_threaded_pool
 from armid.excitation.finish import certified, fine_grid
 from armid.excitation.limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
@@ -23,28 +23,17 @@ from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.preflight import Preflight, preflight
 from armid.excitation.series import SeriesBasis
 from armid.excitation.solver import Problem
+from armid.excitation.start import choose_start, usual_pose
 from armid.model.motion import Motion
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["LIMIT_KINDS", "Designed", "Effort", "Rules", "Wish", "design_plan", "start_pose"]
+__all__ = ["LIMIT_KINDS", "Designed", "Effort", "Rules", "Wish", "design_plan", "place"]
 
 LIMIT_KINDS = ("true", "thesis", "thesis-literal")
 """What position and velocity limits apply to: the motion itself, or sums of amplitudes as in (3.55d-f)."""
-
-INSIDE = 0.05
-"""Share of a joint's range that the start pose keeps from its ends where it is chosen here."""
-
-SURROUNDING_ROOM = 0.25
-"""Distance [m] from the surroundings that such a pose should have: a series needs room around its start."""
-
-START_ROOM = 0.05
-"""Distance beyond the clearance [m] that bodies have in such a pose: room to move from there."""
-
-TRIES = 400
-"""Random poses among which a start without collision is looked for."""
 
 LEAD_SHARE = 0.5
 """Share of the limits of velocity that ways to and from the start use."""
@@ -176,12 +165,11 @@ def design_plan(
     limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
     if rules.envelope is not None:
         limits = limits.narrowed(rules.envelope, by_joint=rules.envelope_by_joint)
-    start, findings = start_pose(robot, limits, rules, wish.start)
+    start, collision, findings = place(robot, limits, rules, wish.start)
     basis = SeriesBasis(
         2.0 * math.pi / wish.duration, wish.harmonics, start, free=wish.free_start, literal=not wish.free_centre
     )
     channels, more = _channels(goal, limits, basis, rules)
-    collision = _collision(robot, limits, start, rules)
     near = () if collision is None or collision.searched is None else (collision.searched,)
     every = () if collision is None or not len(collision.pairs) else (collision.every,)
     scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
@@ -203,80 +191,49 @@ def design_plan(
     return Designed(plan, whole, x, limits, found, preflight(whole, x, collision), (*findings, *more))
 
 
-def start_pose(robot: Robot, limits: Limits, rules: Rules, given: Array | None) -> tuple[Array, tuple[Finding, ...]]:
-    """The start pose that is given, or one found: zero where joints can be there, else the middle of their range.
+def place(
+    robot: Robot, limits: Limits, rules: Rules, given: Array | None
+) -> tuple[Array, Collision | None, tuple[Finding, ...]]:
+    """The start pose that is given, or one with room around it, and what keeps apart from there.
 
-    Where bodies must keep apart and do not in that pose, the nearest of some random poses in which they do is taken.
+    Without collisions it is zero where joints can be there, else the middle of their range; where bodies must keep
+    apart, see `armid.excitation.start`.
 
     Raises:
-        ArmidError: The given pose breaks a limit, or none was found.
+        ArmidError: The pose breaks a limit, or bodies are too close in it.
     """
-    low, high = limits.lower, limits.upper
+    cell = None
+    if rules.clearance is not None:
+        cell = cell_of(robot, limits, rules.surroundings, margin=rules.clearance)
+    findings: tuple[Finding, ...] = ()
     if given is not None:
-        start = np.asarray(given, dtype=np.float64)
-        if start.shape != (robot.n,):
-            raise ArmidError(f"The start pose has {start.size} numbers; {robot.name} has {robot.n} joints.")
-        for name, q, a, b in zip(robot.joint_names, start, low, high, strict=True):
-            if not a < q < b:
-                raise ArmidError(
-                    f"The start pose puts {name} at {q:g}, outside {a:g} to {b:g}.",
-                    remedy="choose a pose inside the limits with --start.",
-                )
-        return start, ()
-    ends = INSIDE * (high - low)
-    bounded = np.isfinite(ends)
-    usual = np.where(bounded & ((low + ends > 0.0) | (high - ends < 0.0)), 0.5 * (low + high), 0.0)
-    if rules.clearance is None:
-        return usual, ()
-    return _pose_apart(robot, limits, rules, usual, rules.clearance)
+        start = _checked_start(robot, limits, given)
+    elif cell is None:
+        start = usual_pose(limits)
+    else:
+        chosen = choose_start(cell, limits)
+        start = chosen.pose
+        if not chosen.usual:
+            said = (
+                f"the usual start pose leaves less room; the series starts at {' '.join(f'{q:g}' for q in start)}, "
+                f"about which {100 * chosen.room:.0f} % of the swings that were tried are free"
+            )
+            findings = (Finding("start-chosen", "info", "", said, "choose another with --start."),)
+    return start, None if cell is None else kept_apart(cell, start), findings
 
 
-def _pose_apart(
-    robot: Robot, limits: Limits, rules: Rules, usual: Array, clearance: float
-) -> tuple[Array, tuple[Finding, ...]]:
-    """The usual pose or the nearest of some random ones in which bodies keep apart."""
-    low, high = limits.lower, limits.upper
-    ends = INSIDE * (high - low)
-    bounded = np.isfinite(ends)
-    rng = np.random.default_rng(0)
-    wide = np.where(bounded, high - low, 2.0 * np.pi)
-    refusal: ArmidError | None = None
-    best: tuple[float, Array] | None = None
-    for k in range(2 * TRIES):
-        room = START_ROOM if k < TRIES else 0.0
-        spread = 0.5 * min(1.0, k % TRIES / (0.5 * TRIES))
-        pose = usual + spread * rng.uniform(-1.0, 1.0, robot.n) * wide
-        pose = np.where(bounded, np.clip(pose, low + ends, high - ends), pose)
-        try:
-            made = collision_of(robot, limits, pose, rules.surroundings, margin=clearance + room)
-        except ArmidError as error:
-            if not robot.shapes:
-                raise
-            refusal = refusal or error
-            continue
-        away = _from_surroundings(made, robot, pose)
-        if k == 0 and away >= SURROUNDING_ROOM:
-            return pose, ()
-        if best is None or away > best[0]:
-            best = (away, pose)
-        if away < SURROUNDING_ROOM and k != TRIES - 1:
-            continue
-        pose = best[1]
-        degrees = " ".join(f"{q:.3f}" for q in pose)
-        said = f"bodies are too close in the usual start pose; the series starts at {degrees}"
-        return pose, (Finding("start-chosen", "info", "", said, "choose another with --start."),)
-    if best is not None:
-        return best[1], ()
-    assert refusal is not None
-    raise refusal
-
-
-def _from_surroundings(made: Collision, robot: Robot, pose: Array) -> float:
-    """Distance of the arm from its surroundings in a pose [m]; infinite where there are none."""
-    outer = np.flatnonzero(made.pairs.max(axis=1, initial=-1) >= len(robot.shapes))
-    if not len(outer):
-        return math.inf
-    return float(made.every.bodies.only(outer).nearest(forward_kinematics(robot, pose[None]))[0].min())
+def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
+    """A start pose inside its limits."""
+    start = np.asarray(given, dtype=np.float64)
+    if start.shape != (robot.n,):
+        raise ArmidError(f"The start pose has {start.size} numbers; {robot.name} has {robot.n} joints.")
+    for name, q, low, high in zip(robot.joint_names, start, limits.lower, limits.upper, strict=True):
+        if not low < q < high:
+            raise ArmidError(
+                f"The start pose puts {name} at {q:g}, outside {low:g} to {high:g}.",
+                remedy="choose a pose inside the limits with --start.",
+            )
+    return start
 
 
 def _channels(
@@ -310,13 +267,6 @@ def _channels(
     if rules.workspace is not None:
         result.append(rules.workspace)
     return tuple(result), tuple(findings)
-
-
-def _collision(robot: Robot, limits: Limits, start: Array, rules: Rules) -> Collision | None:
-    """Pairs that keep apart, where that is asked."""
-    if rules.clearance is None:
-        return None
-    return collision_of(robot, limits, start, rules.surroundings, margin=rules.clearance)
 
 
 def _with_leads(basis: SeriesBasis, x: Array, wish: Wish, limits: Limits, name: str) -> Plan:

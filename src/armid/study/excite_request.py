@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.excitation.clearance import floor
-from armid.excitation.collision import collision_of, load_environment
+from armid.excitation.collision import load_environment
 from armid.excitation.design import Progress
 from armid.excitation.experiments import Moves, choose_poses, poses_plan, straight_way, sweeps_plan
 from armid.excitation.fourier import Excitation, load_plan
@@ -31,7 +31,7 @@ from armid.model.motion import Motion
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.study.excite import Designed, Effort, Rules, Wish, design_plan, start_pose
+from armid.study.excite import Designed, Effort, Rules, Wish, design_plan, place
 from armid.study.identify import read_recording
 from armid.study.run import MARKER, load_run
 from armid.study.study import RecordingChoice
@@ -107,10 +107,7 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
     robot, kind = model.robot, options["experiment"]
     rules = rules_of(options, robot)
     limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
-    start, _ = start_pose(robot, limits, rules, numbers(options["start"], "--start", model.n))
-    collision = None
-    if rules.clearance is not None:
-        collision = collision_of(robot, limits, start, rules.surroundings, margin=rules.clearance)
+    start, collision, _ = place(robot, limits, rules, numbers(options["start"], "--start", model.n))
 
     def apart(q: Array) -> NDArray[np.bool_]:
         if collision is None:
