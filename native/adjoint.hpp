@@ -186,41 +186,65 @@ ARMID_INLINE void move_bar(const Arm& arm, int i, Sweep& sweep) {
   sweep.q[i] = q;
 }
 
+// The adjoint of the columns of `layout` under cotangents that stand `stride` apart from column to column.
+class Adjoint {
+ public:
+  Adjoint(const Arm& arm, const Layout& layout, std::ptrdiff_t stride)
+      : arm_(arm), sweep_(arm), to_(layout.target == nullptr ? 0 : 10 * arm.first[arm.n]) {
+    for (int e = 0; e < 10 * arm.first[arm.n] && layout.target != nullptr; ++e) {
+      const int column = layout.target[e];
+      to_[e] = column < 0 ? -1 : (layout.offset[arm.ancestor[e / 10]] + column) * stride;
+    }
+  }
+
+  // W samples from `at` on; `last` stands for those behind it.
+  void sweep(const Samples& in, std::ptrdiff_t at, std::ptrdiff_t last, const double* cotangent) {
+    State& state = sweep_.state;
+    place_all(arm_, in.q, at, last, state);
+    read(in.dq, at, last, arm_.n, state.dq.data());
+    read(in.ddq, at, last, arm_.n, state.ddq.data());
+    for (int i = 0; i < arm_.n; ++i) {
+      move_link(arm_, i, state);
+      by_kind(arm_.joints[i], [&](auto kind) { jacobian<kind.axis>(arm_, i, state); });
+      zero(sweep_.links[i].w);
+      zero(sweep_.links[i].dw);
+      zero(sweep_.links[i].a);
+    }
+    for (int pair = 0; pair < arm_.first[arm_.n]; ++pair) {
+      zero(sweep_.S[pair].w);
+      zero(sweep_.S[pair].v);
+    }
+    for (int i = arm_.n - 1; i >= 0; --i) {
+      pair_bars(arm_, i, to_.data(), cotangent, sweep_);
+      by_kind(arm_.joints[i], [&](auto kind) { move_bar<kind.axis>(arm_, i, sweep_); });
+    }
+  }
+
+  // Gradients (N, n) of `count` samples from `at` on.
+  void write(std::ptrdiff_t at, int count, double* q, double* dq, double* ddq) {
+    for (int i = 0; i < arm_.n; ++i) {
+      for (int l = 0; l < count; ++l) {
+        q[(at + l) * arm_.n + i] = sweep_.q[i][l];
+        dq[(at + l) * arm_.n + i] = sweep_.dq[i][l];
+        ddq[(at + l) * arm_.n + i] = sweep_.ddq[i][l];
+      }
+    }
+  }
+
+ private:
+  const Arm& arm_;
+  Sweep sweep_;
+  Buffer<std::ptrdiff_t> to_;
+};
+
 // Adjoint of the columns of `layout` under cotangents (columns, N), N at least W: gradients (N, n).
 inline void columns_adjoint(const Arm& arm, const Layout& layout, const Samples& in, const double* cotangent,
                             std::ptrdiff_t N, double* q, double* dq, double* ddq) {
-  Sweep sweep(arm);
-  const int entries = 10 * arm.first[arm.n];
-  Buffer<std::ptrdiff_t> to(entries);
-  for (int e = 0; e < entries; ++e) {
-    const int column = layout.target[e];
-    to[e] = column < 0 ? -1 : (layout.offset[arm.ancestor[e / 10]] + column) * N;
-  }
+  Adjoint adjoint(arm, layout, N);
   for (std::ptrdiff_t s = 0; s < N; s += W) {
     const std::ptrdiff_t at = smaller(s, N - W);  // the last register covers some samples twice
-    place_all(arm, in.q, at, N - 1, sweep.state);
-    read(in.dq, at, N - 1, arm.n, sweep.state.dq.data());
-    read(in.ddq, at, N - 1, arm.n, sweep.state.ddq.data());
-    for (int i = 0; i < arm.n; ++i) {
-      move_link(arm, i, sweep.state);
-      by_kind(arm.joints[i], [&](auto kind) { jacobian<kind.axis>(arm, i, sweep.state); });
-      zero(sweep.links[i].w);
-      zero(sweep.links[i].dw);
-      zero(sweep.links[i].a);
-    }
-    for (int pair = 0; pair < arm.first[arm.n]; ++pair) {
-      zero(sweep.S[pair].w);
-      zero(sweep.S[pair].v);
-    }
-    for (int i = arm.n - 1; i >= 0; --i) {
-      pair_bars(arm, i, to.data(), cotangent + at, sweep);
-      by_kind(arm.joints[i], [&](auto kind) { move_bar<kind.axis>(arm, i, sweep); });
-      for (int l = 0; l < W; ++l) {
-        q[(at + l) * arm.n + i] = sweep.q[i][l];
-        dq[(at + l) * arm.n + i] = sweep.dq[i][l];
-        ddq[(at + l) * arm.n + i] = sweep.ddq[i][l];
-      }
-    }
+    adjoint.sweep(in, at, N - 1, cotangent + at);
+    adjoint.write(at, W, q, dq, ddq);
   }
 }
 

@@ -50,6 +50,13 @@ struct Layout {
   int terms;
 };
 
+// How the joints' columns add up to information about parameters.
+struct Weighing {
+  int count;                      // of parameters
+  const std::int32_t* parameter;  // of each column of the layout; that of torques does not matter
+  const double* weight;           // of each joint's rows
+};
+
 // What a motion looks like to the kernel: row-major (N, n), terms (terms, N) with their own row stride.
 struct Samples {
   const double *q, *dq, *ddq;

@@ -338,6 +338,57 @@ void columns_adjoint(const std::string& isa, const ArmData& data, In<std::int32_
   k.columns_adjoint(data.arm, layout, in, from, N, to_q, to_dq, to_ddq);
 }
 
+// Columns without torque, and what they tell about parameters.
+struct Weighed {
+  Layout layout;
+  Samples in;
+  armid::Weighing weighing;
+  std::ptrdiff_t N;
+
+  Weighed(const ArmData& data, const In<std::int32_t>& offset, const In<std::int32_t>& target,
+          const In<std::int32_t>& term, const In<std::int32_t>& parameter, const In<double>& q, const In<double>& dq,
+          const In<double>& ddq, const In<double>& terms, const In<double>& weight, std::size_t size)
+      : layout(layout_of(data, offset, target, term)), N(samples_of(data, q, dq, ddq)) {
+    require(terms.size() == static_cast<std::size_t>(layout.terms) * N, "terms must have one row an entry");
+    require(weight.size() == static_cast<std::size_t>(data.arm.n), "weight must have one entry a joint");
+    const auto columns = static_cast<std::size_t>(offset.data()[data.arm.n]);
+    require(parameter.size() == columns, "parameter must have one entry a column");
+    const auto count = static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(size))));
+    require(count * count == size, "information must be square");
+    for (std::size_t c = 0; c < columns; ++c) {
+      require(0 <= parameter.data()[c] && static_cast<std::size_t>(parameter.data()[c]) < count,
+              "a column stands for a parameter that is not there");
+    }
+    in = {q.data(), dq.data(), ddq.data(), nullptr, terms.data(), N, nullptr};
+    weighing = {static_cast<int>(count), parameter.data(), weight.data()};
+  }
+};
+
+void information(const std::string& isa, const ArmData& data, In<std::int32_t> offset, In<std::int32_t> target,
+                 In<std::int32_t> term, In<std::int32_t> parameter, In<double> q, In<double> dq, In<double> ddq,
+                 In<double> terms, In<double> weight, Out<double> out) {
+  const Weighed of(data, offset, target, term, parameter, q, dq, ddq, terms, weight, out.size());
+  const Kernel& k = kernel(isa);
+  double* G = out.data();
+  nb::gil_scoped_release release;
+  k.information(data.arm, of.layout, of.in, of.N, of.weighing, G);
+}
+
+void information_adjoint(const std::string& isa, const ArmData& data, In<std::int32_t> offset, In<std::int32_t> target,
+                         In<std::int32_t> term, In<std::int32_t> parameter, In<double> q, In<double> dq, In<double> ddq,
+                         In<double> terms, In<double> weight, In<double> slopes, Out<double> q_bar, Out<double> dq_bar,
+                         Out<double> ddq_bar, Out<double> terms_bar) {
+  const Weighed of(data, offset, target, term, parameter, q, dq, ddq, terms, weight, slopes.size());
+  require(q_bar.size() == q.size() && dq_bar.size() == q.size() && ddq_bar.size() == q.size(),
+          "gradients must have the shape of q");
+  require(terms_bar.size() == terms.size(), "the gradient by terms must have their shape");
+  const Kernel& k = kernel(isa);
+  const double* from = slopes.data();
+  double *to_q = q_bar.data(), *to_dq = dq_bar.data(), *to_ddq = ddq_bar.data(), *to_terms = terms_bar.data();
+  nb::gil_scoped_release release;
+  k.information_adjoint(data.arm, of.layout, of.in, of.N, of.weighing, from, to_q, to_dq, to_ddq, to_terms);
+}
+
 armid::Tape make_tape(In<std::int32_t> sizes, In<double> constants, In<std::int32_t> runs, In<std::int32_t> operands,
                       In<std::int32_t> results) {
   require(runs.size() % 2 == 0 && operands.size() % 2 == 0, "runs and operands come in pairs");
@@ -392,4 +443,6 @@ NB_MODULE(_native, m) {
   m.def("decimate", &decimate);
   m.def("play", &play);
   m.def("columns_adjoint", &columns_adjoint);
+  m.def("information", &information);
+  m.def("information_adjoint", &information_adjoint);
 }

@@ -77,7 +77,7 @@ inline void accumulate(const Decimator& filter, Tile& tile, double* const* colum
 // Columns of samples [begin, end), decimated, added to out (columns, rows).
 inline void decimate(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin, std::ptrdiff_t end,
                      const Decimator& filter, double* out, std::ptrdiff_t stride) {
-  Tile tile(arm, layout);
+  Tile tile(arm, layout, TILE);
   Window window;
   Buffer<double*> columns(tile.width);
   for (int c = 0; c < tile.width; ++c) columns[c] = tile.column(c);

@@ -7,6 +7,7 @@
 #include "factor.hpp"
 #include "gram.hpp"
 #include "play.hpp"
+#include "worth.hpp"
 
 namespace armid {
 namespace ARMID_ISA {
@@ -14,7 +15,7 @@ namespace ARMID_ISA {
 // Wanted columns (columns, N) as they stand in tiles: the regressor in the form that streams.
 void columns(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t N, double* out) {
   if (N < W) {
-    Tile tile(arm, layout);
+    Tile tile(arm, layout, TILE);
     fill(arm, layout, in, 0, static_cast<int>(N), tile);
     for (int c = 0; c < tile.width; ++c) std::memcpy(out + c * N, tile.column(c), sizeof(double) * N);
     return;
@@ -34,7 +35,7 @@ void columns(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdi
 
 void factor(const Arm& arm, const Layout& layout, const Samples& in, const std::int64_t* bounds, int from, int to,
             std::ptrdiff_t size, bool by_gram, double* R) {
-  Tile tile(arm, layout);
+  Tile tile(arm, layout, TILE);
   for (int b = from; b < to; ++b) {
     const auto of_block = by_gram ? gram_factor_block : factor_block;
     of_block(arm, layout, in, bounds[b], bounds[b + 1], tile, R + b * size);
@@ -62,9 +63,10 @@ void decimate_columns(const Arm& arm, const Layout& layout, const Samples& in, s
 #define ARMID_TABLE(isa) ARMID_TABLE2(isa)
 
 const Kernel ARMID_TABLE(ARMID_ISA) = {
-    ARMID_STRING(ARMID_ISA),     ARMID_ISA::W,           ARMID_ISA::regressor,       ARMID_ISA::columns,
-    ARMID_ISA::inverse_dynamics, ARMID_ISA::mass_matrix, ARMID_ISA::factor,          ARMID_ISA::factor_all_columns,
-    ARMID_ISA::decimate_columns, ARMID_ISA::play,        ARMID_ISA::columns_adjoint,
+    ARMID_STRING(ARMID_ISA),        ARMID_ISA::W,           ARMID_ISA::regressor,       ARMID_ISA::columns,
+    ARMID_ISA::inverse_dynamics,    ARMID_ISA::mass_matrix, ARMID_ISA::factor,          ARMID_ISA::factor_all_columns,
+    ARMID_ISA::decimate_columns,    ARMID_ISA::play,        ARMID_ISA::columns_adjoint, ARMID_ISA::information,
+    ARMID_ISA::information_adjoint,
 };
 
 }  // namespace armid

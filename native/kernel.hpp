@@ -26,6 +26,11 @@ struct Kernel {
   // Gradients (N, n) of the sum of cotangents (columns, N) times columns; N at least `lanes`.
   void (*columns_adjoint)(const Arm&, const Layout&, const Samples&, const double* cotangent, std::ptrdiff_t N,
                           double* q, double* dq, double* ddq);
+  // Information (count, count), zero at first, and the gradients of a function of it with derivative `slopes`: by
+  // states (N, n) and by the terms' rows (terms, N). The samples' torque is null.
+  void (*information)(const Arm&, const Layout&, const Samples&, std::ptrdiff_t N, const Weighing&, double* G);
+  void (*information_adjoint)(const Arm&, const Layout&, const Samples&, std::ptrdiff_t N, const Weighing&,
+                              const double* slopes, double* q, double* dq, double* ddq, double* terms);
 };
 
 // Linked where the build makes them; the bindings ask only for those.

@@ -5,8 +5,9 @@
 
 namespace armid::ARMID_ISA {
 
-constexpr int TILE = 192;         // samples; one tile of a seven-joint arm takes 0.3 MB
-constexpr int STRIDE = TILE + 8;  // between columns; a power of two would crowd them into a few sets of the cache
+constexpr int TILE = 192;  // samples; one tile of a seven-joint arm takes 0.3 MB
+constexpr int GAP = 8;     // behind each column; a power of two between them would crowd a few sets of the cache
+constexpr int STRIDE = TILE + GAP;
 
 // Makes columns of W samples, a stride from one to the next.
 class Columns {
@@ -22,6 +23,7 @@ class Columns {
   void make(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t sample, std::ptrdiff_t last,
             double* out) {
     if (layout.target != nullptr) rows(arm, state_, in, sample, last, to_.data(), out);
+    if (in.torque == nullptr) return;
     read(in.torque, sample, last, arm.n, state_.torque.data());
     for (int j = 0; j < arm.n; ++j) store(out + (layout.offset[j + 1] - 1) * stride_, state_.torque[j]);
   }
@@ -34,17 +36,19 @@ class Columns {
 
 struct Tile {
   int width;  // number of columns
+  std::ptrdiff_t stride;
   Buffer<double> columns;
   Columns maker;
 
-  Tile(const Arm& arm, const Layout& layout)
-      : width(layout.offset[arm.n]), columns(static_cast<std::size_t>(layout.offset[arm.n]) * STRIDE),
-        maker(arm, layout, STRIDE) {}
+  Tile(const Arm& arm, const Layout& layout, int samples)
+      : width(layout.offset[arm.n]), stride(samples + GAP),
+        columns(static_cast<std::size_t>(layout.offset[arm.n]) * stride), maker(arm, layout, stride) {}
 
-  double* column(int c) { return columns.data() + static_cast<std::size_t>(c) * STRIDE; }
+  double* column(int c) { return columns.data() + c * stride; }
 };
 
-// Fills the tile with samples [begin, begin + count), count <= TILE. Rows up to the next multiple of W are zeroed.
+// Fills the tile with samples [begin, begin + count), no more than it holds. Rows up to the next multiple of W are
+// zeroed.
 inline void fill(const Arm& arm, const Layout& layout, const Samples& in, std::ptrdiff_t begin, int count, Tile& tile) {
   const std::ptrdiff_t last = begin + count - 1;
   for (int s = 0; s < count; s += W) tile.maker.make(arm, layout, in, begin + s, last, tile.column(0) + s);

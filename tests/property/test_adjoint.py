@@ -57,6 +57,39 @@ def test_it_is_the_derivative_of_the_columns(seed: int):
     np.testing.assert_allclose(found, expected, rtol=DIFFERENCE, atol=DIFFERENCE * np.abs(cotangent).sum())
 
 
+def information_problem(seed: int):
+    """As above, with samples of more than one tile, weights, and the derivative of some function of G."""
+    tree, layout, states, _ = problem(seed)
+    rng = np.random.default_rng(100 + seed)
+    samples = (1, 8, 13, 203, 450)[seed % 5]
+    states = random_states(rng, samples, tree.n)
+    count = 1 + max((int(p.max()) for p in layout.parameters if len(p)), default=0)
+    slopes = rng.normal(size=(count, count))
+    terms = rng.normal(size=(len(layout.kept), samples))
+    return tree, layout, states, terms, rng.uniform(0.5, 2.0, tree.n), slopes + slopes.T
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_information_and_its_adjoint_mean_what_the_twins_say(seed: int):
+    tree, layout, states, terms, weights, slopes = information_problem(seed)
+    arguments = tree, layout, *states, terms, weights
+    G = kernel.information(*arguments, len(slopes), chosen=TWIN)
+    expected = kernel.information_adjoint(*arguments, slopes, chosen=TWIN)
+    for build in COMPILED:
+        found = kernel.information(*arguments, len(slopes), chosen=build)
+        assert np.abs(found - G).max() <= TOLERANCE * max(1.0, np.abs(G).max())
+        assert np.array_equal(found, found.T)
+        for own, wanted in zip(kernel.information_adjoint(*arguments, slopes, chosen=build), expected, strict=True):
+            assert own.shape == wanted.shape
+            assert np.abs(own - wanted).max(initial=0.0) <= TOLERANCE * max(1.0, np.abs(wanted).max(initial=0.0))
+
+
+def test_information_about_parameters_that_are_not_there_is_refused():
+    tree, layout, states, terms, weights, slopes = information_problem(4)
+    with pytest.raises(ValueError, match="a parameter that is not there"):
+        kernel.information_adjoint(tree, layout, *states, terms, weights, slopes[:1, :1], chosen=COMPILED[0])
+
+
 def test_a_cotangent_of_another_shape_is_refused():
     tree, layout, states, cotangent = problem(3)
     with pytest.raises(ArmidError, match="cotangent must have shape"):

@@ -7,7 +7,6 @@ another: `avx512`, `avx2`, `baseline` or `numpy` (the twin). `in_use()` says whi
 
 from armid.kernel.dispatch import (
     columns,
-    columns_adjoint,
     coriolis_matrix,
     decimate,
     factor,
@@ -22,6 +21,7 @@ from armid.kernel.dispatch import (
     regressor,
     unpack_factors,
 )
+from armid.kernel.gradients import columns_adjoint, information, information_adjoint
 from armid.kernel.layout import ColumnLayout, make_layout
 from armid.kernel.tree import Tree
 
@@ -36,6 +36,8 @@ __all__ = [
     "factor_columns",
     "gravity_torque",
     "in_use",
+    "information",
+    "information_adjoint",
     "instruction_sets",
     "inverse_dynamics",
     "make_layout",

@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import ArmidError
-from armid.kernel import _native, reference, reference_adjoint, reference_factor, reference_memory
+from armid.kernel import _native, reference, reference_factor, reference_memory
 from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 
 __all__ = [
+    "TWIN",
     "columns",
-    "columns_adjoint",
+    "compiled_arm",
     "coriolis_matrix",
     "decimate",
     "factor",
@@ -32,14 +33,12 @@ __all__ = [
     "play",
     "potential_energy",
     "regressor",
+    "states_of",
     "unpack_factors",
 ]
 
 TWIN = "numpy"
 NO_MASK = np.empty(0, dtype=np.uint8)
-
-WIDEST = 8
-"""Samples in the widest register: the adjoint goes through so many at once, and through no fewer."""
 
 coriolis_matrix = reference.coriolis_matrix
 gravity_torque = reference.gravity_torque
@@ -69,12 +68,12 @@ def in_use() -> str:
 
 
 @lru_cache(maxsize=64)
-def _arm(tree: Tree) -> _native.Arm:
+def compiled_arm(tree: Tree) -> _native.Arm:
     """The tree as the compiled kernel holds it."""
     return _native.Arm(tree.parent, tree.prismatic, tree.axis, tree.rotation, tree.translation, tree.gravity)
 
 
-def _states(tree: Tree, *arrays: ArrayLike) -> list[Array]:
+def states_of(tree: Tree, *arrays: ArrayLike) -> list[Array]:
     """Arrays (N, n) as the kernel reads them.
 
     Raises:
@@ -109,13 +108,13 @@ def regressor(
 
     Where `out` is given it is filled and returned: a fresh array of some size costs more than its contents.
     """
-    q, dq, ddq = _states(tree, q, dq, ddq)
+    q, dq, ddq = states_of(tree, q, dq, ddq)
     chosen = chosen or in_use()
     out = _output(out, (len(q), tree.n, 10 * tree.n))
     if chosen == TWIN:
         out[:] = reference.regressor(tree, q, dq, ddq)
         return out
-    _native.regressor(chosen, _arm(tree), q, dq, ddq, out)
+    _native.regressor(chosen, compiled_arm(tree), q, dq, ddq, out)
     return out
 
 
@@ -129,25 +128,25 @@ def inverse_dynamics(
     chosen: str | None = None,
 ) -> Array:
     """Joint torque (N, n) of rigid links with inertial parameters (n, 10)."""
-    q, dq, ddq = _states(tree, q, dq, ddq)
+    q, dq, ddq = states_of(tree, q, dq, ddq)
     inertial = np.ascontiguousarray(inertial, dtype=np.float64)
     chosen = chosen or in_use()
     if chosen == TWIN:
         return reference.inverse_dynamics(tree, inertial, q, dq, ddq)
     out = np.empty_like(q)
-    _native.inverse_dynamics(chosen, _arm(tree), inertial, q, dq, ddq, out)
+    _native.inverse_dynamics(chosen, compiled_arm(tree), inertial, q, dq, ddq, out)
     return out
 
 
 def mass_matrix(tree: Tree, inertial: ArrayLike, q: ArrayLike, *, chosen: str | None = None) -> Array:
     """Mass matrix (N, n, n) of rigid links with inertial parameters (n, 10)."""
-    (q,) = _states(tree, q)
+    (q,) = states_of(tree, q)
     inertial = np.ascontiguousarray(inertial, dtype=np.float64)
     chosen = chosen or in_use()
     if chosen == TWIN:
         return reference.mass_matrix(tree, inertial, q)
     out = np.empty((len(q), tree.n, tree.n))
-    _native.mass_matrix(chosen, _arm(tree), inertial, q, out)
+    _native.mass_matrix(chosen, compiled_arm(tree), inertial, q, out)
     return out
 
 
@@ -176,57 +175,17 @@ def columns(
         out: Filled and returned where given.
         chosen: Build of the kernel.
     """
-    q, dq, ddq, torque = _states(tree, q, dq, ddq, torque)
+    q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)
     terms = np.ascontiguousarray(terms, dtype=np.float64)
     chosen = chosen or in_use()
     out = _output(out, (layout.columns, len(q)))
     if chosen == TWIN:
         out[:] = reference_factor.columns(tree, layout, q, dq, ddq, torque, terms)
         return out
-    _native.columns(chosen, _arm(tree), layout.offset, layout.target, layout.term, q, dq, ddq, torque, terms, out)
+    _native.columns(
+        chosen, compiled_arm(tree), layout.offset, layout.target, layout.term, q, dq, ddq, torque, terms, out
+    )
     return out
-
-
-def columns_adjoint(
-    tree: Tree,
-    layout: ColumnLayout,
-    q: ArrayLike,
-    dq: ArrayLike,
-    ddq: ArrayLike,
-    cotangent: ArrayLike,
-    *,
-    chosen: str | None = None,
-) -> tuple[Array, Array, Array]:
-    """Gradient of Σ cotangent · columns by positions, velocities and accelerations, each (N, n).
-
-    The rigid bodies' columns are differentiated; entries of the cotangent for terms and torques do not count.
-
-    Args:
-        tree: The arm.
-        layout: Which columns are kept.
-        q: Joint positions, shape (N, n).
-        dq: Joint velocities, shape (N, n).
-        ddq: Joint accelerations, shape (N, n).
-        cotangent: What each entry of `columns` is worth, shape (columns, N).
-        chosen: Build of the kernel.
-    """
-    q, dq, ddq = _states(tree, q, dq, ddq)
-    samples = len(q)
-    cotangent = np.ascontiguousarray(cotangent, dtype=np.float64)
-    if cotangent.shape != (layout.columns, samples):
-        raise ArmidError(f"cotangent must have shape {(layout.columns, samples)}; found {cotangent.shape}.")
-    if not len(layout.target):
-        return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
-    chosen = chosen or in_use()
-    if chosen == TWIN:
-        return reference_adjoint.columns_adjoint(tree, layout, q, dq, ddq, cotangent)
-    missing = max(0, WIDEST - samples)
-    if missing:
-        q, dq, ddq = (np.pad(x, ((0, missing), (0, 0))) for x in (q, dq, ddq))
-        cotangent = np.pad(cotangent, ((0, 0), (0, missing)))
-    out = np.empty_like(q), np.empty_like(q), np.empty_like(q)
-    _native.columns_adjoint(chosen, _arm(tree), layout.offset, layout.target, q, dq, ddq, cotangent, *out)
-    return (out[0][:samples], out[1][:samples], out[2][:samples]) if missing else out
 
 
 def factor(
@@ -264,7 +223,7 @@ def factor(
     Returns:
         Factors behind one another, shape (blocks, sum of widths squared); see `unpack_factors`.
     """
-    q, dq, ddq, torque = _states(tree, q, dq, ddq, torque)
+    q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)
     terms = np.ascontiguousarray(terms, dtype=np.float64)
     bounds = np.ascontiguousarray(bounds, dtype=np.int64)
     chosen = chosen or in_use()
@@ -273,7 +232,7 @@ def factor(
     out = np.zeros((len(bounds) - 1, int((layout.widths.astype(np.int64) ** 2).sum())))
     rows = NO_MASK if mask is None else np.ascontiguousarray(mask, dtype=np.uint8)
     _native.factor(
-        chosen, _arm(tree), layout.offset, layout.target, layout.term,
+        chosen, compiled_arm(tree), layout.offset, layout.target, layout.term,
         q, dq, ddq, torque, terms, rows, bounds, by_gram, threads, out,
     )  # fmt: skip
     return out
@@ -340,7 +299,7 @@ def decimate(
         out: Shape (columns, rows), added to.
         chosen: Build of the kernel.
     """
-    q, dq, ddq, torque = _states(tree, q, dq, ddq, torque)
+    q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)
     terms = np.ascontiguousarray(terms, dtype=np.float64)
     taps = np.ascontiguousarray(taps, dtype=np.float64)
     chosen = chosen or in_use()
@@ -348,7 +307,7 @@ def decimate(
         reference_factor.decimate(tree, layout, q, dq, ddq, torque, terms, taps, step, first, out)
         return
     _native.decimate(
-        chosen, _arm(tree), layout.offset, layout.target, layout.term,
+        chosen, compiled_arm(tree), layout.offset, layout.target, layout.term,
         q, dq, ddq, torque, terms, taps, step, first, out,
     )  # fmt: skip
 

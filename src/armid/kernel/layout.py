@@ -42,6 +42,12 @@ class ColumnLayout:
         return int(self.offset[-1])
 
     @property
+    def parameter(self) -> NDArray[np.int32]:
+        """Chosen parameter of every column, 0 in the place of torques, shape (columns,)."""
+        torque = np.zeros(1, dtype=np.int32)
+        return np.concatenate([part for own in self.parameters for part in (own, torque)])
+
+    @property
     def widths(self) -> NDArray[np.int32]:
         """Columns of each joint, torque included, shape (n,)."""
         return np.diff(self.offset)

@@ -18,7 +18,7 @@ from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 
-__all__ = ["columns_adjoint"]
+__all__ = ["columns_adjoint", "information_adjoint"]
 
 TURNS = ((math.pi / 2.0, 0.5 - math.sqrt(0.5)), (math.pi / 4.0, 1.0))
 STEPS = ((1.0, 0.5),)
@@ -50,3 +50,17 @@ def columns_adjoint(
                     states[kind][:, j] += sense * step
                     gradient[:, j] += sense * factor * value(states)
     return gradients[0], gradients[1], gradients[2]
+
+
+def information_adjoint(
+    tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, terms: Array, weights: Array, slopes: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Gradients by q, dq, ddq (N, n) and terms (e, N) of a function of the information with symmetric `slopes`."""
+    x = reference_factor.columns(tree, layout, q, dq, ddq, np.zeros_like(q), terms)
+    worth = np.zeros_like(x)
+    for weight, p, start in zip(weights, layout.parameters, layout.offset[:-1], strict=True):
+        own = slice(start, start + len(p))
+        worth[own] = 2.0 * weight * slopes[np.ix_(p, p)] @ x[own]
+    if not len(layout.target):
+        return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q), worth[layout.term]
+    return *columns_adjoint(tree, layout, q, dq, ddq, worth), worth[layout.term]

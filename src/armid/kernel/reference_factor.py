@@ -13,7 +13,7 @@ from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 
-__all__ = ["columns", "decimate", "factor", "factor_columns"]
+__all__ = ["columns", "decimate", "factor", "factor_columns", "information"]
 
 
 def columns(tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, torque: Array, terms: Array) -> Array:
@@ -80,3 +80,22 @@ def decimate(
         a, b = max(start, 0), min(start + len(taps), x.shape[1])
         if a < b:
             out[:, r] += x[:, a:b] @ taps[a - start : b - start]
+
+
+def information(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    terms: Array,
+    weights: Array,
+    count: int,
+) -> Array:
+    """Weighted sum of the joints' products, shape (count, count)."""
+    x = columns(tree, layout, q, dq, ddq, np.zeros_like(q), terms)
+    G = np.zeros((count, count))
+    for weight, parameters, start in zip(weights, layout.parameters, layout.offset[:-1], strict=True):
+        own = x[start : start + len(parameters)]
+        G[np.ix_(parameters, parameters)] += weight * (own @ own.T)
+    return G

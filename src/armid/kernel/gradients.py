@@ -1,0 +1,149 @@
+"""Entry points of what designs of motions need: information along N samples, and gradients by the states.
+
+Everywhere `tree` is the arm, `layout` says which columns are kept, q, dq and ddq are the states, shape (N, n), and
+`chosen` is a build of the kernel.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armid.errors import ArmidError
+from armid.kernel import _native, reference_adjoint, reference_factor
+from armid.kernel.dispatch import TWIN, compiled_arm, in_use, states_of
+from armid.kernel.layout import ColumnLayout
+from armid.kernel.tree import Tree
+from armid.values import Array
+
+__all__ = ["columns_adjoint", "information", "information_adjoint"]
+
+WIDEST = 8
+"""Samples in the widest register: the adjoint goes through so many at once, and through no fewer."""
+
+
+@lru_cache(maxsize=64)
+def _parameter(layout: ColumnLayout) -> NDArray[np.int32]:
+    """The parameter of every column, made once a layout."""
+    return layout.parameter
+
+
+def columns_adjoint(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    cotangent: ArrayLike,
+    *,
+    chosen: str | None = None,
+) -> tuple[Array, Array, Array]:
+    """Gradient of Σ cotangent · columns by positions, velocities and accelerations, each (N, n).
+
+    The rigid bodies' columns are differentiated; entries of the cotangent for terms and torques do not count.
+
+    Args:
+        tree: The arm.
+        layout: Which columns are kept.
+        q: Joint positions, shape (N, n).
+        dq: Joint velocities, shape (N, n).
+        ddq: Joint accelerations, shape (N, n).
+        cotangent: What each entry of `columns` is worth, shape (columns, N).
+        chosen: Build of the kernel.
+    """
+    q, dq, ddq = states_of(tree, q, dq, ddq)
+    samples = len(q)
+    cotangent = np.ascontiguousarray(cotangent, dtype=np.float64)
+    if cotangent.shape != (layout.columns, samples):
+        raise ArmidError(f"cotangent must have shape {(layout.columns, samples)}; found {cotangent.shape}.")
+    if not len(layout.target):
+        return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference_adjoint.columns_adjoint(tree, layout, q, dq, ddq, cotangent)
+    missing = max(0, WIDEST - samples)
+    if missing:
+        q, dq, ddq = (np.pad(x, ((0, missing), (0, 0))) for x in (q, dq, ddq))
+        cotangent = np.pad(cotangent, ((0, 0), (0, missing)))
+    out = np.empty_like(q), np.empty_like(q), np.empty_like(q)
+    _native.columns_adjoint(chosen, compiled_arm(tree), layout.offset, layout.target, q, dq, ddq, cotangent, *out)
+    return (out[0][:samples], out[1][:samples], out[2][:samples]) if missing else out
+
+
+def information(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    terms: ArrayLike,
+    weights: ArrayLike,
+    count: int,
+    *,
+    chosen: str | None = None,
+) -> Array:
+    """G = Σ_j weights_j X_jᵀ X_j without torque and without holding the columns, shape (count, count).
+
+    Args:
+        tree: The arm.
+        layout: Which columns are kept.
+        q: Joint positions, shape (N, n).
+        dq: Joint velocities, shape (N, n).
+        ddq: Joint accelerations, shape (N, n).
+        terms: Kept rows of the terms' columns, shape (e, N).
+        weights: Of each joint's rows, shape (n,).
+        count: Number of chosen parameters.
+        chosen: Build of the kernel.
+    """
+    q, dq, ddq = states_of(tree, q, dq, ddq)
+    terms = np.ascontiguousarray(terms, dtype=np.float64)
+    weights = np.ascontiguousarray(weights, dtype=np.float64)
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference_factor.information(tree, layout, q, dq, ddq, terms, weights, count)
+    out = np.zeros((count, count))
+    _native.information(
+        chosen, compiled_arm(tree), layout.offset, layout.target, layout.term, _parameter(layout),
+        q, dq, ddq, terms, weights, out,
+    )  # fmt: skip
+    return out
+
+
+def information_adjoint(
+    tree: Tree,
+    layout: ColumnLayout,
+    q: ArrayLike,
+    dq: ArrayLike,
+    ddq: ArrayLike,
+    terms: ArrayLike,
+    weights: ArrayLike,
+    slopes: ArrayLike,
+    *,
+    chosen: str | None = None,
+) -> tuple[Array, Array, Array, Array]:
+    """Gradient of a function of `information` by positions, velocities, accelerations (N, n) and terms (e, N).
+
+    Args:
+        tree: The arm.
+        layout: Which columns are kept.
+        q: Joint positions, shape (N, n).
+        dq: Joint velocities, shape (N, n).
+        ddq: Joint accelerations, shape (N, n).
+        terms: Kept rows of the terms' columns, shape (e, N).
+        weights: Of each joint's rows, shape (n,).
+        slopes: Derivative of the function by the information, symmetric, shape (count, count).
+        chosen: Build of the kernel.
+    """
+    q, dq, ddq = states_of(tree, q, dq, ddq)
+    terms, weights, slopes = (np.ascontiguousarray(x, dtype=np.float64) for x in (terms, weights, slopes))
+    chosen = chosen or in_use()
+    if chosen == TWIN:
+        return reference_adjoint.information_adjoint(tree, layout, q, dq, ddq, terms, weights, slopes)
+    out = np.zeros_like(q), np.zeros_like(q), np.zeros_like(q), np.empty_like(terms)
+    _native.information_adjoint(
+        chosen, compiled_arm(tree), layout.offset, layout.target, layout.term, _parameter(layout),
+        q, dq, ddq, terms, weights, slopes, *out,
+    )  # fmt: skip
+    return out
