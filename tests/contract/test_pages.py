@@ -24,6 +24,7 @@ PAGES = {
         "docs/excitation.md",
         "docs/extending.md",
         "docs/lab.md",
+        "docs/thesis.md",
     )
 }
 

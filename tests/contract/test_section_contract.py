@@ -17,7 +17,7 @@ pytest.importorskip("plotly")
 pytest.importorskip("jinja2")
 
 TEMPLATES = Path(__file__).parents[2] / "src" / "armid" / "report" / "templates"
-SHARED = {"page", "macros"}
+SHARED = {"page", "macros", "chapter"}
 
 
 @pytest.fixture(scope="module")

@@ -28,6 +28,7 @@ from armid.cli.predict import predict
 from armid.cli.recalibrate import recalibrate
 from armid.cli.report import report
 from armid.cli.simulate import simulate
+from armid.cli.thesis import thesis
 from armid.cli.validate import validate
 from armid.errors import ArmidError
 
@@ -92,6 +93,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     report,
     export,
     demo,
+    thesis,
     bench,
 )
 for command in COMMANDS:

@@ -23,6 +23,7 @@ class Section:
         tables: Its tables.
         plots: Its plots, row by row: a heading for the row and its plots.
         legend: Roles of the traces, and what they are.
+        template: The template that shows it; that of its name on the page where empty.
     """
 
     title: str
@@ -30,6 +31,7 @@ class Section:
     tables: tuple[Table, ...] = ()
     plots: tuple[tuple[str, tuple[Plot, ...]], ...] = ()
     legend: tuple[tuple[str, str], ...] = ()
+    template: str = ""
 
 
 def effort_unit(material: Material) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -35,8 +36,33 @@ LATEX = {
     "×": r"$\times$",
     "▲": r"$\blacktriangle$",
     "▼": r"$\blacktriangledown$",
+    "ḋ": r"$\dot{d}$",
+    "Ṙ": r"$\dot{R}$",
+    "β": r"$\beta$",
+    "φ": r"$\phi$",
+    "θ": r"$\theta$",
+    "ψ": r"$\psi$",
+    "π": r"$\pi$",
+    "ω": r"$\omega$",
+    "Σ": r"$\Sigma$",
+    "∂": r"$\partial$",
+    "†": r"$^\dagger$",
+    "ᵀ": r"$^\mathrm{T}$",
+    "‖": r"$\|$",
+    "√": r"$\surd$",
+    "→": r"$\rightarrow$",
+    "∞": r"$\infty$",
+    "₋": "$_-$",
+    "ₗ": "$_l$",
+    "ₙ": "$_n$",
+    **{small: f"$_{digit}$" for digit, small in enumerate("₀₁₂₃₄₅₆₇₈₉")},
+    **{small: f"$^{digit}$" for digit, small in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹") if small != "²"},
+    "⁻": "$^-$",
 }
 """What LaTeX reads as something else, or does not have in a text font."""
+
+ACCENTS = {"\u0302": r"\hat", "\u0307": r"\dot", "\u0308": r"\ddot"}
+"""Marks above a letter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +140,13 @@ class Table:
 
 def latex_text(text: str) -> str:
     """Text with what LaTeX would read as commands made safe."""
-    return "".join(LATEX.get(letter, letter) for letter in text)
+    parts = re.split(r"(.[\u0302\u0307\u0308])", text)
+    return "".join(
+        rf"${ACCENTS[part[1]]}{{{part[0]}}}$"
+        if len(part) == 2 and part[1] in ACCENTS
+        else "".join(LATEX.get(letter, letter) for letter in part)
+        for part in parts
+    )
 
 
 def _csv(cell: Cell) -> str:

@@ -15,12 +15,27 @@
     single: { colour: "grey", width: 0.6 },
     mean: { colour: "ink", width: 2, symbol: "circle" },
     law: { colour: "orange", width: 2.4, dash: "7px,3px" },
+    physical: { colour: "orange", width: 1.5, dash: "2px,3px" },
+    "joint-1": { colour: "joint-1", width: 1.6 },
+    "joint-2": { colour: "joint-2", width: 1.6, dash: "9px,3px" },
+    "joint-3": { colour: "joint-3", width: 1.6, dash: "2px,3px" },
+    "joint-4": { colour: "joint-4", width: 1.6, dash: "9px,3px,2px,3px" },
+    "joint-5": { colour: "joint-5", width: 1.6, dash: "5px,2px" },
+    "joint-6": { colour: "joint-6", width: 1.6, dash: "14px,4px" },
+    "joint-7": { colour: "joint-7", width: 1.6, dash: "6px,2px,1px,2px,1px,2px" },
   };
   const CLOUDS = {
     training: { colour: "blue", symbol: "circle-open" },
     unseen: { colour: "orange", symbol: "x-thin-open" },
     forward: { colour: "blue", symbol: "triangle-up" },
     backward: { colour: "orange", symbol: "triangle-down-open" },
+    "joint-1": { colour: "joint-1", symbol: "circle", size: 7 },
+    "joint-2": { colour: "joint-2", symbol: "square", size: 7 },
+    "joint-3": { colour: "joint-3", symbol: "diamond", size: 8 },
+    "joint-4": { colour: "joint-4", symbol: "cross-thin-open", size: 9 },
+    "joint-5": { colour: "joint-5", symbol: "triangle-up", size: 8 },
+    "joint-6": { colour: "joint-6", symbol: "x-thin-open", size: 8 },
+    "joint-7": { colour: "joint-7", symbol: "triangle-down", size: 8 },
   };
 
   function trace({ role, x, y, name, cloud }) {
@@ -31,8 +46,9 @@
     }
     if (cloud) {
       const look = CLOUDS[role];
-      const marker = { color: colour(look.colour), symbol: look.symbol, size: 4, opacity: 0.55 };
-      marker.line = { width: 1, color: marker.color };
+      const marker = { color: colour(look.colour), symbol: look.symbol, size: look.size || 4 };
+      marker.opacity = look.size ? 1 : 0.55;
+      marker.line = { width: look.size ? 2 : 1, color: marker.color };
       return { ...common, mode: "markers", marker };
     }
     const look = LINES[role];

@@ -1,0 +1,96 @@
+"""Hyper-dual numbers: a value with two first derivatives and the mixed second one, exact to rounding.
+
+    x = x0 + x1 ε1 + x2 ε2 + x12 ε1 ε2,    ε1² = ε2² = 0
+
+Through a function f the part of ε1 is its derivative along the first direction, that of ε1 ε2 the second derivative
+along both [Fike2011]. Nothing is truncated, so that no step has to be chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.values import Array
+
+__all__ = ["HyperDual", "bilinear", "constant", "cosine", "hyper_dual", "sine", "stacked"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class HyperDual:
+    """An array of hyper-dual numbers.
+
+    Attributes:
+        parts: Value, the two first derivatives and the mixed second one, shape (4, ...).
+    """
+
+    parts: Array
+
+    def __add__(self, other: HyperDual) -> HyperDual:
+        return HyperDual(self.parts + other.parts)
+
+    def __sub__(self, other: HyperDual) -> HyperDual:
+        return HyperDual(self.parts - other.parts)
+
+    def __mul__(self, other: HyperDual) -> HyperDual:
+        return bilinear(np.multiply, self, other)
+
+    def times(self, factor: ArrayLike) -> HyperDual:
+        """The numbers times plain ones."""
+        return HyperDual(self.parts * np.asarray(factor))
+
+    def at(self, *index: int) -> HyperDual:
+        """Elements by their last indices."""
+        return HyperDual(self.parts[(..., *index)])
+
+
+def hyper_dual(value: ArrayLike, first: ArrayLike, second: ArrayLike) -> HyperDual:
+    """Numbers with their first derivatives along two directions; shapes are broadcast."""
+    parts = np.broadcast_arrays(value, first, second, 0.0)
+    return HyperDual(np.stack(parts).astype(np.float64))
+
+
+def constant(value: ArrayLike) -> HyperDual:
+    """Numbers that depend on nothing."""
+    return hyper_dual(value, 0.0, 0.0)
+
+
+def bilinear(product: Callable[[Array, Array], Array], a: HyperDual, b: HyperDual) -> HyperDual:
+    """A product of two arrays, linear in each of them."""
+    x, y = a.parts, b.parts
+    return HyperDual(
+        np.stack(
+            [
+                product(x[0], y[0]),
+                product(x[0], y[1]) + product(x[1], y[0]),
+                product(x[0], y[2]) + product(x[2], y[0]),
+                product(x[0], y[3]) + product(x[1], y[2]) + product(x[2], y[1]) + product(x[3], y[0]),
+            ]
+        )
+    )
+
+
+def sine(x: HyperDual) -> HyperDual:
+    """The sine of each number."""
+    s, c = np.sin(x.parts[0]), np.cos(x.parts[0])
+    return _function(x, s, c, -s)
+
+
+def cosine(x: HyperDual) -> HyperDual:
+    """The cosine of each number."""
+    s, c = np.sin(x.parts[0]), np.cos(x.parts[0])
+    return _function(x, c, -s, -c)
+
+
+def stacked(numbers: list[HyperDual]) -> HyperDual:
+    """Numbers of one shape side by side, along a new last axis."""
+    return HyperDual(np.stack([x.parts for x in numbers], axis=-1))
+
+
+def _function(x: HyperDual, value: Array, slope: Array, bend: Array) -> HyperDual:
+    """A function with its first and second derivative at the values."""
+    _, a, b, ab = x.parts
+    return HyperDual(np.stack([value, slope * a, slope * b, slope * ab + bend * a * b]))

@@ -1,0 +1,98 @@
+"""A chapter of the thesis's page: paragraphs, tables and figures in the order in which they are read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.report.plots import Plot
+from armid.report.section import Section
+from armid.report.tables import Cell, Table
+
+__all__ = ["Block", "Figures", "List", "Numbers", "Text", "chapter", "named", "number", "subscripts"]
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph, in HTML; nothing in it comes from outside the program.
+
+    Attributes:
+        html: The paragraph.
+    """
+
+    html: str
+    kind: ClassVar[str] = "text"
+
+
+@dataclass(frozen=True, slots=True)
+class List:
+    """Points, in HTML.
+
+    Attributes:
+        items: The points.
+    """
+
+    items: Sequence[str]
+    kind: ClassVar[str] = "list"
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """A few numbers that stand for the whole, large.
+
+    Attributes:
+        items: Number, unit and what it is.
+    """
+
+    items: Sequence[tuple[str, str, str]]
+    kind: ClassVar[str] = "numbers"
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Figures side by side.
+
+    Attributes:
+        heading: What they are together.
+        plots: The figures.
+        columns: How many stand side by side on a wide screen.
+        legend: Roles of the traces, and what they are.
+    """
+
+    heading: str
+    plots: Sequence[Plot]
+    columns: int
+    legend: Sequence[tuple[str, str]] = ()
+    kind: ClassVar[str] = "figures"
+
+
+Block = Text | List | Numbers | Figures | Table
+
+
+def chapter(title: str, *blocks: Block) -> Section:
+    """The section that the template `chapter` shows."""
+    tables = tuple(block for block in blocks if isinstance(block, Table))
+    figures = tuple((block.heading, tuple(block.plots)) for block in blocks if isinstance(block, Figures))
+    shown = [("table", block) if isinstance(block, Table) else (block.kind, block) for block in blocks]
+    return Section(title, {"blocks": shown}, tables, figures, template="chapter")
+
+
+SMALL = str.maketrans("0123456789n−-", "₀₁₂₃₄₅₆₇₈₉ₙ₋₋")
+
+
+def subscripts(text: str) -> str:
+    """`MY_2` as MY₂, `d_3` as d₃."""
+    return re.sub(r"_(\d+)", lambda found: found[1].translate(SMALL), text)
+
+
+def named(name: str) -> Cell:
+    """A parameter's name."""
+    symbol, _, index = name.rpartition("_")
+    return Cell(subscripts(name), name, rf"$\mathrm{{{symbol}}}_{{{index}}}$")
+
+
+def number(value: float, text: str, kind: str = "") -> Cell:
+    """A number with its text; the full one goes into CSV."""
+    return Cell(text, float(value), kind=kind)

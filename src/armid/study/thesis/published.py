@@ -1,0 +1,106 @@
+"""What the thesis prints: its tables, its condition number, and its formulas as sums of columns and parameters."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.values import Array
+
+__all__ = ["Published", "Sum", "Summand", "formula", "published", "weight"]
+
+
+@dataclass(frozen=True, slots=True)
+class Summand:
+    """A parameter or column in a sum, as in 2 (d_3 + d_4)² M_4.
+
+    Attributes:
+        name: The parameter.
+        factor: Its number.
+        lengths: Numbers of the lengths that are added.
+        power: Of their sum; 0 for none.
+    """
+
+    name: str
+    factor: float
+    lengths: tuple[int, ...]
+    power: int
+
+
+Sum = tuple[Summand, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Published:
+    """The thesis in numbers [Halper2024].
+
+    Attributes:
+        condition: Condition number of section 4.1.
+        lengths: d_1 to d_7 of the arm [m]; the thesis gives them as symbols.
+        frames: Rows of Table 3.1: d_y, d_z, φ, θ, ψ.
+        base: Table 4.1: value and relative deviation [%] of each base parameter.
+        physical: Table 4.2: rows as (3.40), shape (7, 12).
+        columns: (A.1): removed column, its label in print, and its sum as it should be and in print; `None` where
+            the print cannot be read as a sum.
+        groupings: (3.39): base parameter and sum.
+    """
+
+    condition: float
+    lengths: Array
+    frames: tuple[tuple[str, ...], ...]
+    base: Mapping[str, tuple[float, float]]
+    physical: Array
+    columns: tuple[tuple[str, str, Sum, Sum | None], ...]
+    groupings: Mapping[str, Sum]
+
+
+def weight(summand: Summand, lengths: Array) -> float:
+    """The number that a summand's parameter is multiplied with."""
+    return summand.factor * float(sum(lengths[i - 1] for i in summand.lengths)) ** summand.power
+
+
+def formula(terms: Sum) -> str:
+    """A sum in text, `0` where it is empty."""
+    if not terms:
+        return "0"
+    text = " ".join(_written(each, first=k == 0) for k, each in enumerate(terms))
+    return text
+
+
+def _written(each: Summand, *, first: bool) -> str:
+    sign = "−" if each.factor < 0.0 else "" if first else "+"
+    size = "" if abs(each.factor) == 1.0 else f"{abs(each.factor):g} "
+    inner = " + ".join(f"d_{i}" for i in each.lengths)
+    length = f"({inner})" if len(each.lengths) > 1 else inner
+    square = "² " if each.power == 2 else " " if each.power else ""
+    return f"{sign}{'' if first else ' '}{size}{length}{square}{each.name}"
+
+
+@cache
+def published() -> Published:
+    """The thesis's numbers, read once."""
+    table: dict[str, Any] = json.loads((Path(__file__).parent / "published.json").read_text(encoding="utf-8"))
+    return Published(
+        float(table["condition"]),
+        np.array(table["lengths"]),
+        tuple(tuple(row) for row in table["frames"]),
+        {name: (value, deviation) for name, (value, deviation) in table["base"].items()},
+        np.array(table["physical"]),
+        tuple(
+            (row["name"], row["label"], _sum(row["right"]), None if row["printed"] is None else _sum(row["printed"]))
+            for row in table["columns"]
+        ),
+        {name: _sum(terms) for name, terms in table["groupings"].items()},
+    )
+
+
+def _sum(terms: Sequence[Sequence[Any]]) -> Sum:
+    return tuple(
+        Summand(str(name), float(factor), tuple(lengths), int(power)) for name, factor, lengths, power in terms
+    )
