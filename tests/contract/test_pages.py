@@ -16,21 +16,14 @@ from armid.robot import load_robot
 
 ROOT = Path(__file__).parents[2]
 PAGES = {
-    name: (ROOT / name).read_text()
-    for name in (
-        "README.md",
-        "CONTRIBUTING.md",
-        "docs/design.md",
-        "docs/excitation.md",
-        "docs/extending.md",
-        "docs/lab.md",
-        "docs/thesis.md",
-    )
+    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
 }
 
 PATH = re.compile(r"`((?:src|native|tests|docs|scripts|benchmarks|examples|\.ci)/[\w./-]*)`")
 MODULE = re.compile(r"`(armid(?:\.\w+)+)`")
-LINK = re.compile(r"\]\(([^):]+)\)")
+LINK = re.compile(r"\]\(([^):#]+)(?:#([\w-]+))?\)")
+HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 
 page = pytest.mark.parametrize("page", PAGES)
 
@@ -43,7 +36,30 @@ def test_paths_exist(page: str):
 @page
 def test_links_exist(page: str):
     folder = (ROOT / page).parent
-    assert [link for link in LINK.findall(PAGES[page]) if not (folder / link).exists()] == []
+    assert [link for link, _ in LINK.findall(PAGES[page]) if not (folder / link).exists()] == []
+
+
+@page
+def test_headings_exist(page: str):
+    """Links into pages meet a heading there."""
+    folder = (ROOT / page).parent
+    missing = []
+    for link, place in LINK.findall(PAGES[page]):
+        if place:
+            text = (folder / link).read_text(encoding="utf-8")
+            anchors = {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in HEADING.findall(text)}
+            missing += [] if place in anchors else [f"{link}#{place}"]
+    assert missing == []
+
+
+def test_every_page_is_on_the_site():
+    """Sphinx warns of a page that no list of contents has; this says so within the ordinary tests."""
+    listed = set()
+    for name, text in PAGES.items():
+        for block in re.findall(r"```\{toctree\}\n(.*?)```", text, re.DOTALL):
+            entries = [line for line in block.splitlines() if line and not line.startswith(":")]
+            listed |= {str((ROOT / name).parent.relative_to(ROOT) / entry) + ".md" for entry in entries}
+    assert {name for name in PAGES if name.startswith("docs/")} == listed | {"docs/index.md"}
 
 
 @page

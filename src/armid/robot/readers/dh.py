@@ -37,11 +37,11 @@ exact value. Velocities of turning joints are in `units` per second. A mass with
 
 The conventions, with q added to the angle of a turning joint and to the length d of a sliding one:
 
-=========  ==========================================  =================================
-standard   T = Rz(theta) Tz(d) Tx(a) Rx(alpha)         row i ends in frame i
-modified   T = Rx(alpha) Tx(a) Rz(theta) Tz(d)         alpha and a are those of row i - 1 [Craig2005]
+=========  ==============================================  ==============================================
+standard   T = Rz(theta) Tz(d) Tx(a) Rx(alpha)             row i ends in frame i
+modified   T = Rx(alpha) Tx(a) Rz(theta) Tz(d)             alpha and a are those of row i - 1 [Craig2005]
 thesis     T = Ty(d_y) Tz(d_z) Rz(phi) Rx(theta) Rz(psi)   a sliding joint moves along the new z
-=========  ==========================================  =================================
+=========  ==============================================  ==============================================
 
 A link frame of armid has its origin on the joint's axis. For `modified` and `thesis` it is the row's own frame;
 for `standard` it is the row's frame without Tx(a) Rx(alpha), which go to the next row, so that a standard table

@@ -1,0 +1,70 @@
+"""Every command and snippet of the tutorials works as it stands, in a folder that holds what the page says."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from paged import blocks, commands, follow, pages
+
+pytest.importorskip("mujoco")
+pytest.importorskip("plotly")
+pytest.importorskip("rosbags")
+
+PAGES = pages()
+
+AFTER = {"tutorials/ros_bag.md": "arm", "tutorials/payload.md": "arm", "tutorials/recalibration.md": "arm"}
+"""Pages that go on where another ended, with the folder that this one leaves."""
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the first tutorial leaves behind; to follow it is its test."""
+    folder = tmp_path_factory.mktemp("arm")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert follow(PAGES["tutorials/own_arm.md"]) > 8
+    return folder
+
+
+def test_the_first_tutorial(arm: Path):
+    assert (arm / "arm_identified.urdf").is_file() and (arm / "runs" / "python" / "estimate.json").is_file()
+    for name in ("arm", "study"):
+        assert (arm / "runs" / name / "report.html").is_file()
+    assert (arm / "arm_identified.urdf").read_text() != (arm / "arm.urdf").read_text()
+
+
+@pytest.mark.parametrize("page", AFTER)
+def test_tutorials_that_go_on(page: str, arm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    shutil.copytree(arm, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    assert follow(PAGES[page]) >= 3
+
+
+def test_the_first_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.chdir(tmp_path)
+    assert follow(PAGES["start.md"]) == 3
+    out = capsys.readouterr().out
+    assert "verdict on unseen motion: pass" in out and "torque that holds this pose" in out
+
+
+@pytest.mark.long
+def test_the_tutorial_of_the_iiwa(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    assert follow(PAGES["tutorials/iiwa.md"]) >= 6
+    assert (tmp_path / "iiwa_identified.urdf").is_file()
+
+
+def test_what_is_not_run_says_so():
+    """Commands of tutorials are armid's own, or stand below a line that says that nobody runs them."""
+    strange = [
+        command
+        for page, text in PAGES.items()
+        for block in blocks(text)
+        if block.run and block.language == "bash"
+        for command in commands(block.text)
+        if not command.startswith("armid ")
+    ]
+    assert strange == []

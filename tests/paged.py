@@ -1,0 +1,85 @@
+"""The blocks of a page of docs/, and a way to do what they say.
+
+- A block of toml or xml whose first line is a comment with a file's name is written to that file; of the others, toml
+  has to be valid.
+- A block of python is executed; names live on until the page ends.
+- A block of bash is run command by command, `armid` in this process. `|| true` behind a command says that it may also
+  end with a failed verdict.
+- A block after a line that begins with `*Not run by the tests` is left alone; readers see that line, too.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from armid.cli import main as cli
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+FENCE = re.compile(
+    r"^(?P<note>\*Not run by the tests[^\n]*\n)?```(?P<language>[\w{}-]*)\n(?P<text>.*?)^```", re.M | re.S
+)
+NAMED = re.compile(r"(?:# |<!-- )([\w/.-]+\.\w+)(?: -->)?")
+
+
+class Block(NamedTuple):
+    """A fenced block of a page."""
+
+    language: str
+    text: str
+    run: bool
+
+
+def pages() -> dict[str, str]:
+    """All pages by their path in docs/."""
+    return {str(path.relative_to(DOCS)): path.read_text(encoding="utf-8") for path in sorted(DOCS.rglob("*.md"))}
+
+
+def blocks(page: str) -> list[Block]:
+    """The fenced blocks of a page's text, in order."""
+    return [Block(found["language"], found["text"], found["note"] is None) for found in FENCE.finditer(page)]
+
+
+def commands(text: str) -> list[str]:
+    """The commands of a block of bash, without comments and with continued lines joined."""
+    lines = (re.sub(r"(^|\s)# .*", "", line).strip() for line in text.replace("\\\n", " ").splitlines())
+    return [line for line in lines if line]
+
+
+def follow(page: str) -> int:
+    """Do what the blocks of a page say, in the working directory; the number of blocks that were done."""
+    names: dict[str, Any] = {"__name__": "__page__"}
+    done = 0
+    for block in blocks(page):
+        if not block.run or block.language not in ("bash", "python", "toml", "xml"):
+            continue
+        named = NAMED.fullmatch(block.text.split("\n", 1)[0])
+        if block.language == "bash":
+            for command in commands(block.text):
+                _run(command)
+        elif block.language == "python":
+            exec(compile(block.text, "<page>", "exec"), names)
+        elif named:
+            Path(named[1]).write_text(block.text, encoding="utf-8")
+        if block.language == "toml":
+            tomllib.loads(block.text)
+        done += 1
+    return done
+
+
+def _run(command: str) -> None:
+    """Run one command of armid; its exit code has to be 0, or 1 where the page says that it may be."""
+    words = shlex.split(command)
+    tolerated = words[-2:] == ["||", "true"]
+    words = words[:-2] if tolerated else words
+    assert words[0] == "armid", f"not a command of armid: {command}"
+    code: Any = 0
+    try:
+        cli.main(words[1:])
+    except SystemExit as ended:
+        code = ended.code or 0
+    assert code == 0 or (tolerated and code == 1), f"{command} ended with {code}"
