@@ -24,7 +24,10 @@ from pathlib import Path
 import numpy as np
 
 from armid.errors import ArmidError
+from armid.excitation.clearance import Clearance
+from armid.excitation.interior import descend_inside
 from armid.excitation.objective import Objective
+from armid.excitation.places import Workspace
 from armid.excitation.solver import STAGES, Problem, descend, drawn_together, highest, utilisation
 from armid.values import Array
 
@@ -139,6 +142,9 @@ def _run(pickled: bytes, task: _Task) -> tuple[_Task, Array | None, float]:
         size = SHAKES[task.number % len(SHAKES)] * float(np.sqrt(np.mean(task.x**2)))
         x = task.x + size * rng.standard_normal(len(task.x))
     stages = STAGES[SMOOTH:] if task.refine else STAGES[:SMOOTH]
+    if not task.refine and any(isinstance(channel, Clearance | Workspace) for channel in problem.channels):
+        # What bodies leave free is bent: the first stage stays inside it.
+        x, stages = descend_inside(problem, x, stages[0], task.deadline), stages[1:]
     x = descend(problem, x, stages, task.deadline)
     inside = drawn_together(problem, grid, x)
     if inside is None:
