@@ -1,8 +1,9 @@
 """How often the doctor is right: `python benchmarks/doctor.py [--logs N] [--first K] [--fault NAME]… [--json]`.
 
-N logs without a fault and N with each fault, of three arms on motions drawn at random, by inverse dynamics. A line
-a class: how often the fault was found, and how often it was named and nothing else was called an error; of sound
-logs how many had any error or warning.
+N logs with each fault and four times as many without any, of five arms on motions drawn at random, by inverse
+dynamics. A line a class: how often the fault was found, and how often it was found and nothing else called an error;
+of sound logs how many were told nothing. What is drawn, and what is left out because no log could show it,
+stands in `tests/sick.py`. Exit code 1 where a target is missed.
 """
 
 from __future__ import annotations
@@ -24,8 +25,15 @@ from armid.errors import ArmidError, Finding  # noqa: E402
 from armid.study.doctor import diagnose_recording  # noqa: E402
 from sick import FAULTS, Case, sound  # noqa: E402
 
-QUIET = {"info"}
-"""Severities that raise no alarm."""
+SOUND = 4
+"""Logs without a fault for each with one of a class: two false alarms in a hundred are not seen among forty."""
+
+FOUND, NAMED, ALARMS = 0.98, 0.95, 0.02
+"""Targets: share of the faults found and named at least, share of sound logs with an alarm at most."""
+
+REMARK = ("excitation-weak", "info")
+"""What motions drawn at random now and then are told, and well recorded arms too: neither found nor an alarm. Any
+other finding on a sound log is an alarm, one that is only for information as well."""
 
 ALSO: dict[str, set[str]] = {
     "motor-side": {"degrees", "position-offset", "current-without-gain"},
@@ -54,8 +62,9 @@ def measure(name: str, logs: int, first: int) -> dict[str, Any]:
         began = time.process_time()
         findings = examined(case)
         seconds += time.process_time() - began
+        findings = tuple(f for f in findings if (f.code, f.severity) != REMARK)
         codes = {f.code for f in findings}
-        alarms = {f.code for f in findings if f.severity not in QUIET} - {name} - ALSO.get(name, set())
+        alarms = codes - {name} - ALSO.get(name, set())
         hit = name in codes if name != "sound" else not alarms
         found += hit
         named += hit and not {f.code for f in findings if f.severity == "error"} & alarms
@@ -76,7 +85,7 @@ def measure(name: str, logs: int, first: int) -> dict[str, Any]:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--logs", type=int, default=45, help="of each class")
+    parser.add_argument("--logs", type=int, default=40, help="of each fault")
     parser.add_argument("--first", type=int, default=1000, help="seed of the first")
     parser.add_argument("--fault", action="append", choices=("sound", *FAULTS))
     parser.add_argument("--verbose", action="store_true")
@@ -86,7 +95,7 @@ def main() -> None:
     if not options.json:
         print(f"{'class':26s}{'logs':>6s}{'found':>8s}{'named':>8s}{'CPU s':>7s}  other alarms")
     for name in options.fault or ("sound", *FAULTS):
-        each = measure(name, options.logs, options.first)
+        each = measure(name, options.logs * (SOUND if name == "sound" else 1), options.first)
         results.append(each)
         if not options.json:
             print(
@@ -96,8 +105,32 @@ def main() -> None:
             )
             for line in each["missed"] if options.verbose else ():
                 print("   ", line)
+    total = summed(results)
     if options.json:
-        print(json.dumps(results, indent=1))
+        print(json.dumps({"classes": results, "total": total}, indent=1))
+    else:
+        print(", ".join(f"{key} {value:.4g}" for key, value in total.items()))
+    if total["found"] < FOUND or total["named"] < NAMED or total["alarms"] > ALARMS:
+        raise SystemExit(1)
+
+
+def summed(results: list[dict[str, Any]]) -> dict[str, float]:
+    """All faults together, and the false alarms."""
+    faults = [each for each in results if each["class"] != "sound"]
+    clean = [each for each in results if each["class"] == "sound"]
+    logs = sum(each["logs"] for each in faults)
+
+    def share(key: str) -> float:
+        return sum(each[key] * each["logs"] for each in faults) / logs if logs else 1.0
+
+    return {
+        "logs": logs + sum(each["logs"] for each in clean),
+        "faults": len(faults),
+        "found": share("found"),
+        "named": share("named"),
+        "alarms": 1.0 - clean[0]["found"] if clean else 0.0,
+        "seconds": sum(each["seconds"] * each["logs"] for each in results) / sum(each["logs"] for each in results),
+    }
 
 
 if __name__ == "__main__":

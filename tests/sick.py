@@ -11,7 +11,7 @@ import numpy as np
 
 from armid.excitation.fourier import Excitation
 from armid.lab.virtual import Sensors, record
-from armid.maths.inertia import com_inertia_to_vector
+from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
 from armid.maths.signals import butterworth, zero_phase
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
@@ -21,13 +21,19 @@ from armid.model.terms import AsymmetricCoulomb, Coulomb, Offset, RigidBody, Rot
 from armid.robot import Robot, load_robot
 from armid.values import Array
 
-ARMS = ("iiwa14-r820", "panda", "ur10e")
+ARMS = ("iiwa14-r820", "iiwa7-r800", "panda", "ur5e", "ur10e")
+DESCRIBED = ("iiwa14-r820", "ur5e", "ur10e")
+"""Arms whose descriptions have inertias: where they have none, a torque has no scale to be seen by."""
+
 RATES = (100.0, 125.0, 200.0, 500.0, 1000.0)
 HARMONICS = 5
 GRAVITY = 9.81
 
-PANDA_MASSES = (3.0, 3.0, 2.8, 2.6, 2.9, 1.5, 0.8)
-"""The built-in Panda has no inertias; these are of the size that publications give [kg]."""
+MASSES = {"panda": (3.0, 3.0, 2.8, 2.6, 2.9, 1.5, 0.8), "iiwa7-r800": (3.5, 3.5, 2.5, 2.6, 1.9, 1.8, 0.6)}
+"""Arms that are described without inertias; these are of the size that publications give [kg]."""
+
+MASS, COM, INERTIA = 0.15, 0.01, 0.3
+"""How far links are off their description at most: shares of mass and inertia, centre of mass [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +73,20 @@ def arm(name: str) -> Robot:
 
 
 def true_parameters(model: DynamicsModel, rng: np.random.Generator, *, rotor: bool) -> Array:
-    """Links within 15 % of the description, friction of some percent of the joints' largest torque."""
-    theta = model.nominal_parameters()
+    """Links that are off the description, friction of some percent of the joints' largest torque."""
+    described = model.nominal_parameters()
     n, robot = model.n, model.robot
-    if theta is None:
-        theta = np.zeros(len(model.parameters))
-        for j, mass in enumerate(PANDA_MASSES):
-            com = rng.uniform(-0.06, 0.06, 3)
-            inertia = mass * np.diag(rng.uniform(0.008, 0.012, 3))
-            theta[model.inertial_columns[10 * j : 10 * j + 10]] = com_inertia_to_vector(mass, com, inertia)
-    theta = theta.copy()
+    theta = np.zeros(len(model.parameters)) if described is None else described.copy()
     for j in range(n):
-        theta[model.inertial_columns[10 * j : 10 * j + 10]] *= 1.0 + rng.uniform(-0.15, 0.15)
+        own = model.inertial_columns[10 * j : 10 * j + 10]
+        if described is None:
+            mass, com = MASSES[robot.name][j], rng.uniform(-0.06, 0.06, 3)
+            inertia = mass * np.diag(rng.uniform(0.008, 0.012, 3))
+        else:
+            mass, com, inertia = vector_to_com_inertia(described[own])
+        mass *= 1.0 + rng.uniform(-MASS, MASS)
+        inertia = inertia * (1.0 + rng.uniform(-INERTIA, INERTIA))
+        theta[own] = com_inertia_to_vector(mass, com + rng.uniform(-COM, COM, 3), inertia)
     effort = np.array([joint.effort_limit for joint in robot.joints])
     speed = np.array([joint.velocity_limit for joint in robot.joints])
     static, viscous = effort * rng.uniform(0.02, 0.05, n), effort / speed * rng.uniform(0.01, 0.05, n)
@@ -181,8 +189,11 @@ def joint_order(seed: int) -> Case:
 
 
 def degrees(seed: int) -> Case:
-    case = sound(seed)
+    """Degrees that are read as radians, or radians that are read as degrees."""
+    case, rng = sound(seed), _rng(seed)
     log = case.recording
+    if rng.random() < 0.5:
+        return replace(case, reading=replace(case.reading, units="deg"))
     return case.logged(q=np.degrees(log.q), dq=None if log.dq is None else np.degrees(log.dq))
 
 
@@ -213,7 +224,7 @@ def gravity_direction(seed: int) -> Case:
 
 
 def motor_side(seed: int) -> Case:
-    case, rng = sound(seed, name=("iiwa14-r820", "ur10e")[seed % 2]), _rng(seed)
+    case, rng = sound(seed, name=DESCRIBED[seed % 3]), _rng(seed)
     ratio = rng.choice([80.0, 100.0, 120.0, 160.0], case.robot.n)
     log = case.recording
     assert log.effort is not None
@@ -228,7 +239,7 @@ def rotor_inertia_missing(seed: int) -> Case:
 
 
 def current_without_gain(seed: int) -> Case:
-    case, rng = sound(seed, name=("iiwa14-r820", "ur10e")[seed % 2]), _rng(seed)
+    case, rng = sound(seed, name=DESCRIBED[seed % 3]), _rng(seed)
     assert case.recording.effort is not None
     said = bool(rng.random() < 0.5)  # by the name of the column
     gain = rng.uniform(9.0, 16.0, case.robot.n)

@@ -19,7 +19,7 @@ from armid.validation.doctor.position_offset import offsets_of
 from armid.validation.doctor.state import State
 from sick import FAULTS, Case, sound
 
-SEEDS = (4, 9)  # a UR10e and an iiwa
+SEEDS = (4, 11)  # a UR10e and an iiwa 14
 
 
 @cache
@@ -50,8 +50,9 @@ def test_a_sound_log_raises_no_alarm(seed: int):
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_named_and_no_other_called_an_error(fault: str):
     found = examined(FAULTS[fault](4))
-    assert fault in codes(found)
-    assert fault not in codes(sound_findings(4))
+    severities = ("error", "warning") if fault == "excitation-weak" else ()  # as information sound logs have it, too
+    assert fault in codes(found, *severities)
+    assert fault not in codes(sound_findings(4), *severities)
     assert codes(found, "error") <= {fault}
 
 

@@ -166,7 +166,9 @@ def settling_samples(filter: Array, decay: float = SETTLED) -> int:
     """Samples after which the filter has forgotten: its slowest pole has fallen to `decay`, or its taps ended."""
     if filter.ndim == 1:
         return len(filter) // 2
-    radius = max(float(np.abs(np.roots(section[3:])).max()) for section in filter)
+    a0, a1, a2 = filter[:, 3:].T
+    root = np.sqrt(a1**2 - 4.0 * a0 * a2 + 0j)
+    radius = float(np.abs(np.array([-a1 + root, -a1 - root]) / (2.0 * a0)).max())
     return int(np.ceil(np.log(decay) / np.log(radius))) if radius > 0 else 2
 
 

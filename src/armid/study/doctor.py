@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,11 @@ from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.study.plausibility import gravity_finding
-from armid.study.study import Study, build_model, load_choice
+from armid.study.study import RecordingChoice, Study, build_model, load_choice
 from armid.validation.doctor import EFFECTS, EXPLAINS, SEVERITIES, Evidence, examine
 from armid.validation.doctor.state import State
 
-__all__ = ["Diagnosis", "diagnose", "diagnose_recording", "diagnosis_record", "is_ill"]
+__all__ = ["Diagnosis", "diagnose", "diagnose_recording", "diagnosis_record", "is_ill", "watch"]
 
 CODE = re.compile(r"\[([a-z-]+)\]$")
 """Where an error about a recording ends with the code of its finding."""
@@ -34,6 +34,24 @@ PLAUSIBLE_CONFLICT, PLAUSIBLE_CORRELATION, PLAUSIBLE_SCALE = 0.6, 0.7, 0.3
 """Conflict between joints up to which, and correlation with and share of the description from which, angles read
 as degrees are believed to be degrees: motors' angles are not, whatever limits they stay in."""
 
+
+OF_LOG = ("channel-dead", "saturation", "filtered-before-logging", "velocity-mismatch")
+"""Checks of every log that an identification makes; gaps, unevenness and repetitions it reports as it processes."""
+
+OF_MODEL = (
+    "motor-side",
+    "degrees",
+    "torque-sign",
+    "joint-order",
+    "gravity-direction",
+    "channel-delay",
+    "position-offset",
+    "rotor-inertia-missing",
+    "temperature-drift",
+    "contact",
+)
+"""Checks beside a model that it makes, once for each way of reading: what a reading says of signs, order, units,
+zeros and sides holds for all logs that are read so. Excitation it judges by all recordings together."""
 
 GEARED = 3.0
 """Span of the motion, in spans of the limits, from which it is that of motors."""
@@ -118,6 +136,34 @@ def diagnose_recording(
         early = replace(evidence, recording=recording)
         return tuple(f for f in examine(early) if f in noted or f.code in kept)
     return examine(_reconsidered(evidence))
+
+
+def watch(model: DynamicsModel, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> tuple[Finding, ...]:
+    """What the doctor says while a study is identified, before anything is estimated.
+
+    Args:
+        model: Arm and torque terms of the study.
+        recordings: As read, with their roles.
+    """
+    found: dict[tuple[str, str], Finding] = {}
+    shown = _one_of_each_reading(recordings)
+    for k, (choice, recording) in enumerate(recordings):
+        evidence = Evidence(model.robot, recording, choice.reading, recording, (), model, EXPLAINS)
+        where = f"{Path(choice.path).name}: " if len(recordings) > 1 else ""
+        for finding in examine(evidence, OF_LOG + (OF_MODEL if k in shown else ())):
+            said = replace(finding, evidence=f"{where}{finding.evidence}")
+            found.setdefault((finding.code, finding.channel), said)
+    return tuple(found.values())
+
+
+def _one_of_each_reading(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> set[int]:
+    """The longest recording of each way of reading, those that train before others."""
+    chosen: dict[str, int] = {}
+    rank = [(choice.role != "train", -recording.samples, k) for k, (choice, recording) in enumerate(recordings)]
+    for _, _, k in sorted(rank):
+        reading = replace(recordings[k][0].reading, period=None, start=None, exclude=())
+        chosen.setdefault(repr(reading), k)
+    return set(chosen.values())
 
 
 def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import Finding, StudyError
+from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.estimate import Estimate, TermUse
 from armid.estimation.friction import Ladder, choose_friction
 from armid.estimation.load import with_load
@@ -33,12 +33,12 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.study.cut import cut, refuse_shared
+from armid.study.doctor import watch
 from armid.study.plausibility import (
     excitation_finding,
     few_blocks_finding,
     gravity_finding,
     negative_finding,
-    torque_finding,
 )
 from armid.study.study import (
     RecordingChoice,
@@ -207,6 +207,9 @@ def prepare(
         findings.append(_chosen_finding(ladder, estimation.method))
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
+    tell("doctor", 0.0)
+    said = {finding.code for finding in findings if finding.severity != "info"}
+    findings += [finding for finding in watch(model, recordings) if finding.code not in said]
     study = replace(study, model=resolve_model(model), processing=processing)
     base = find_base_parameters(model)
     information = inform(
@@ -226,11 +229,13 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     tell = progress or _silent
     study, model, recordings = prepared.study, prepared.model, prepared.recordings
     robot, processing = model.robot, study.processing
-    observations, information = prepared.problem.observations, prepared.problem.information
-    assert observations is not None  # `prepare` gives them
+    information = prepared.problem.information
     tell("estimation", 0.0)
-    estimate = _estimate(study, model, prepared.base, stated_problem(prepared), recordings)
-    findings = [*prepared.findings, *estimate.findings, *_doubts(model, observations, information, estimate)]
+    try:
+        estimate = _estimate(study, model, prepared.base, stated_problem(prepared), recordings)
+    except EstimationError as error:
+        raise _diagnosed(error, prepared.findings) from error
+    findings = [*prepared.findings, *estimate.findings, *_doubts(model, information, estimate)]
     tell("validation", 0.0)
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
     training, _ = score_recordings(model, estimate, train, processing)
@@ -348,13 +353,10 @@ def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: 
     return np.max([np.zeros(robot.n), *said], axis=0)
 
 
-def _doubts(
-    model: DynamicsModel, observations: Observations, information: Information, estimate: Estimate
-) -> list[Finding]:
+def _doubts(model: DynamicsModel, information: Information, estimate: Estimate) -> list[Finding]:
     """What speaks against taking the estimate at its word."""
     found = [
         gravity_finding(model.robot),
-        torque_finding(model, observations),
         excitation_finding(information),
         few_blocks_finding(estimate.fit),
         negative_finding(model, estimate.fit),
@@ -368,6 +370,15 @@ def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
     for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
         changing[column] = "ddq" not in symbols(law.expression)
     return changing
+
+
+def _diagnosed(error: EstimationError, findings: Sequence[Finding]) -> EstimationError:
+    """What stopped the estimate with what the doctor says of the recordings, which is the likely cause."""
+    told = [finding for finding in findings if finding.severity == "error"]
+    if not told:
+        return error
+    problem = " ".join([error.problem, *(f"[{finding.code}] {finding.evidence}" for finding in told)])
+    return EstimationError(problem, possible=error.possible, remedy="; ".join(finding.remedy for finding in told))
 
 
 def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:

@@ -8,7 +8,6 @@ from armid.errors import Finding
 from armid.estimation.fit import Fit
 from armid.estimation.uncertainty import FEWEST_BLOCKS
 from armid.information.information import Information, stack, total
-from armid.information.observations import Observations
 from armid.maths.linalg import unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
@@ -18,11 +17,7 @@ __all__ = [
     "few_blocks_finding",
     "gravity_finding",
     "negative_finding",
-    "torque_finding",
 ]
-
-AGAINST = -0.5
-"""Correlation of measured with predicted torque on the most loaded joint below which their senses disagree."""
 
 STRONGEST_GRAVITY = 15.0
 """Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
@@ -50,30 +45,6 @@ def excitation_finding(information: Information) -> Finding | None:
         f"The motion hardly tells {names} apart (condition number {condition:.0f} with columns of unit length, where "
         f"{WEAK_CONDITION:.0f} is much).",
         "record a motion that moves all joints together, fast and wide; on other motion the estimate may fail.",
-    )
-
-
-def torque_finding(model: DynamicsModel, observations: Observations) -> Finding | None:
-    """A torque whose sense contradicts the description's weight, or `None`.
-
-    The joint that the description loads most is looked at; where the description has no inertias nothing is known.
-    """
-    nominal = model.nominal_parameters()
-    if nominal is None:
-        return None
-    predicted = np.concatenate([model.torque(run.motion, nominal)[run.rows] for run in observations.runs])
-    measured = np.concatenate([run.torque[run.rows] for run in observations.runs])
-    j = int(np.argmax((predicted**2).sum(axis=0)))
-    size = float(np.linalg.norm(predicted[:, j]) * np.linalg.norm(measured[:, j]))
-    agreement = float(predicted[:, j] @ measured[:, j]) / size if size else 0.0
-    if agreement > AGAINST:
-        return None
-    return Finding(
-        "torque-sign",
-        "warning",
-        model.robot.joint_names[j],
-        f"Measured torque goes against the description's, correlation {agreement:.2f}.",
-        "check torque_sign (--torque-sign -1), gravity (--gravity) and whether the arm is the described one.",
     )
 
 

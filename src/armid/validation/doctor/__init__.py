@@ -8,7 +8,7 @@ without it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from armid.errors import Finding
 from armid.validation.doctor import (
@@ -16,6 +16,7 @@ from armid.validation.doctor import (
     channel_delay,
     clock,
     contact,
+    degrees,
     excitation_weak,
     filtered_before_logging,
     gravity_direction,
@@ -46,6 +47,7 @@ CHECKS: dict[str, Check] = {
     "velocity-mismatch": velocity_mismatch.check,
     "period-misaligned": period_misaligned.check,
     "motor-side": motor_side.check,
+    "degrees": degrees.check,
     "torque-sign": torque_sign.check,
     "joint-order": joint_order.check,
     "gravity-direction": gravity_direction.check,
@@ -60,6 +62,7 @@ CHECKS: dict[str, Check] = {
 
 EXPLAINS: tuple[Explain, ...] = (
     motor_side.explain,
+    degrees.explain,
     torque_sign.explain,
     joint_order.explain,
     gravity_direction.explain,
@@ -89,9 +92,9 @@ FOLLOW: dict[str, tuple[str, ...]] = {
 """What a model says of a log because of another fault that is known: it is not said twice."""
 
 
-def examine(evidence: Evidence) -> tuple[Finding, ...]:
-    """All findings on a log, errors first, each said once."""
-    found = [finding for check in CHECKS.values() for finding in check(evidence)]
+def examine(evidence: Evidence, checks: Collection[str] = tuple(CHECKS)) -> tuple[Finding, ...]:
+    """All findings of some checks on a log, errors first, each said once."""
+    found = [finding for name, check in CHECKS.items() if name in checks for finding in check(evidence)]
     known = {code for f in found if f.severity != "info" for code in FOLLOW.get(f.code, ())}
     kept = [f for f in dict.fromkeys(found) if f.code not in known or f in evidence.noted]
     return tuple(sorted(kept, key=lambda f: SEVERITIES.index(f.severity)))

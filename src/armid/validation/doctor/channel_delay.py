@@ -22,8 +22,14 @@ GAIN = 0.1
 """Fall of the residual, as a logarithm, that a delay must bring: recorded arms have up to 0.04 for delays that
 their friction only feigns, logs delayed by 10 ms and more 0.3 and more."""
 
-CLEARER = 0.05
-"""By how much less, as a logarithm, a delay must leave than friction that lags by itself."""
+HINT = 0.04
+"""Fall that the torque's slope as one more column must bring for a delay to be looked for at all:
+it finds half of what the delay itself does, and more."""
+
+SHARE = 0.9
+"""What one delay of everything must explain of what lags of each joint's friction alone explain: on recorded arms,
+whose friction only feigns a delay, it is two thirds and less; of a true delay of 10 ms, with motion so slow that
+friction is most of what moves, the whole."""
 
 SURE = 6.0
 """Standard deviations by which a delay must differ from none."""
@@ -44,9 +50,12 @@ def explain(state: State) -> Explanation | None:
     """The delay that explains the log, or `None` if there is none worth a word."""
     if state.log.band.is_open:
         return None
+    first = solve(state.rows, extra=state.rows.slope[None])
+    if state.fit.cost - first.cost < HINT:
+        return None
     delay, deviation, after = delay_of(state)
     gain = state.fit.cost - after.fit.cost
-    if gain < GAIN or abs(delay) < SURE * deviation or _friction_alone(state) < after.fit.cost + CLEARER:
+    if gain < GAIN or abs(delay) < SURE * deviation or gain < SHARE * (state.fit.cost - _friction_alone(state)):
         return None
     word = "lags behind" if delay > 0 else "runs ahead of"
     return Explanation(
@@ -70,7 +79,7 @@ def delay_of(state: State) -> tuple[float, float, State]:
         late, deviation = -float(fit.values[-1]), float(fit.deviation[-1])
         delay += late
         runs = tuple(_advanced(run, late) for run in state.log.runs)
-        state = replace(state, log=replace(state.log, runs=runs))
+        state = state.on(replace(state.log, runs=runs))
         if abs(late) < 0.2 * deviation:
             break
     return delay, deviation, state

@@ -56,26 +56,15 @@ def explain(state: State) -> Explanation | None:
     strength = float(np.linalg.norm(g0))
     if strength == 0.0:
         return None
-    wide = _Wide(state)
-    axes = np.vstack([np.eye(3), -np.eye(3)]) * strength
-    tried = axes if state.conflict > CONFLICT else -g0[None]
-    costs = [wide.cost(g) for g in tried]
-    begin = wide.cost(g0)
-    starts = [np.asarray(g0), *(tried[k] for k in np.argsort(costs)[:2])]
-    if state.conflict > CONFLICT:
-        refined = [wide.refined(g, strength) for g in starts]
-    else:
-        refined = [(g, cost) for g, cost in zip(tried, costs, strict=True)]
-    g, cost = min(refined, key=lambda each: each[1])
-    g, cost = _rounded(wide, g, cost, axes)
+    begin = cost_of(state.rows, products(state.rows))
+    g, cost = _searched(state, g0, strength, begin) if state.conflict > CONFLICT else (-g0, _under(state, -g0))
     gain = begin - cost
     cosine = float(np.clip(g @ g0 / strength**2, -1.0, 1.0))
     angle = float(np.arccos(cosine))
     if angle < ANGLE or gain < (OPPOSITE if cosine < -0.99 else GAIN):
         return None
     numbers = ", ".join(f"{x + 0.0:.4g}" for x in np.round(g, 2))
-    robot = state.model.robot.with_gravity((float(g[0]), float(g[1]), float(g[2])))
-    model = DynamicsModel(robot, state.model.terms)
+    model = _turned(state, g)
     return Explanation(
         CODE,
         gain,
@@ -86,6 +75,28 @@ def explain(state: State) -> Explanation | None:
         f"gravity = [{numbers}]",
         State(model, find_base_parameters(model), state.log),
     )
+
+
+def _turned(state: State, g: Array) -> DynamicsModel:
+    """The model under another gravity."""
+    return DynamicsModel(state.model.robot.with_gravity((float(g[0]), float(g[1]), float(g[2]))), state.model.terms)
+
+
+def _under(state: State, g: Array) -> float:
+    """What is left under gravity of the same line, which shows the same base parameters."""
+    rows = make_rows(column_source(_turned(state, g), state.base), state.log)
+    return cost_of(rows, products(rows))
+
+
+def _searched(state: State, g0: Array, strength: float, begin: float) -> tuple[Array, float]:
+    """The gravity that leaves least, and what it leaves; the one that the log has leaves `begin`."""
+    wide = _Wide(state)
+    axes = np.vstack([np.eye(3), -np.eye(3)]) * strength
+    costs = [wide.cost(g) for g in axes]
+    better = [k for k in np.argsort(costs)[:2] if costs[k] < begin]
+    starts = [g0, *(axes[k] for k in better)]
+    g, cost = min((wide.refined(g, strength) for g in starts), key=lambda each: each[1])
+    return _rounded(wide, g, cost, axes)
 
 
 def _rounded(wide: _Wide, g: Array, cost: float, axes: Array) -> tuple[Array, float]:

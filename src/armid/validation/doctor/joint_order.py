@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding
 from armid.validation.doctor.evidence import Evidence
-from armid.validation.doctor.rows import Thin, cost_of, products, rows_of
+from armid.validation.doctor.rows import Thin, cost_of, make_rows, products
 from armid.validation.doctor.state import Explanation, State
 from armid.values import Array
 
@@ -34,8 +34,9 @@ CALM = 0.15
 EXCHANGES = 3
 """Pairs that are exchanged one after the other; a log that is worse mixed up is only said to be mixed up."""
 
-LOOKED_AT = 3
-"""Exchanges that are looked at closely, the best of those that were tried quickly."""
+LOOKED_AT, NEAR = 3, 0.05
+"""Exchanges that are looked at closely: the best of those that were tried quickly, if they leave no more than the
+order as it is by a margin."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -54,14 +55,16 @@ def explain(state: State) -> Explanation | None:
     """The order that explains the log, or `None` if it is the one that it has."""
     n, coarse = state.rows.n, state.log.coarse()
     same = np.arange(n)
-    best = begin = _tried(state, state.log, same, same)
+    best = begin = _Order(same, same, cost_of(state.rows, products(state.rows)))
+    near = _tried(state, coarse, same, same).cost + NEAR
     for step in range(EXCHANGES):
         trials = [_exchanged(state, coarse, best, i, j) for i in range(n) for j in range(i + 1, n)]
         if step == 0:
             trials += [_tried(state, coarse, same, _assigned(state)), _tried(state, coarse, same[::-1], same[::-1])]
-        trials = sorted((t for t in trials if (t.torque != best.torque).any()), key=lambda order: order.cost)
-        close = [_tried(state, state.log, t.motion, t.torque) for t in trials[:LOOKED_AT]]
-        found = min(close, key=lambda order: order.cost)
+        trials = [t for t in trials if (t.torque != best.torque).any() and t.cost < near]
+        trials = sorted(trials, key=lambda order: order.cost)[:LOOKED_AT]
+        close = [_tried(state, state.log, t.motion, t.torque) for t in trials]
+        found = min(close, key=lambda order: order.cost, default=best)
         if found.cost > best.cost - GAIN:
             break
         best = found
@@ -86,12 +89,12 @@ def explain(state: State) -> Explanation | None:
         f"With the {what} channels in the order {', '.join(str(k + 1) for k in best.torque)} one set of parameters "
         f"leaves {1 - np.exp(-gain):.0%} less of the torque.",
         remedy,
-        State(state.model, state.base, state.log.reordered(best.motion, best.torque)),
+        state.on(state.log.reordered(best.motion, best.torque)),
     )
 
 
 def _tried(state: State, log: Thin, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
-    rows = rows_of(state.model, state.base, log.reordered(motion, torque))
+    rows = make_rows(state.source, log.reordered(motion, torque))
     return _Order(motion, torque, cost_of(rows, products(rows)))
 
 

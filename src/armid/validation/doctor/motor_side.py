@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from armid.errors import Finding
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.state import Explanation, State
-from armid.values import Array
 
 __all__ = ["check", "explain"]
 
@@ -47,7 +44,7 @@ def explain(state: State) -> Explanation | None:
     if typical >= SMALL or typical <= 0.0:
         return None
     scale = np.where(known, np.abs(nominal.scale), typical)
-    after = _scaled(state, 1.0 / scale)
+    after = state.with_torque(1.0 / scale)
     names = state.model.robot.joint_names
     listed = ", ".join(f"{names[j]} 1/{1 / abs(nominal.scale[j]):.3g}" for j in np.flatnonzero(known))
     motor = typical < MOTOR_SCALE
@@ -64,8 +61,3 @@ def explain(state: State) -> Explanation | None:
         else f"drive_gain = [{numbers}]  # N·m/A; these make the description's weight, take the maker's",
         after,
     )
-
-
-def _scaled(state: State, factor: Array) -> State:
-    runs = tuple(replace(run, torque=run.torque * factor) for run in state.log.runs)
-    return replace(state, log=replace(state.log, runs=runs))

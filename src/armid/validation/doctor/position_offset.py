@@ -8,6 +8,7 @@ light wrists in few.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import Finding
 from armid.validation.doctor.evidence import Evidence
@@ -30,6 +31,7 @@ KNOWN = 0.15
 """Deviation from which on the torques say nothing about a joint's zero [rad]; it is left where it is."""
 
 STEPS = 4
+"""Rounds of moving zeros; three are enough where the description has weights."""
 
 LEAST = 0.08
 """Smallest offset worth a word [rad]. Fits of recorded arms, whose zeros are right, find up to 0.06."""
@@ -67,9 +69,11 @@ def check(evidence: Evidence) -> list[Finding]:
 def explain(state: State) -> Explanation | None:
     """The zeros that explain the log, or `None` if they are those that it has."""
     offset, deviation, after = offsets_of(state)
+    if not _are_sure(offset, deviation).any():
+        return None
     gain = state.fit.cost - after.fit.cost
     deviation = deviation * np.hypot(1.0, after.conflict / USUAL)
-    sure = (np.abs(offset) > SURE * deviation) & (np.abs(offset) > LEAST)
+    sure = _are_sure(offset, deviation)
     known = state.nominal is not None
     if not sure.any() or (gain < ALONE and not known):
         return None
@@ -86,6 +90,10 @@ def explain(state: State) -> Explanation | None:
         "joint_offset = [" + ", ".join(f"{x + 0.0:.3f}" for x in only) + "]",
         after,
     )
+
+
+def _are_sure(offset: Array, deviation: Array) -> NDArray[np.bool_]:
+    return (np.abs(offset) > SURE * deviation) & (np.abs(offset) > LEAST)
 
 
 def offsets_of(state: State) -> tuple[Array, Array, State]:
@@ -107,7 +115,9 @@ def offsets_of(state: State) -> tuple[Array, Array, State]:
         seen = (deviation > 0.0) & (deviation < KNOWN)
         step = np.where(seen, np.clip(step, -LONGEST, LONGEST), 0.0)
         deviation = np.where(seen, deviation, np.inf)
-        moved = State(state.model, state.base, state.log.moved(offset + step))
+        if not _are_sure(2.0 * (offset + step), deviation).any():
+            break  # nor would they be after more steps
+        moved = state.on(state.log.moved(offset + step))
         if moved.fit.cost > now.fit.cost + LOSS or not step.any():
             break
         offset, now = offset + step, moved

@@ -16,7 +16,7 @@ from armid.information.band import Band
 from armid.information.filtering import in_band
 from armid.information.observations import ObservedRun
 from armid.information.rows import all_rows
-from armid.information.setup import ColumnSource, column_source
+from armid.information.setup import ColumnSource
 from armid.maths.sampling import automatic_cutoff
 from armid.maths.signals import decimate, decimation_filter
 from armid.measurement.clock import Stretch, evened, stretches
@@ -24,12 +24,10 @@ from armid.measurement.movement import movement
 from armid.measurement.processing import Processing
 from armid.measurement.recording import Recording
 from armid.measurement.rows import run_of, separate_rows
-from armid.model.base import BaseParameters
-from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["Fit", "Rows", "Thin", "cost_of", "make_rows", "products", "rows_of", "solve", "thin"]
+__all__ = ["Fit", "Rows", "Thin", "cost_of", "make_rows", "products", "solve", "thin"]
 
 CUTOFFS = (2.0, 6.0)
 """Limits of the band that is looked at [Hz]: faults of a log show where the motion is, not above it."""
@@ -46,6 +44,9 @@ LONGEST = 60.0
 
 PASSES = 4
 """Rounds of weighting each joint by its residual; two are enough but for joints that the first round misjudges."""
+
+SETTLED = 1e-3
+"""Relative change of all residuals in a round from which the next one would change nothing that is asked."""
 
 FLOOR = 1e-9
 """Residual over torque below which a joint's weight grows no further: logs without noise have none."""
@@ -272,11 +273,6 @@ def _slope(run: ObservedRun, band: Band) -> Array:
     return np.gradient(in_band(run.torque, run.rate, band), 1.0 / run.rate, axis=0)[run.rows]
 
 
-def rows_of(model: DynamicsModel, base: BaseParameters, log: Thin) -> Rows:
-    """Rows of a model's base parameters."""
-    return make_rows(column_source(model, base), log)
-
-
 def solve(rows: Rows, extra: Array | None = None) -> Fit:
     """Weighted least squares, each joint by its own residual.
 
@@ -312,7 +308,9 @@ def solve(rows: Rows, extra: Array | None = None) -> Fit:
         weight = 1.0 / sigma[joint]
         x = np.linalg.lstsq(A / scale * weight[:, None], y * weight, rcond=1e-9)[0] / scale
         remaining = np.bincount(joint, (y - A @ x) ** 2, minlength=rows.n)
-        sigma = np.maximum(np.sqrt(remaining / counted), FLOOR * size)
+        before, sigma = sigma, np.maximum(np.sqrt(remaining / counted), FLOOR * size)
+        if rows.n == 1 or (np.abs(sigma - before) < SETTLED * sigma).all():
+            break
     residual = np.column_stack([_left(tables[j], rows.parameters[j], x, rows.count) for j in range(rows.n)])
     memory = np.array([_memory(residual[:, j], rows.rate) for j in range(rows.n)])
     weight = 1.0 / (sigma * np.sqrt(memory))[joint]
@@ -353,7 +351,9 @@ def cost_of(rows: Rows, pairs: Sequence[Array], sign: Array | None = None) -> fl
         G = G / np.outer(scale, scale)
         x = np.linalg.solve(G + RIDGE * np.eye(b), side / scale) / scale
         left = np.array([_remaining(P, np.append(-x[rows.parameters[j]], sign[j])) for j, P in enumerate(pairs)])
-        sigma = np.maximum(np.sqrt(np.maximum(left, 0.0) / counted), COARSE_FLOOR * size)
+        before, sigma = sigma, np.maximum(np.sqrt(np.maximum(left, 0.0) / counted), COARSE_FLOOR * size)
+        if (np.abs(sigma - before) < SETTLED * sigma).all():
+            break
     return float(np.mean(np.log(sigma)))
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from armid import kernel
 from armid.information.filtering import in_band
+from armid.information.setup import ColumnSource, column_source
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
-from armid.validation.doctor.rows import Fit, Rows, Thin, rows_of, solve
+from armid.validation.doctor.rows import Fit, Rows, Thin, make_rows, solve
 from armid.values import Array
 
 __all__ = ["OWN", "Explanation", "Nominal", "State"]
@@ -55,9 +56,27 @@ class State:
     log: Thin
 
     @cached_property
+    def source(self) -> ColumnSource:
+        """Makes the columns of the base parameters."""
+        return column_source(self.model, self.base)
+
+    @cached_property
     def rows(self) -> Rows:
         """Columns and torque in the band."""
-        return rows_of(self.model, self.base, self.log)
+        return make_rows(self.source, self.log)
+
+    def with_torque(self, factor: Array) -> State:
+        """The same with each joint's torque multiplied (n,): columns stay, and are not made again."""
+        runs = tuple(replace(run, torque=run.torque * factor) for run in self.log.runs)
+        after = self.on(replace(self.log, runs=runs))
+        after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor, slope=self.rows.slope * factor)
+        return after
+
+    def on(self, log: Thin) -> State:
+        """The same model beside another log."""
+        after = State(self.model, self.base, log)
+        after.__dict__["source"] = self.source  # where `cached_property` keeps it
+        return after
 
     @cached_property
     def fit(self) -> Fit:

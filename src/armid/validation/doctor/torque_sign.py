@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
 from armid.validation.doctor.evidence import Evidence
-from armid.validation.doctor.rows import Rows, Thin, cost_of, products
+from armid.validation.doctor.rows import Rows, cost_of, products
 from armid.validation.doctor.state import Explanation, State
 from armid.values import Array
 
@@ -44,12 +42,11 @@ CODE = "torque-sign"
 def explain(state: State) -> Explanation | None:
     """The signs that explain the log, or `None` if they are those that it has."""
     rows = state.rows
-    sign, gain = _relative(rows)
-    flipped = _with_signs(state, sign)
-    votes = _votes(flipped)
+    sign, gain, indifferent = _relative(rows)
+    votes = _votes(state if (sign > 0.0).all() else state.with_torque(sign))
     if votes.sum() < 0.0:
         sign, votes = -sign, -votes
-    for j in np.flatnonzero(_indifferent(rows, sign)):
+    for j in np.flatnonzero(indifferent):
         if votes[j] <= -1.0:
             sign[j] = -sign[j]
     if (sign > 0.0).all() or (gain < FLIP and votes.sum() < 1.0):
@@ -65,7 +62,7 @@ def explain(state: State) -> Explanation | None:
         "" if everywhere else ", ".join(names[j] for j in wrong),
         _evidence(state, wrong, gain),
         f"torque_sign = {value}",
-        _with_signs(state, sign),
+        state.with_torque(sign),
     )
 
 
@@ -84,31 +81,25 @@ def _evidence(state: State, wrong: NDArray[np.intp], gain: float) -> str:
     return f"{text}."
 
 
-def _relative(rows: Rows) -> tuple[Array, float]:
-    """Signs that let one set of parameters fit all joints best, up to one for all, and what they gain."""
+def _relative(rows: Rows) -> tuple[Array, float, NDArray[np.bool_]]:
+    """Signs that let one set of parameters fit all joints best, up to one for all, and what they gain.
+
+    The third are the joints whose sign the others say nothing about, shape (n,).
+    """
     sign, pairs = np.ones(rows.n), products(rows)
     first = cost = cost_of(rows, pairs)
-    for _ in range(rows.n):
-        trials = [cost_of(rows, pairs, _flipped(sign, j)) for j in range(rows.n)]
+    while True:
+        trials = np.array([cost_of(rows, pairs, _flipped(sign, j)) for j in range(rows.n)])
         best = int(np.argmin(trials))
         if trials[best] > cost - FLIP:
-            break
+            return sign, first - cost, np.abs(trials - cost) < INDIFFERENT
         sign[best], cost = -sign[best], trials[best]
-    return sign, first - cost
 
 
 def _flipped(sign: Array, j: int) -> Array:
     other = sign.copy()
     other[j] = -other[j]
     return other
-
-
-def _indifferent(rows: Rows, sign: Array) -> NDArray[np.bool_]:
-    """Joints whose sign the others say nothing about, shape (n,)."""
-    pairs = products(rows)
-    cost = cost_of(rows, pairs, sign)
-    changes = [cost_of(rows, pairs, _flipped(sign, j)) - cost for j in range(rows.n)]
-    return np.abs(changes) < INDIFFERENT
 
 
 def _votes(state: State) -> Array:
@@ -118,10 +109,3 @@ def _votes(state: State) -> Array:
         r = state.nominal.correlation
         votes = votes + np.where(np.abs(r) > ALIKE, 2.0 * np.sign(r), r)
     return votes
-
-
-def _with_signs(state: State, sign: Array) -> State:
-    """The log with other signs of its torque."""
-    runs = tuple(replace(run, torque=run.torque * sign) for run in state.log.runs)
-    log: Thin = replace(state.log, runs=runs)
-    return replace(state, log=log)

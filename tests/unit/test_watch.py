@@ -1,0 +1,95 @@
+"""The doctor inside an identification: what it finds joins the findings, each once, and the estimate is made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.errors import EstimationError, Finding
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.study.identify import identify
+from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
+from sick import Case, sound
+
+SEED = 0
+
+
+def findings(
+    case: Case, *more: Recording, reading: Reading | None = None, gravity: tuple[float, float, float] | None = None
+) -> list[Finding]:
+    """Errors and warnings of an identification from the case and more recordings, all read alike."""
+    logs = {f"run{k}.csv": log for k, log in enumerate((case.recording, *more))}
+    choices = tuple(RecordingChoice(path, reading=reading or Reading()) for path in logs)
+    robot = RobotChoice(case.robot.name, gravity)
+    result = identify(Study(robot, ModelChoice(), choices), given=logs)
+    return [finding for finding in result.estimate.findings if finding.severity != "info"]
+
+
+def described(seed: int = SEED) -> Case:
+    return sound(seed, name="iiwa14-r820")
+
+
+def errors(found: list[Finding]) -> list[tuple[str, str]]:
+    return [(f.code, f.remedy) for f in found if f.severity == "error"]
+
+
+def test_a_sound_log_has_no_error_and_no_finding_twice():
+    found = findings(described())
+    assert errors(found) == []
+    assert len({(f.code, f.channel) for f in found}) == len(found)
+
+
+def test_a_torque_of_the_other_sign_is_told():
+    case = described()
+    assert case.recording.effort is not None
+    turned = case.logged(effort=-case.recording.effort)
+    assert errors(findings(turned)) == [("torque-sign", "torque_sign = -1")]
+    assert errors(findings(turned, reading=Reading(torque_sign=-1))) == []
+
+
+def test_radians_that_are_read_as_degrees_are_told():
+    assert errors(findings(described(), reading=Reading(units="deg"))) == [("degrees", 'units = "rad"')]
+
+
+def test_what_is_wrong_is_told_even_where_no_estimate_follows():
+    choice = RecordingChoice("run.csv", reading=Reading(units="deg"))
+    never = EstimationChoice("wls", options={"wls": {"iterations": 1}})
+    study = Study(RobotChoice("iiwa14-r820"), ModelChoice(), (choice,), estimation=never)
+    with pytest.raises(EstimationError, match=r"not settle.*\[degrees\] Read as degrees") as stopped:
+        identify(study, given={"run.csv": described().recording})
+    assert stopped.value.remedy == 'units = "rad"'
+
+
+@pytest.mark.parametrize(("share", "code"), [(1 / 100.0, "motor-side"), (1 / 12.0, "current-without-gain")])
+def test_torque_of_motors_and_currents_are_told(share: float, code: str):
+    case = described()
+    assert case.recording.effort is not None
+    assert [c for c, _ in errors(findings(case.logged(effort=share * case.recording.effort)))] == [code]
+
+
+def test_a_hanging_arm_that_is_described_as_upright_is_told():
+    found = errors(findings(described(), gravity=(0.0, 0.0, 9.81)))
+    assert [code for code, _ in found] == ["gravity-direction"] and "-9.81" in found[0][1]
+
+
+def test_what_a_reading_has_wrong_is_told_once_for_all_its_recordings_and_with_the_name_of_one():
+    case, other = described(), described(SEED + 1)
+    assert case.recording.effort is not None and other.recording.effort is not None
+    first = case.logged(effort=-case.recording.effort)
+    second = replace(other.recording, effort=-other.recording.effort, dq=None, sha256="another")
+    (found,) = [f for f in findings(first, second) if f.severity == "error"]
+    assert found.code == "torque-sign" and found.evidence.startswith(("run0.csv: ", "run1.csv: "))
+
+
+def test_what_is_wrong_with_one_log_alone_is_told_with_its_name():
+    case, other = described(), described(SEED + 1)
+    assert other.recording.effort is not None
+    effort = other.recording.effort.copy()
+    stuck = slice(len(effort) // 2, len(effort) // 2 + len(effort) // 8)
+    effort[stuck, 3] = effort[stuck.start, 3]
+    found = findings(case, replace(other.recording, effort=effort, dq=None, sha256="another"))
+    (dead,) = (f for f in found if f.code == "channel-dead")
+    assert dead.evidence.startswith("run1.csv: effort stays") and np.isfinite(len(found))
