@@ -20,6 +20,7 @@ __all__ = [
     "RecordingError",
     "RobotError",
     "StudyError",
+    "UnsolvedError",
 ]
 
 
@@ -62,6 +63,10 @@ class StudyError(ArmidError):
 
 class EstimationError(ArmidError):
     """Data from which the asked estimate does not follow."""
+
+
+class UnsolvedError(EstimationError):
+    """A search that ended without an answer that passes its checks."""
 
 
 class LabError(ArmidError):

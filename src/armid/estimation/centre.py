@@ -19,19 +19,15 @@ from armid.estimation.problem import Standard
 from armid.estimation.standard_fit import PriorUse
 from armid.estimation.weighted import Weighted
 from armid.maths.barrier import LogDet, Smooth, minimise
-from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia
+from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
 from armid.values import Array
 
 __all__ = ["Centre", "find_centre"]
 
 AIM = 1e-6
 """Gap aimed at: a curvature needs the centre to a few hundredths of a deviation."""
-
-BODY = com_inertia_to_vector(5.0, np.zeros(3), 0.1 * np.eye(3))
-"""Some body inside the cone, from where the search starts."""
-
-ROOM = 0.1
-"""Where values that cannot be negative start, in deviations of what is believed of them."""
+HIGHEST = 0.1
+"""How far an eigenvalue that no slope holds is lifted, over the trace of a body inside."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -71,14 +67,18 @@ def find_centre(
         (),
         np.zeros(basis.shape[1]),
     )
-    start: Array = np.linalg.lstsq(basis, _inside(standard, belief) - values, rcond=None)[0].astype(np.float64)
-    if not np.isfinite(problem.objective(start)):
-        return None
-    try:
-        found = values + basis @ minimise(problem, start, aim=AIM).x
-    except EstimationError:
-        return None
-    return Centre(found, weighted.correlation * _curvature(standard, belief, prior, found, basis))
+    pull = moved.T @ (moved @ values - weighted.rows @ weighted.values) + root**2 * (values - mean)
+    if prior.kind in ("mass", "none"):
+        pull += weighted.correlation * _weight(prior) / MASS * size_of_bodies(standard)
+    guess = _lifted(standard, belief, values, pull, weighted.correlation, bodies=prior.kind != "log-det")
+    for place, near in ((guess, True), (belief.inside(standard), False)):
+        start = (basis.T @ (place - values)) / np.sum(basis**2, axis=0)
+        try:
+            found = values + basis @ minimise(problem, start, aim=AIM, near=near).x
+        except EstimationError:
+            continue
+        return Centre(found, weighted.correlation * _curvature(standard, belief, prior, found, basis))
+    return None
 
 
 def _weight(prior: PriorUse) -> float:
@@ -101,7 +101,7 @@ def _terms(
     if prior.kind == "log-det":
         terms.extend(belief.log_det(standard, values, basis, correlation * _weight(prior)))
     else:
-        units = pseudo_inertia(np.eye(10)).transpose(1, 2, 0)
+        units = PSEUDO_INERTIA_OF.transpose(1, 2, 0)
         size = 0.0 if prior.kind == "euclidean" else _weight(prior) / MASS
         cost = size * size_of_bodies(standard)
         for own in standard.inertial:
@@ -114,26 +114,46 @@ def _terms(
     return tuple(terms)
 
 
-def _inside(standard: Standard, belief: Belief) -> Array:
-    """Values (p,) inside the cone: the description's bodies or some, and a little friction."""
-    values = belief.mean.copy()
-    if not values[standard.inertial].any():
-        values[standard.inertial] = BODY
-    free = standard.nonnegative & (values <= 0.0)
-    values[free] = ROOM / np.sqrt(np.diag(belief.precision)[free])
-    return values
+def _lifted(
+    standard: Standard, belief: Belief, values: Array, pull: Array, correlation: float, *, bodies: bool
+) -> Array:
+    """The estimate (p,) lifted off the border, about as far as the centre lies inside.
+
+    Where the slope of the cost holds an eigenvalue at zero, the centre has it at the barrier's weight over the slope.
+
+    Args:
+        standard: The standard parameters.
+        belief: The prior for weight 1.
+        values: The estimate, shape (p,).
+        pull: Slope of the cost there, shape (p,).
+        correlation: Weight of the barriers.
+        bodies: Whether bodies may lie on the border.
+    """
+    result, inside = values.copy(), belief.inside(standard)
+    bounded = standard.nonnegative
+    lifted = correlation / np.maximum(pull[bounded], correlation / inside[bounded])
+    result[bounded] = np.maximum(values[bounded], lifted)
+    if not bodies:
+        return result
+    for own in standard.inertial:
+        eigenvalues, vectors = np.linalg.eigh(pseudo_inertia(values[own]))
+        parts = vector_from_pseudo_inertia(np.einsum("ik,jk->kij", vectors, vectors))
+        furthest = HIGHEST * float(np.trace(pseudo_inertia(inside[own])))
+        lifted = correlation / np.maximum(parts @ pull[own], correlation / furthest)
+        result[own] += np.maximum(lifted - eigenvalues, 0.0) @ parts
+    return result
 
 
 def _curvature(standard: Standard, belief: Belief, prior: PriorUse, values: Array, basis: Array) -> Array:
     """Second derivative (p, p) of prior and cone at the centre, for one row a sample."""
     result = belief.curvature(standard, values, _weight(prior))
     if prior.kind != "log-det":
-        J = pseudo_inertia(values[standard.inertial])
-        for own, matrix in zip(standard.inertial, J, strict=True):
+        relative = relative_precision(pseudo_inertia(values[standard.inertial]))
+        for own, precision in zip(standard.inertial, relative, strict=True):
             if basis[own].any():
                 links = np.ix_(own, own)
                 before = result[links] if prior.kind == "euclidean" else 0.0
-                result[links] = before + relative_precision(matrix)
+                result[links] = before + precision
     bounded = np.flatnonzero(standard.nonnegative & basis.any(axis=1))
     result[bounded, bounded] += 1.0 / values[bounded] ** 2
     return result

@@ -10,7 +10,7 @@ import numpy as np
 
 from armid.estimation.problem import Standard
 from armid.maths.cones import Cone, upper_triangle
-from armid.maths.inertia import pseudo_inertia
+from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 
 __all__ = ["EPSILON", "consistency_cones", "smallest_eigenvalues"]
@@ -30,12 +30,11 @@ def consistency_cones(
         epsilon: Smallest eigenvalue of a pseudo-inertia.
         heaviest: Largest mass of a link [kg].
     """
-    units = pseudo_inertia(np.eye(10))
     i, j = upper_triangle(4)
     cones: list[Cone] = []
     for own in standard.inertial:
         matrix = np.zeros((10, variables))
-        matrix[:, own] = units[:, i, j].T
+        matrix[:, own] = PSEUDO_INERTIA_OF[:, i, j].T
         cones.append(Cone("semidefinite", matrix, -epsilon * (i == j)))
     bounded = np.flatnonzero(standard.nonnegative)
     if len(bounded):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armid.errors import EstimationError
+from armid.errors import EstimationError, UnsolvedError
 from armid.estimation.consistency import smallest_eigenvalues
 from armid.estimation.constraints import Feasible, Requirements, feasible_set
 from armid.estimation.prior import MASS, Belief, size_of_bodies
@@ -49,11 +49,13 @@ class Bodies:
 
     Attributes:
         values: Standard parameters (p,).
+        basis: Parameters (p,) that each unknown moves, shape (p, x).
         objective: Half the squared residual beyond the best, and the prior.
         gap: By how much the minimum may lie below, relative.
     """
 
     values: Array
+    basis: Array
     objective: float
     gap: float
 
@@ -86,22 +88,23 @@ class Program:
             aim: Gap aimed at, where the method can choose.
 
         Raises:
-            EstimationError: The constraints contradict each other, or no checked solution was found.
+            EstimationError: The constraints contradict each other.
+        UnsolvedError: No checked solution was found.
         """
-        trouble: EstimationError | None = None
+        trouble: UnsolvedError | None = None
         for margin in MARGINS:
             feasible = feasible_set(self.standard, self.asked, margin)
             if not feasible.basis.shape[1]:
                 raise EstimationError("Every parameter is given; there is nothing to estimate.")
             try:
                 found = self._solve(feasible, rows, side, weight, aim)
-            except EstimationError as error:
+            except UnsolvedError as error:
                 trouble = error
                 continue
             found = replace(found, values=self._cleared(found.values))
-            if self._holds(found.values):
+            if self._holds(found.values, feasible):
                 return found
-        raise trouble or EstimationError(
+        raise trouble or UnsolvedError(
             "The solver's answer is not physical within its last digits.",
             remedy="ask for a smaller epsilon, or look at constraints that contradict each other.",
         )
@@ -126,9 +129,9 @@ class Program:
         y = np.concatenate([y, (root * (self.belief.mean - feasible.origin))[root > 0.0]])
         try:
             return _nearest(feasible, A, y, cost, weak)
-        except EstimationError:  # another method for what the first has no digits for
+        except UnsolvedError:  # another method for what the first has no digits for
             found = minimise(Smooth(A, y, (), feasible.cones, cost), self._start(feasible), aim=aim)
-            return Bodies(feasible.of(found.x), found.objective, found.gap)
+            return Bodies(feasible.of(found.x), feasible.basis, found.objective, found.gap)
 
     def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> Bodies:
         """By Newton's method, first without the smallest eigenvalue, which the prior nearly always gives."""
@@ -141,17 +144,14 @@ class Program:
         start, nothing = self._start(feasible), np.zeros(A.shape[1])
         found = minimise(Smooth(A, y, terms, loose, nothing), start, aim=aim)
         values = feasible.of(found.x)
-        if not self._holds(self._cleared(values)):
+        if not self._holds(self._cleared(values), feasible):
             found = minimise(Smooth(A, y, terms, feasible.cones, nothing), start, aim=aim)
             values = feasible.of(found.x)
-        return Bodies(values, found.objective, found.gap)
+        return Bodies(values, feasible.basis, found.objective, found.gap)
 
     def _start(self, feasible: Feasible) -> Array:
-        """Unknowns strictly inside: the prior's mean and some friction, or else what a conic program finds."""
-        values = self.belief.mean.copy()
-        free = self.standard.nonnegative & (values <= 0.0)
-        values[free] = ROOM / np.sqrt(np.diag(self.belief.precision)[free])
-        start = feasible.unknowns(values)
+        """Unknowns strictly inside: bodies and some friction, or else what a conic program finds."""
+        start = feasible.unknowns(self.belief.inside(self.standard))
         if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
             return start
         return _inside(feasible)
@@ -161,10 +161,9 @@ class Program:
         bounded = self.standard.nonnegative & (values < 0.0) & (values > -ACCEPTED)
         return np.where(bounded, 0.0, values)
 
-    def _holds(self, values: Array) -> bool:
+    def _holds(self, values: Array, feasible: Feasible) -> bool:
         """Whether the bodies are physical and every other constraint holds, computed from the values."""
         least = smallest_eigenvalues(self.standard, values)
-        feasible = feasible_set(self.standard, self.asked)
         estimated = (feasible.basis[self.standard.inertial] != 0.0).any(axis=(1, 2))
         x = feasible.unknowns(values)
         others = [cone for cone in feasible.cones if cone.kind != "semidefinite"]
@@ -188,12 +187,12 @@ def _nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arr
     whole = np.concatenate([A / length, np.diag(np.sqrt(precision) / length)])
     near = np.linalg.lstsq(whole, np.concatenate([y, np.zeros(x)]), rcond=None)[0] / length
     units = [max(float(np.median(length)) / UNIT, 1.0), float(length.max())]
-    trouble = EstimationError("No consistent parameters were found.")
+    trouble = UnsolvedError("No consistent parameters were found.")
     for _ in range(TRIES):
         unit = units.pop(0)
         try:
             change, gap = _change(feasible, A / unit, (y - A @ near) / unit, cost / unit**2, near)
-        except EstimationError as error:
+        except UnsolvedError as error:
             trouble = error
             if not units:
                 break
@@ -203,8 +202,8 @@ def _nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arr
         objective = 0.5 * residual**2 + float(cost @ near)
         relative = gap * unit**2 / max(1.0, abs(objective))
         if relative <= GOOD:
-            return Bodies(feasible.of(near), objective, relative)
-        trouble = EstimationError(f"The conic solver left a gap of {relative:.1e} of the objective.")
+            return Bodies(feasible.of(near), feasible.basis, objective, relative)
+        trouble = UnsolvedError(f"The conic solver left a gap of {relative:.1e} of the objective.")
         units = [max(residual, 1.0), max(0.1 * residual, 1.0)]
     raise trouble
 
@@ -220,7 +219,10 @@ def _change(feasible: Feasible, A: Array, y: Array, cost: Array, near: Array) ->
         [*_widened(cones, 1), Cone("norm", norm, np.concatenate([[0.0], -y]))],
         np.append(np.zeros(x), 1.0),
     )
-    return found.x[:x], found.gap * max(1.0, abs(found.objective))
+    change = found.x[:x]
+    # The slope that is left matters where nothing else holds unknowns: tons that no torque tells of.
+    further = float(np.abs(found.slope[:x]) @ np.abs(near + change))
+    return change, found.gap * max(1.0, abs(found.objective)) + further
 
 
 def _inside(feasible: Feasible) -> Array:

@@ -55,7 +55,7 @@ class Feasible:
 
     Attributes:
         origin: Shape (p,).
-        basis: Shape (p, x).
+        basis: Shape (p, x), each parameter moved by one unknown at most.
         cones: In the unknowns x.
     """
 
@@ -69,7 +69,7 @@ class Feasible:
 
     def unknowns(self, values: Array) -> Array:
         """Unknowns (x,) of standard parameters, the nearest where these do not lie in the set's plane."""
-        return np.asarray(np.linalg.lstsq(self.basis, values - self.origin, rcond=None)[0], dtype=np.float64)
+        return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
 
 
 def feasible_set(standard: Standard, asked: Requirements, margin: float = 0.0) -> Feasible:

@@ -13,7 +13,17 @@ from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit import Fit
 from armid.estimation.prior import Belief
 from armid.estimation.problem import Standard
-from armid.estimation.standard_fit import PriorUse, Proof, StandardFit, inverse_of, lift, shares, stated, status_of
+from armid.estimation.standard_fit import (
+    PriorUse,
+    Proof,
+    StandardFit,
+    half_of,
+    inverse_of,
+    lift,
+    shares,
+    stated,
+    status_of,
+)
 from armid.estimation.uncertainty import scale_covariance
 from armid.estimation.weighted import Weighted
 from armid.information.information import stack
@@ -118,9 +128,8 @@ class Outcome:
         if not (self.inside or self.told or len(self.weighted.unseen)) and whole:
             return None
         moved = self.standard.regrouping @ self.basis
-        size = 1.0 / np.sqrt(np.diag(self.narrow))
-        whitened = np.linalg.solve(size[:, None] * self.narrow * size, (moved * size).T)
-        covariance = (moved * size) @ whitened
+        shown = moved @ half_of(self.narrow)
+        covariance = shown @ shown.T
         if whole:
             return inverse_of(covariance)
         # What is given has no variance; a millionth of the others' stands for that.

@@ -23,7 +23,7 @@ from armid.estimation.beside import Joined
 from armid.estimation.estimate import Status
 from armid.estimation.jointly import Solved, solve_joined
 from armid.maths.cones import Cone, solve_cones, upper_triangle
-from armid.maths.inertia import pseudo_inertia, vector_to_com_inertia
+from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_to_com_inertia
 from armid.values import Array, array
 
 __all__ = ["LOAD_NAMES", "Gains", "Load", "find_gains", "find_load"]
@@ -219,11 +219,11 @@ class _Region:
         share, directions = np.linalg.eigh(seen @ (self.covariance / np.outer(size, size)) @ seen.T)
         share = np.maximum(share, SAME_SPACE * share[-1])
         self.white = (directions / np.sqrt(share)).T @ seen / size
-        units = pseudo_inertia(np.eye(10))
         i, j = upper_triangle(4)
-        self.body = units[free][:, i, j].T, units[~free][:, i, j].T @ estimate[~free] - EPSILON * (i == j)
-        self.trace = np.trace(units, axis1=1, axis2=2)[free]
-        spread = units[free].reshape(-1, 16).T @ (size[:, None] * seen.T @ (directions * np.sqrt(share)))
+        entries = PSEUDO_INERTIA_OF[:, i, j]
+        self.body = entries[free].T, entries[~free].T @ estimate[~free] - EPSILON * (i == j)
+        self.trace = np.trace(PSEUDO_INERTIA_OF, axis1=1, axis2=2)[free]
+        spread = PSEUDO_INERTIA_OF[free].reshape(-1, 16).T @ (size[:, None] * seen.T @ (directions * np.sqrt(share)))
         self.reach = np.inf if len(unseen) else float(np.linalg.norm(spread, 2))
 
     def nearest(self) -> tuple[Array, float]:

@@ -24,7 +24,12 @@ from armid.errors import EstimationError, Finding
 from armid.estimation.problem import Standard
 from armid.estimation.weighted import Weighted
 from armid.maths.barrier import LogDet
-from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
+from armid.maths.inertia import (
+    PSEUDO_INERTIA_OF,
+    com_inertia_to_vector,
+    pseudo_inertia,
+    vector_from_pseudo_inertia,
+)
 from armid.values import Array
 
 __all__ = ["LENGTH", "MASS", "Belief", "believe", "relative_precision", "size_of_bodies"]
@@ -38,6 +43,12 @@ rods and points; nothing an arm is made of is thinner."""
 
 MASS = 10.0
 """Deviation of a mass of which nothing is known [kg]: a link of an arm of any size armid has met."""
+
+BODY = com_inertia_to_vector(5.0, np.zeros(3), 0.1 * np.eye(3))
+"""Some body inside the cone, from where a search starts."""
+
+ROOM = 0.1
+"""Where values that cannot be negative start, in deviations of what is believed of them."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,14 +74,24 @@ class Belief:
             result[np.ix_(own, own)] *= weight
         if not len(self.links):
             return result
-        J = pseudo_inertia(values[standard.inertial])
-        for own, matrix in zip(standard.inertial, J, strict=True):
-            result[np.ix_(own, own)] = weight * relative_precision(matrix)
+        for own, precision in zip(
+            standard.inertial, relative_precision(pseudo_inertia(values[standard.inertial])), strict=True
+        ):
+            result[np.ix_(own, own)] = weight * precision
         return result
+
+    def inside(self, standard: Standard) -> Array:
+        """Values (p,) strictly inside the cone: the description's bodies or some, and a little friction."""
+        values = self.mean.copy()
+        if not values[standard.inertial].any():
+            values[standard.inertial] = BODY
+        free = standard.nonnegative & (values <= 0.0)
+        values[free] = ROOM / np.sqrt(np.diag(self.precision)[free])
+        return values
 
     def log_det(self, standard: Standard, origin: Array, basis: Array, weight: float) -> tuple[LogDet, ...]:
         """Divergences of the links that unknowns move."""
-        units = pseudo_inertia(np.eye(10)).transpose(1, 2, 0)
+        units = PSEUDO_INERTIA_OF.transpose(1, 2, 0)
         terms: list[LogDet] = []
         for own, inverse in zip(standard.inertial, self.links, strict=True):
             if basis[own].any():
@@ -104,15 +125,15 @@ def believe(kind: str, standard: Standard, weighted: Weighted) -> Belief:
         radius = float(np.sqrt(np.trace(J[:, :3, :3], axis1=1, axis2=2).sum() / nominal[:, 0].sum()))
         _fill(precision, standard, mass, radius)
         return Belief(mean, precision, none, findings)
-    for own, matrix in zip(standard.inertial, J, strict=True):
-        precision[np.ix_(own, own)] = relative_precision(matrix)
+    for own, relative in zip(standard.inertial, relative_precision(J), strict=True):
+        precision[np.ix_(own, own)] = relative
     return Belief(mean, precision, np.asarray(np.linalg.inv(J), dtype=np.float64), findings)
 
 
 def size_of_bodies(standard: Standard) -> Array:
     """Linear measure (p,) of the bodies: masses, and second moments over a length squared [kg]."""
     result = np.zeros(len(standard.names))
-    traces = np.trace(pseudo_inertia(np.eye(10))[:, :3, :3], axis1=1, axis2=2) / LENGTH**2
+    traces = np.trace(PSEUDO_INERTIA_OF[:, :3, :3], axis1=1, axis2=2) / LENGTH**2
     for own in standard.inertial:
         result[own] = traces
         result[own[0]] += 1.0
@@ -127,9 +148,14 @@ def _fill(precision: Array, standard: Standard, mass: float, length: float) -> N
 
 
 def relative_precision(J: Array) -> Array:
-    """Second derivative (10, 10) of -log det at a pseudo-inertia."""
-    moved = np.einsum("ij,kjl->kil", np.linalg.inv(J), pseudo_inertia(np.eye(10)))
-    return np.einsum("aij,bji->ab", moved, moved)
+    """Second derivatives (..., 10, 10) of -log det at pseudo-inertias (..., 4, 4)."""
+    values, vectors = np.linalg.eigh(J)
+    # Where an eigenvalue is lost in rounding, what is smaller cannot be told from it.
+    values = np.maximum(values, np.finfo(np.float64).eps * values[..., -1:])
+    half = np.swapaxes(vectors, -1, -2) / np.sqrt(values)[..., None]
+    white = half[..., None, :, :] @ PSEUDO_INERTIA_OF @ np.swapaxes(half, -1, -2)[..., None, :, :]
+    flat = white.reshape(*J.shape[:-2], 10, 16)
+    return flat @ np.swapaxes(flat, -1, -2)
 
 
 def _others(standard: Standard, weighted: Weighted, others: NDArray[np.intp]) -> Array:

@@ -77,7 +77,7 @@ def weigh(information: Information, *, plain: bool = False, resolution: float = 
     joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
     for _ in range(ITERATIONS):
         weight = (1.0 / deviation)[joint]
-        values, half, _ = _solve(weight[:, None] * A, weight * y)
+        values, half, unseen = _solve(weight[:, None] * A, weight * y)
         left = np.bincount(joint, (y - A @ values) ** 2, whole.n).astype(np.float64)
         spent = np.bincount(joint, np.sum((weight[:, None] * (A @ half)) ** 2, axis=1), whole.n).astype(np.float64)
         updated = np.maximum(np.sqrt(left / np.maximum(rows - spent, 1.0)), floor)
@@ -87,7 +87,10 @@ def weigh(information: Information, *, plain: bool = False, resolution: float = 
             )
         settled = bool((np.abs(updated - deviation) <= STANDSTILL * deviation + floor).all())
         if settled:
-            return _weighted(information, whole, 1.0 / deviation, left, spent)
+            triangle: Any = np.linalg.qr(weight[:, None] * A, mode="r")
+            inverse = half @ half.T
+            correlation = _correlation(information, 1.0 / deviation, values, inverse)
+            return Weighted(whole, 1.0 / deviation, triangle, values, inverse, unseen, left, spent, correlation)
         deviation = updated
     raise EstimationError(
         f"The weights of the joints did not settle in {ITERATIONS} iterations.",
@@ -100,24 +103,6 @@ def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:
     A, y = stack(total(information), weights)
     R: Any = np.linalg.qr(np.column_stack([A, y]), mode="r")[: A.shape[1]]
     return R[:, :-1], R[:, -1]
-
-
-def _weighted(information: Information, whole: Information, weights: Array, left: Array, spent: Array) -> Weighted:
-    A, y = stack(whole, weights)
-    values, half, unseen = _solve(A, y)
-    rows: Any = np.linalg.qr(A, mode="r")
-    inverse = half @ half.T
-    return Weighted(
-        whole,
-        weights,
-        rows,
-        values,
-        inverse,
-        unseen,
-        left,
-        spent,
-        _correlation(information, weights, values, inverse),
-    )
 
 
 def _solve(A: Array, y: Array) -> tuple[Array, Array, Array]:

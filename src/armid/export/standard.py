@@ -18,7 +18,7 @@ from armid.estimation.prior import LENGTH, THINNEST, size_of_bodies
 from armid.estimation.problem import Standard, standard_of
 from armid.export.bodies import is_possible
 from armid.maths.cones import Cone, solve_cones, upper_triangle
-from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
+from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
 from armid.robot.robot import InertialParameters
 from armid.study.run import Run
 from armid.values import Array
@@ -175,13 +175,12 @@ def _nearest(
 
 def _relative_change(standard: Standard, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
     """Rows whose length is the relative change of the links' pseudo-inertias, shape (16 links, p)."""
-    units = pseudo_inertia(np.eye(10))
     rows = np.zeros((16 * len(there), len(anchor)))
     least = LIGHTEST * max(float(anchor[standard.inertial[:, 0]].mean()), 1.0)
     for k, own in enumerate(there):
         J = pseudo_inertia(_thick(anchor[own], least))
         half = np.linalg.inv(np.linalg.cholesky(J))
-        rows[16 * k : 16 * (k + 1), own] = np.einsum("ab,vbc,dc->adv", half, units, half).reshape(16, 10)
+        rows[16 * k : 16 * (k + 1), own] = np.einsum("ab,vbc,dc->adv", half, PSEUDO_INERTIA_OF, half).reshape(16, 10)
     return rows
 
 

@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import EstimationError
+from armid.errors import UnsolvedError
 from armid.values import Array
 
 __all__ = ["Cone", "ConeSolution", "solve_cones", "symmetric", "upper_triangle"]
@@ -68,15 +69,19 @@ class ConeSolution:
         x: The variables.
         objective: What was minimised.
         gap: Objective less the dual's, over its size.
+        slope: Slope of the objective that no multiplier holds, shape (variables,). Where variables may still move
+            by d, the minimum may lie lower by slope · d.
         violation: By how much the worst cone is left, over the size of its rows.
     """
 
     x: Array
     objective: float
     gap: float
+    slope: Array
     violation: float
 
 
+@cache
 def upper_triangle(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns of an upper triangle, column by column."""
     j, i = np.tril_indices(size)
@@ -102,7 +107,7 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
             residual that a `norm` cone bounds, not for single parameters.
 
     Raises:
-        EstimationError: The answer is not one: the solver's word, the gap and the violation are in the message.
+        UnsolvedError: The answer is not one: the solver's word, the gap and the violation are in the message.
     """
     clarabel: Any = import_module("clarabel")
     sparse: Any = import_module("scipy.sparse")
@@ -118,15 +123,16 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
     x = np.array(answer.x, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # a solver that failed may leave anything
         objective = float(cost @ x) + 0.5 * float(squares @ x**2)
+        slope = cost + squares * x + A.T @ np.array(answer.z, dtype=np.float64)
         gap = abs(objective - float(answer.obj_val_dual)) / max(1.0, abs(objective))
         finite = bool(np.isfinite(objective)) and bool(np.abs(x).max() < LARGEST)
         violation = max(cone.leaves(x) for cone in cones) if finite else float("inf")
     if not (gap <= ACCEPTED and violation <= ACCEPTED):
-        raise EstimationError(
+        raise UnsolvedError(
             f"The conic solver gave no answer ({answer.status}; gap {gap:.1e}, violation {violation:.1e}).",
             remedy="check the size of the values: parameters of one arm should not differ by more than 1e8.",
         )
-    return ConeSolution(x, objective, gap, violation)
+    return ConeSolution(x, objective, gap, slope, violation)
 
 
 def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:

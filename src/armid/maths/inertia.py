@@ -14,6 +14,7 @@ from armid.values import Array
 
 __all__ = [
     "INERTIA_INDEX",
+    "PSEUDO_INERTIA_OF",
     "com_inertia_to_vector",
     "inertia_matrix",
     "inertia_vector",
@@ -26,6 +27,23 @@ __all__ = [
 
 INERTIA_INDEX = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 """Row and column of each of the six inertia entries, in parameter order."""
+
+
+def _of_units() -> Array:
+    """Pseudo-inertia of each parameter by itself, from Σ = ½ tr(I)·1 - I."""
+    result = np.zeros((10, 4, 4))
+    result[0, 3, 3] = 1.0
+    for k in range(3):
+        result[1 + k, k, 3] = result[1 + k, 3, k] = 1.0
+    for k, (i, j) in enumerate(INERTIA_INDEX):
+        result[4 + k, [0, 1, 2], [0, 1, 2]] = 0.5 if i == j else 0.0
+        result[4 + k, i, j] = result[4 + k, j, i] = -0.5 if i == j else -1.0
+    result.flags.writeable = False
+    return result
+
+
+PSEUDO_INERTIA_OF: Array = _of_units()
+"""Pseudo-inertias (10, 4, 4) of bodies that have one parameter only, which is one."""
 
 
 def inertia_matrix(six: Array) -> Array:
@@ -51,13 +69,7 @@ def spatial_inertia(vector: Array) -> Array:
 def pseudo_inertia(vector: Array) -> Array:
     """Pseudo-inertia (..., 4, 4): [[½ tr(I)·1 - I, h], [hᵀ, m]]."""
     vector = np.asarray(vector)
-    inertia = inertia_matrix(vector[..., 4:])
-    half_trace = 0.5 * np.trace(inertia, axis1=-2, axis2=-1)[..., None, None]
-    result = np.empty((*vector.shape[:-1], 4, 4))
-    result[..., :3, :3] = half_trace * np.eye(3) - inertia
-    result[..., :3, 3] = result[..., 3, :3] = vector[..., 1:4]
-    result[..., 3, 3] = vector[..., 0]
-    return result
+    return (vector @ PSEUDO_INERTIA_OF.reshape(10, 16)).reshape(*vector.shape[:-1], 4, 4)
 
 
 def vector_from_pseudo_inertia(J: Array) -> Array:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.kernel.tree import Tree
-from armid.maths.inertia import pseudo_inertia, spatial_inertia, vector_from_pseudo_inertia
+from armid.maths.inertia import PSEUDO_INERTIA_OF, spatial_inertia, vector_from_pseudo_inertia
 from armid.maths.spatial import homogeneous, skew
 from armid.values import Array
 
@@ -49,7 +49,7 @@ COEFFICIENT_FLOOR = 1e-12
 """Coefficients of the regrouping below this, in the arm's own unit of length, are rounding."""
 
 _BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
-_PSEUDO = pseudo_inertia(np.eye(10))
+
 
 # Fourier coefficients (1, cos, sin, cos 2q, sin 2q) of the products of 1, cos q, sin q in this order of pairs:
 # 1·1, 1·cos, 1·sin, cos·cos, cos·sin, sin·sin. Powers of a prismatic q are independent as they stand.
@@ -196,7 +196,7 @@ def _products(powers: list[Array]) -> list[Array]:
     """Maps of parameters (10, 10) that belong to the pairs of coefficients of T in J' = T J Tᵀ."""
     result: list[Array] = []
     for T, U in combinations_with_replacement(powers, 2):
-        moved = T @ _PSEUDO @ U.T
+        moved = T @ PSEUDO_INERTIA_OF @ U.T
         if T is not U:
             moved = moved + np.swapaxes(moved, 1, 2)
         result.append(vector_from_pseudo_inertia(moved).T)

@@ -14,10 +14,10 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from armid.errors import EstimationError
+from armid.errors import EstimationError, Finding, UnsolvedError
 from armid.estimation.consistency import EPSILON
 from armid.estimation.consistent import Program
-from armid.estimation.constraints import Requirements, feasible_set
+from armid.estimation.constraints import Requirements
 from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
 from armid.estimation.fit import Fit
 from armid.estimation.outcome import Outcome
@@ -31,9 +31,10 @@ from armid.values import Array
 
 __all__ = ["PhysicallyConsistent"]
 
-RESOLUTION = 1e-5
-"""Smallest residual over torque that counts as noise. No model of an arm is right to more digits, and data that no
-body explains would otherwise be wrong by so many deviations that a solver has no digits left for the constraints."""
+RESOLUTIONS = (1e-5, 1e-4, 1e-3)
+"""Smallest residual over torque that counts as noise. No model of an arm is right to more digits than the first says.
+Data that no body explains may be wrong by so many deviations of it that a solver has no digits left for the
+constraints; then the next counts, and a finding says so. At the last, no torque sensor is as good."""
 
 WEIGHTS = np.logspace(4.0, -1.0, 11)
 """Weights of a prior that are tried, strongest first: from links known to a hundredth to hardly known at all."""
@@ -99,12 +100,22 @@ class PhysicallyConsistent:
         """Estimate standard and base parameters.
 
         Raises:
-            EstimationError: The description gives no prior that was asked for, constraints contradict each other, or
-                no solution passed its checks.
+            EstimationError: The description gives no prior that was asked for, or constraints contradict each other.
+            UnsolvedError: No solution passed its checks.
         """
+        trouble = UnsolvedError("No consistent parameters were found.")
+        for resolution in RESOLUTIONS:
+            try:
+                return self._estimate(problem, resolution)
+            except UnsolvedError as error:
+                trouble = error
+        raise trouble
+
+    def _estimate(self, problem: Problem, resolution: float) -> Fit:
+        """The estimate where residuals of so much of the torque count as noise."""
         information = problem.information
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, information)
-        weighted = weigh(information, resolution=RESOLUTION)
+        weighted = weigh(information, resolution=resolution)
         belief = believe(self.prior, standard, weighted)
         asked = Requirements(
             self.epsilon, self.heaviest, self.total_mass, self.masses, self.com, self.equal, self.fixed, self.known
@@ -112,8 +123,9 @@ class PhysicallyConsistent:
         program = Program(standard, asked, self.prior, belief, weighted.correlation)
         prior = self._weigh_prior(information, program, weighted)
         bodies = program.solve(weighted.rows, weighted.rows @ weighted.values, prior.weight)
-        basis = feasible_set(standard, asked).basis
-        return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, basis).fit()
+        return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis).fit(
+            _raised(resolution)
+        )
 
     def _weigh_prior(self, information: Information, program: Program, weighted: Weighted) -> PriorUse:
         """The prior with its weight and why it has it."""
@@ -139,6 +151,18 @@ class PhysicallyConsistent:
         how = f"the strongest within a standard error of the best of {len(weights)} on {len(parts)} folds left out"
         trials = tuple(Trial(float(w), float(e)) for w, e in zip(weights, errors.mean(axis=1), strict=True))
         return PriorUse(self.prior, float(weights[chosen]), how, correlation, trials)
+
+
+def _raised(resolution: float) -> list[Finding]:
+    """What is said where noise had to be taken as larger than it is."""
+    if resolution == RESOLUTIONS[0]:
+        return []
+    said = (
+        "No body explains these torques to within their noise, and by so far that a search has no digits for it: "
+        f"residuals up to {resolution:g} of the torque were counted as noise."
+    )
+    remedy = "look for a wrong sign of torque or gravity, a wrong unit, or a description of another arm."
+    return [Finding("noise-raised", "warning", "", said, remedy)]
 
 
 def _number(value: Any) -> bool:
