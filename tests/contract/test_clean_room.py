@@ -32,6 +32,7 @@ HOSTS = {
     "localhost",  # in a test of what must not be fetched
     "semver.org",
     "www.ros.org",  # the namespace of xacro
+    "www.w3.org",  # the namespaces of HTML and SVG
 }
 """Hosts that text may name."""
 

@@ -10,6 +10,7 @@ import pytest
 
 from armid.cli import main as cli
 from armid.report import page as pages
+from armid.report import rendering
 from labs import write_recordings, write_study
 from reports import Page
 
@@ -74,7 +75,7 @@ def test_what_is_no_run_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_without_the_extra(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd):
     """`identify` goes on and says in one line how to get it; `report` cannot."""
-    monkeypatch.setattr(pages, "find_spec", lambda name: None)
+    monkeypatch.setattr(rendering, "find_spec", lambda name: None)
     assert armid("identify", small / "study.toml", "--out", tmp_path / "run", "--json") == 0
     out, err = capfd.readouterr()
     assert json.loads(out)["run"] == str(tmp_path / "run")

@@ -349,10 +349,10 @@ def test_inertia_from_meshes_is_unknown_and_said_so():
     rest = '<asset><mesh name="m" file="nowhere.stl"/></asset>'
     robot = read_mjcf(mjcf_xml('<body name="a"><joint name="j"/><geom type="mesh" mesh="m"/></body>', rest))
     assert robot.inertial_vector is None
-    assert [(f.code, f.channel) for f in robot.findings] == [("inertial-missing", "a")]
+    assert [(f.code, f.channel) for f in robot.findings] == [("inertial-missing", "a"), ("mesh-missing", "a")]
     fine = read_mjcf(mjcf_xml(f'<body name="a"><joint name="j"/>{MASS}<geom type="mesh" mesh="m"/></body>', rest))
     assert fine.links[0].inertial.mass == 2
-    assert fine.findings == ()
+    assert [f.code for f in fine.findings] == ["mesh-missing"]
 
 
 def test_settings_that_change_masses_are_reported():

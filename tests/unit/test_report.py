@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, Finding, MissingExtraError
-from armid.report import page as pages
+from armid.report import rendering
 from armid.report.comparison import changes, pair_of
 from armid.report.judgement import judge
 from armid.report.material import Material, gather, records_of
@@ -194,7 +194,7 @@ def test_a_damaged_record_is_refused(run: Run, tmp_path: Path):
 
 
 def test_without_the_extra_the_error_names_it(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(pages, "find_spec", lambda name: None)
+    monkeypatch.setattr(rendering, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError) as caught:
         write_report(run, tmp_path / "page.html")
     assert "armid[report]" in caught.value.remedy and list(tmp_path.iterdir()) == []

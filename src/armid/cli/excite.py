@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, Out, Terms, model_choice, robot_choice, run_folder
+from armid.cli.preview import PAGE as PREVIEW
+from armid.cli.report import attempt
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -90,6 +92,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "formats": _option(SEVERAL, None, "csv, ros2, fri, urscript, mat; repeatable, all by default.", "--format"),
     "format_rate": _option(float | None, None, "Samples a second of the motion in every format, Hz."),
     "rehearsal": _option(float, 0.2, "Speed of the rehearsal beside each motion, 0.1 to 0.25."),
+    "no_report": _option(bool, False, "Do not write preflight.html and preview.html.", "--no-report"),
     "out": (Out, None),
     "json": (Json, False),
 }  # fmt: skip
@@ -138,6 +141,8 @@ def excite(robot: str, **options: Any) -> None:
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # before NumPy is loaded: matrices here are small
     from armid.cli.console import output_console, print_findings
+    from armid.report.preview.page import write_preview
+    from armid.report.preview.sources import preview_of_design
     from armid.study.excite_files import choose_formats, design_record, refuse_plan_folder, report_text, save_design
     from armid.study.excite_request import run_request
     from armid.study.records import to_json
@@ -155,6 +160,8 @@ def excite(robot: str, **options: Any) -> None:
     with _watching(options) as (pool, tell):
         designed = run_request(model, options, executor=pool, progress=tell)
     save_design(designed, folder, formats=formats, rate=options["format_rate"], rehearsal=options["rehearsal"])
+    if not options["no_report"]:
+        attempt(PREVIEW, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
     print_findings((*arm.findings, *designed.findings))
     if designed.search.interrupted:
         sys.stderr.write("stopped by hand; this is the best plan so far\n")
@@ -167,13 +174,18 @@ def excite(robot: str, **options: Any) -> None:
 
 def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
     """Poses or sweeps: nothing to search long for, nothing to report of."""
+    from armid.report.preview.page import write_preview
+    from armid.report.preview.sources import preview_of_moves
     from armid.study.excite_files import save_moves
-    from armid.study.excite_request import run_experiment
+    from armid.study.excite_request import rules_of, run_experiment
     from armid.study.records import to_json
 
     moves = run_experiment(model, options)
     rate, rehearsal = options["format_rate"], options["rehearsal"]
     record = save_moves(moves, model.robot, folder, formats=formats, rate=rate, rehearsal=rehearsal)
+    if not options["no_report"]:
+        around = rules_of(options, model.robot).surroundings
+        attempt(PREVIEW, lambda: write_preview(preview_of_moves(moves, model.robot, around), folder / PREVIEW))
     if options["json"]:
         sys.stdout.write(to_json({**record, "folder": str(folder)}) + "\n")
         return

@@ -25,6 +25,7 @@ from armid.cli.export import export
 from armid.cli.identify import identify
 from armid.cli.payload import payload
 from armid.cli.predict import predict
+from armid.cli.preview import preview
 from armid.cli.recalibrate import recalibrate
 from armid.cli.report import report
 from armid.cli.simulate import simulate
@@ -91,6 +92,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     payload,
     recalibrate,
     report,
+    preview,
     export,
     demo,
     thesis,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from armid.measurement.recording import Recording
     from armid.study.study import RecordingChoice
 
-__all__ = ["NoReport", "report", "write_page"]
+__all__ = ["NoReport", "attempt", "report", "write_page"]
 
 PAGE = "report.html"
 
@@ -43,7 +43,8 @@ def report(
 
         armid report runs/last_year runs/today --out change.html
     """
-    from armid.report.page import require_extra, write_comparison, write_report
+    from armid.report.page import write_comparison, write_report
+    from armid.report.rendering import require_extra
     from armid.study.records import to_json
     from armid.study.run import load_run
 
@@ -68,14 +69,20 @@ def write_page(folder: Path, recordings: Sequence[tuple[RecordingChoice, Recordi
         folder: The run's folder.
         recordings: What it was made from.
     """
-    from armid.errors import ArmidError
     from armid.report.page import write_report
     from armid.study.run import load_run
 
+    attempt(PAGE, lambda: write_report(load_run(folder), folder / PAGE, recordings=recordings))
+
+
+def attempt(page: str, write: Callable[[], object]) -> None:
+    """Write a page beside results that are whole without it; where it cannot be made, a line says why."""
+    from armid.errors import ArmidError
+
     sys.stdout.flush()
     try:
-        write_report(load_run(folder), folder / PAGE, recordings=recordings)
+        write()
     except ArmidError as error:
-        sys.stderr.write(f"no {PAGE}: {error.problem} {error.remedy}".rstrip() + "\n")
-    except KeyboardInterrupt:  # the run is whole without it
-        sys.stderr.write(f"no {PAGE}: interrupted\n")
+        sys.stderr.write(f"no {page}: {error.problem} {error.remedy}".rstrip() + "\n")
+    except KeyboardInterrupt:
+        sys.stderr.write(f"no {page}: interrupted\n")

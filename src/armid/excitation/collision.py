@@ -22,7 +22,17 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape, rotation_with_z
 from armid.values import Array
 
-__all__ = ["Cell", "Collision", "cell_of", "collision_of", "kept_apart", "load_environment"]
+__all__ = [
+    "NEIGHBOURS",
+    "Cell",
+    "Collision",
+    "cell_of",
+    "collision_of",
+    "joints_between",
+    "kept_apart",
+    "load_environment",
+    "pairs_of_bodies",
+]
 
 LOOKED = 3000
 """Random poses in which pairs are looked at, to leave out of a search those that never come near each other."""
@@ -51,6 +61,7 @@ class Collision:
         skipped: Pairs that touch by construction and are not looked at.
         shapes: The bodies as they are, the surroundings last.
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
+        own: How many of the shapes are the arm's.
     """
 
     searched: Clearance | None
@@ -58,6 +69,12 @@ class Collision:
     skipped: tuple[str, ...]
     shapes: tuple[Shape, ...]
     pairs: NDArray[np.intp]
+    own: int
+
+    @property
+    def surroundings(self) -> tuple[Shape, ...]:
+        """Bodies that do not move."""
+        return self.shapes[self.own :]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -89,7 +106,7 @@ class Cell:
         for k, pair in enumerate(self.pairs):
             a, b = (self.shapes[i].link for i in pair)
             stands = pair[1] >= len(self.robot.shapes) and a <= 0  # what the arm stands on
-            apart = _joints_between(self.robot, a, b)
+            apart = joints_between(self.robot, a, b)
             result[k] = stands or (apart <= NEIGHBOURS and self.touching[k] > CONSTRUCTION)
         return result
 
@@ -112,7 +129,7 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
     if not margin >= 0.0:
         raise ArmidError(f"The distance that stays between bodies cannot be negative; found {margin} m.")
     shapes = (*robot.shapes, *surroundings)
-    bodies, pairs = _bodies(robot, shapes)
+    bodies, pairs = pairs_of_bodies(robot, shapes)
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
     q = np.random.default_rng(0).uniform(low, high, (LOOKED, robot.n))
@@ -160,10 +177,11 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
         tuple(labels[k] for k in np.flatnonzero(close)),
         cell.shapes,
         cell.pairs[kept],
+        len(cell.robot.shapes),
     )
 
 
-def _bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDArray[np.intp]]:
+def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDArray[np.intp]]:
     """Capsules and solids with their pairs, and the pairs as indices into the shapes."""
     solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
     capsules: list[Shape] = []
@@ -178,7 +196,7 @@ def _bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDArray[np.i
     chosen: list[tuple[int, int]] = []
     for a in range(len(shapes)):
         for b in range(a + 1, len(shapes)):
-            if _joints_between(robot, shapes[a].link, shapes[b].link) > 1 and not (solid[a] and solid[b]):
+            if joints_between(robot, shapes[a].link, shapes[b].link) > 1 and not (solid[a] and solid[b]):
                 chosen.append((b, a) if solid[a] else (a, b))
     own = [(i, j, group) for group, (a, b) in enumerate(chosen) for i in places[a] for j in places[b]]
     index = np.array(own, dtype=np.intp).reshape(-1, 3)
@@ -186,7 +204,7 @@ def _bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDArray[np.i
     return bodies, np.array(chosen, dtype=np.intp).reshape(-1, 2)
 
 
-def _joints_between(robot: Robot, a: int, b: int) -> int:
+def joints_between(robot: Robot, a: int, b: int) -> int:
     """Joints on the way from one link to another."""
     above_a, above_b = ([*robot.tree.ancestors(k)] if k >= 0 else [] for k in (a, b))
     return len(set(above_a) ^ set(above_b))

@@ -21,7 +21,7 @@ from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.values import Array
 
-__all__ = ["Material", "gather", "records_of", "velocity_unit"]
+__all__ = ["Material", "choices_of", "gather", "read_again", "records_of", "velocity_unit"]
 
 MOST_OF_A_ROLE = 3
 """Recordings of each role that are drawn; every one is in the tables."""
@@ -100,10 +100,9 @@ def gather(
     material = records_of(run)
     evidence: list[Evidence] = []
     missing: list[str] = []
-    choices = zip(_choices(material.study), _digests(run), strict=True)
-    for choice, sha256 in choices if recordings is None else ():
+    for choice, sha256 in choices_of(run, material.study) if recordings is None else ():
         try:
-            evidence.append(look_at(run, choice, _read(run, material.study, choice, sha256, data)))
+            evidence.append(look_at(run, choice, read_again(run, material.study, choice, sha256, data)))
         except ArmidError as error:
             missing.append(error.problem)
     for choice, recording in recordings or ():
@@ -132,12 +131,13 @@ def _record(run: Run, name: str) -> dict[str, Any]:
     return record
 
 
-def _choices(study: Mapping[str, Any]) -> list[RecordingChoice]:
-    """The recordings that a run's study names."""
-    return [
+def choices_of(run: Run, study: Mapping[str, Any]) -> list[tuple[RecordingChoice, str]]:
+    """The recordings that a run's study names, with their digests (sha256)."""
+    choices = [
         RecordingChoice(each["path"], each["role"], Reading(**each["reading"]), tuple(each["part"]))
         for each in study["recordings"]
     ]
+    return list(zip(choices, _digests(run), strict=True))
 
 
 def _digests(run: Run) -> list[str]:
@@ -146,14 +146,18 @@ def _digests(run: Run) -> list[str]:
     return [sha256 for role, _, sha256 in pairs if role in ("train", "validate")]
 
 
-def _read(
+def read_again(
     run: Run,
     study: Mapping[str, Any],
     choice: RecordingChoice,
     sha256: str,
     data: Path | str | None,
 ) -> Recording:
-    """The recording that the run was made from, and no other of the same name."""
+    """The recording that the run was made from, and no other of the same name.
+
+    Raises:
+        ArmidError: It is gone, or has changed.
+    """
     place = _found(choice.path, str(study["folder"]), data)
     recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
     if recording.sha256 != sha256:

@@ -6,40 +6,23 @@ a third of its size; the page's script unpacks it. Plots are four-byte numbers, 
 
 from __future__ import annotations
 
-import base64
-import gzip
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
-from importlib.resources import files
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from armid.errors import MissingExtraError
 from armid.measurement.recording import Recording
 from armid.report.comparison import COMPARISON, pair_of
 from armid.report.material import Material, gather, records_of
+from armid.report.packing import compressed, embedded
+from armid.report.rendering import environment, require_extra, text_of
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.values import replace_file
 
-__all__ = ["assemble", "render", "require_extra", "write_comparison", "write_report"]
-
-PACKAGES = ("jinja2", "plotly")
-
-
-def require_extra() -> None:
-    """Refuse to go on without the packages that a page needs.
-
-    Raises:
-        MissingExtraError: One is not installed.
-    """
-    for name in PACKAGES:
-        if find_spec(name) is None:
-            raise MissingExtraError(name, "A report page", "report")
+__all__ = ["assemble", "render", "write_comparison", "write_report"]
 
 
 def write_report(
@@ -104,24 +87,19 @@ def assemble(title: str, subtitle: str, sections: Mapping[str, Section], *, with
         sections: Sections by name, in order.
         with_plots: Whether plotly.js is needed.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("armid.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html").render(
-        title=title,
-        subtitle=subtitle,
-        sections=sections,
-        version=version("armid"),
-        style=_text("page.css"),
-        script=_text("page.js"),
-        data=_embedded(_data(sections.values())),
-        plotly=_plotly() if with_plots else "",
+    return (
+        environment()
+        .get_template("page.html")
+        .render(
+            title=title,
+            subtitle=subtitle,
+            sections=sections,
+            version=version("armid"),
+            style=text_of("theme.css") + text_of("page.css"),
+            script=text_of("unpack.js") + text_of("page.js"),
+            data=embedded(_data(sections.values())),
+            plotly=_plotly() if with_plots else "",
+        )
     )
 
 
@@ -133,18 +111,8 @@ def _data(sections: Iterable[Section]) -> dict[str, Any]:
     return {"plots": plots, "tables": tables}
 
 
-def _embedded(record: Mapping[str, Any]) -> str:
-    """JSON that cannot end the script element it stands in."""
-    text = json.dumps(record, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
 def _plotly() -> str:
     """plotly.js, compressed, in base 64; the same bytes each time."""
     from plotly.offline import get_plotlyjs
 
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 6, mtime=0)).decode()
-
-
-def _text(name: str) -> str:
-    return (files("armid.report") / "templates" / name).read_text(encoding="utf-8")
+    return compressed(get_plotlyjs())

@@ -6,7 +6,6 @@ so that light, dark and paper show the same plot.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.report.packing import packed
 from armid.values import Array
 
 __all__ = ["MOST_POINTS", "Plot", "Trace", "binned", "crest", "envelope", "every", "line", "points", "spread"]
@@ -46,7 +46,7 @@ class Trace:
 
     def record(self) -> dict[str, Any]:
         """The trace for the page's script."""
-        x, y = _packed(self.x), _packed(self.y)
+        x, y = packed(self.x), packed(self.y)
         return {"role": self.role, "x": x, "y": y, "name": self.name, "cloud": self.cloud}
 
 
@@ -152,8 +152,3 @@ def binned(x: Array, y: Array, edges: Array, fewest: int) -> tuple[Array, Array,
         mean = [np.bincount(index[inside], v[inside], len(edges) - 1) / count for v in (x, y)]
     mean = [np.where(count < fewest, np.nan, v) for v in mean]
     return mean[0], mean[1], count
-
-
-def _packed(values: Array) -> dict[str, str]:
-    """Numbers in the binary form that plotly.js reads: four bytes each, in base 64."""
-    return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()}

@@ -46,12 +46,15 @@ class Plain:
         limits: Limits by joint.
         gravity: Acceleration of gravity [m/s²].
         findings: What was noticed.
+        geoms: Every geom with its defaults and a pose that Pinocchio reads right, and the body that it is of; the
+            world's have an empty name.
     """
 
     text: str
     limits: dict[str, Limits]
     gravity: tuple[float, ...]
     findings: tuple[Finding, ...]
+    geoms: tuple[tuple[str, ET.Element], ...] = ()
 
 
 def flatten(root: ET.Element, source: str) -> ET.Element:
@@ -114,8 +117,10 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
     ET.SubElement(plain, "compiler", angle="radian")
     world = ET.SubElement(ET.SubElement(plain, "worldbody"), "body", name="world")
     for worldbody in root.findall("worldbody"):
+        childclass = worldbody.get("childclass", "main")
+        writer.keep_geoms("", worldbody, childclass)
         for body in worldbody.findall("body"):
-            world.append(writer.body(body, worldbody.get("childclass", "main")))
+            world.append(writer.body(body, childclass))
     gravity = EARTH_GRAVITY
     for option in root.findall("option"):
         gravity = tuple(numbers(option, "gravity", 3, source, "option") or gravity)
@@ -125,7 +130,8 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
         limits[name], finding = limits_of(name, position=position, velocity=0.0, effort=effort, turns=turns)
         if finding is not None:
             writer.findings.append(finding)
-    return Plain(ET.tostring(plain, encoding="unicode"), limits, gravity, tuple(writer.findings))
+    text = ET.tostring(plain, encoding="unicode")
+    return Plain(text, limits, gravity, tuple(writer.findings), tuple(writer.geoms))
 
 
 def joint_names(root: ET.Element) -> list[str]:
@@ -175,6 +181,7 @@ class _Writer:
     compiler: dict[str, str] = field(default_factory=dict)
     defaults: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
     bodies: set[str] = field(default_factory=lambda: {"world"})
+    geoms: list[tuple[str, ET.Element]] = field(default_factory=list[tuple[str, ET.Element]])
 
     def __post_init__(self) -> None:
         for compiler in self.root.findall("compiler"):
@@ -233,6 +240,7 @@ class _Writer:
         inner.set("name", name)
         inner.extend(joints[-1:])
         inner.extend(self._mass(body, childclass, name))
+        self.keep_geoms(name, body, childclass)
         for site in body.findall("site"):
             site = self.resolved(site, childclass)
             if site.get("name"):
@@ -240,6 +248,14 @@ class _Writer:
         for child in body.findall("body"):
             inner.append(self.body(child, childclass))
         return outer
+
+    def keep_geoms(self, name: str, body: ET.Element, childclass: str) -> None:
+        """Remember what a body looks like and what space it takes."""
+        for geom in body.findall("geom"):
+            plain = self.resolved(geom, childclass)
+            pose = self._pose(plain, f"a geom of {name or 'the world'!r}")
+            rest = {key: value for key, value in plain.attrib.items() if key not in (*POSE, "euler", "axisangle")}
+            self.geoms.append((name, ET.Element("geom", {**rest, **pose})))
 
     def _pose(self, element: ET.Element, where: str) -> dict[str, str]:
         """Position and orientation; orientations that Pinocchio misreads become two axes."""

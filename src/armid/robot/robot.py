@@ -204,6 +204,7 @@ class Robot:
         sha256: Digest of the description's text; empty where there was none.
         findings: What was noticed while reading.
         shapes: What space the links take, as far as the description says.
+        visuals: What they look like, as far as it says.
     """
 
     name: str
@@ -215,10 +216,12 @@ class Robot:
     sha256: str = ""
     findings: tuple[Finding, ...] = ()
     shapes: tuple[Shape, ...] = ()
+    visuals: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", tuple(self.joints))
         object.__setattr__(self, "shapes", tuple(self.shapes))
+        object.__setattr__(self, "visuals", tuple(self.visuals))
         object.__setattr__(self, "links", tuple(self.links))
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
         if len(self.joints) != len(self.links):
@@ -322,7 +325,8 @@ def _weld(robot: Robot, index: int, value: float) -> Robot:
     if tip.parent == index:
         tip = replace(tip, placement=weld @ tip.placement)
     tip = replace(tip, parent=moved(tip.parent))
-    shapes = tuple(
-        s.on(joint.parent, weld) if s.link == index else replace(s, link=moved(s.link)) for s in robot.shapes
+    shapes, visuals = (
+        tuple(s.on(joint.parent, weld) if s.link == index else replace(s, link=moved(s.link)) for s in bodies)
+        for bodies in (robot.shapes, robot.visuals)
     )
-    return replace(robot, joints=tuple(joints), links=tuple(links), tip=tip, shapes=shapes)
+    return replace(robot, joints=tuple(joints), links=tuple(links), tip=tip, shapes=shapes, visuals=visuals)

@@ -1,4 +1,4 @@
-"""Collision bodies of a URDF, each on the link that carries it once fixed joints are merged.
+"""Collision and visual bodies of a URDF, each on the link that carries it once fixed joints are merged.
 
 Mesh files are not opened here; a path that begins with package:// is looked for in the folders above the description.
 """
@@ -22,36 +22,37 @@ __all__ = ["shapes_of_urdf"]
 
 
 def shapes_of_urdf(
-    root: ET.Element, robot: Robot, locked: Mapping[str, float], source: str
+    root: ET.Element, robot: Robot, locked: Mapping[str, float], source: str, kind: str = "collision"
 ) -> tuple[tuple[Shape, ...], tuple[Finding, ...]]:
-    """Shapes of every <collision>, and findings about those that cannot be used.
+    """Shapes of every <collision> or <visual>, and findings about those that cannot be used.
 
     Args:
-        root: The document, its collisions still in it.
+        root: The document, its collisions and visuals still in it.
         robot: The robot made of it; its joints carry the shapes.
         locked: Joints that the reader has fixed, with their positions.
         source: Path of the description.
+        kind: `collision` or `visual`.
     """
     above = {joint.find("child").get("link"): joint for joint in root.findall("joint")}  # pyright: ignore
     shapes: list[Shape] = []
     findings: list[Finding] = []
     for link in root.iter("link"):
         name = link.get("name", "")
-        for number, collision in enumerate(link.findall("collision")):
-            geometry = collision.find("geometry")
+        for number, body in enumerate(link.findall(kind)):
+            geometry = body.find("geometry")
             if geometry is None or not len(geometry):
                 continue
             joint, placement = _carrier(name, above, robot, locked, source)
             label = name if number == 0 else f"{name} ({number + 1})"
-            kind, size, path = _geometry(geometry[0], source, label)
-            if kind == "mesh" and not path:
+            form, size, path = _geometry(geometry[0], source, label)
+            if form == "mesh" and not path:
                 missing = geometry[0].get("filename", "")
                 findings.append(
-                    Finding("mesh-missing", "warning", label, f"the collision mesh {missing} is not there; the link "
+                    Finding("mesh-missing", "warning", label, f"the {kind} mesh {missing} is not there; the link "
                             "takes no space in a check of collisions", "put the mesh beside the description.")
                 )  # fmt: skip
                 continue
-            shapes.append(Shape(label, joint, kind, size, placement @ _pose(collision, source), path))
+            shapes.append(Shape(label, joint, form, size, placement @ _pose(body, source), path))
     return tuple(shapes), tuple(findings)
 
 

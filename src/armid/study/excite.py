@@ -130,6 +130,7 @@ class Designed:
         search: How it was found.
         preflight: What is known of it.
         findings: What the reader should know.
+        collision: Bodies that are kept apart, where that was asked.
     """
 
     plan: Plan
@@ -139,6 +140,7 @@ class Designed:
     search: Search
     preflight: Preflight
     findings: tuple[Finding, ...]
+    collision: Collision | None = None
 
 
 def design_plan(
@@ -188,7 +190,7 @@ def design_plan(
     x = certified(whole, fine_grid(whole), found.best.x)
     plan = _with_leads(basis, x, wish, limits, robot.name)
     _check_leads(plan, robot, collision)
-    return Designed(plan, whole, x, limits, found, preflight(whole, x, collision), (*findings, *more))
+    return Designed(plan, whole, x, limits, found, preflight(whole, x, collision), (*findings, *more), collision)
 
 
 def place(

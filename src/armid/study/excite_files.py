@@ -17,11 +17,11 @@ from armid.excitation.preflight import Preflight, worst
 from armid.robot.robot import Robot
 from armid.study.excite import Designed
 from armid.study.folder import refuse, whole_folder
+from armid.study.plan_files import PLAN_FILE, shape_records
 from armid.study.records import finding_record, to_json
 from armid.values import replace_file
 
 __all__ = [
-    "MARKER",
     "choose_formats",
     "design_record",
     "refuse_plan_folder",
@@ -31,15 +31,13 @@ __all__ = [
     "track_of",
 ]
 
-MARKER = "plan.json"
-
 MOST_LINES = 12
 """Parameters and pairs that the text shows; the JSON has all of them."""
 
 
 def refuse_plan_folder(folder: Path | str) -> None:
     """Refuse a folder that a plan must not replace, before any work is done for it."""
-    refuse(folder, MARKER, "plan")
+    refuse(folder, PLAN_FILE, "plan")
 
 
 def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
@@ -83,6 +81,7 @@ def design_record(designed: Designed) -> dict[str, Any]:
         "descents": designed.search.descents,
         "interrupted": designed.search.interrupted,
         "findings": [finding_record(finding) for finding in designed.findings],
+        "surroundings": [] if designed.collision is None else shape_records(designed.collision.surroundings),
     }
 
 
@@ -173,11 +172,11 @@ def save_design(
         rehearsal: Speed of the rehearsal, as a share of the plan's.
     """
     record = design_record(designed)
-    with whole_folder(folder, MARKER, "plan") as draft:
+    with whole_folder(folder, PLAN_FILE, "plan") as draft:
         _write_motions(draft, designed.plan, designed.problem.goal.model.robot, formats, rate, rehearsal)
         replace_file(draft / "preflight.json", to_json(_report_record(designed.preflight)) + "\n")
         replace_file(draft / "preflight.txt", report_text(designed))
-        replace_file(draft / MARKER, to_json(record) + "\n")
+        replace_file(draft / PLAN_FILE, to_json(record) + "\n")
     return Path(folder)
 
 
@@ -201,9 +200,9 @@ def save_moves(
         ],
         "duration": moves.duration,
     }
-    with whole_folder(folder, MARKER, "plan") as draft:
+    with whole_folder(folder, PLAN_FILE, "plan") as draft:
         _write_motions(draft, moves, robot, formats, rate, rehearsal)
-        replace_file(draft / MARKER, to_json(record) + "\n")
+        replace_file(draft / PLAN_FILE, to_json(record) + "\n")
     return record
 
 

@@ -1,4 +1,3 @@
-"use strict";
 (() => {
   const data = JSON.parse(document.getElementById("page-data").textContent);
   const root = document.documentElement;
@@ -147,14 +146,6 @@
     redraw();
     drawn.forEach((place) => Plotly.Plots.resize(place));
   });
-
-  async function unpack(id) {
-    const packed = Uint8Array.from(atob(document.getElementById(id).textContent), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-    const script = document.createElement("script");
-    script.textContent = await new Response(stream).text();
-    document.head.append(script);
-  }
 
   if (places.length) {
     unpack("plotly-packed").then(drawNext, (error) => {

@@ -16,6 +16,7 @@ from pathlib import Path
 from armid.errors import RobotError
 from armid.robot.markup import check_locked, parse_xml, root_tag
 from armid.robot.mjcf_plain import flatten, joint_names, plain_mjcf
+from armid.robot.mjcf_shapes import carriers_of, shapes_of_mjcf
 from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 
@@ -59,16 +60,19 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
             path.write_text(plain.text, encoding="utf-8")
             return pinocchio().buildModelFromMJCF(str(path))
 
+    model = build(make, source)
+    shapes, visuals, missing = shapes_of_mjcf(root, plain, carriers_of(model), source)
     robot = robot_from_model(
-        build(make, source),
+        model,
         name=root.get("model") or "robot",
         limits=plain.limits,
         source=source,
         locked=locked,
         tip=tip,
         gravity=plain.gravity,
-        findings=plain.findings,
+        findings=(*plain.findings, *missing),
     )
+    robot = replace(robot, shapes=shapes, visuals=visuals)
     if not included:
         return robot
     return replace(robot, sha256=hashlib.sha256(ET.tostring(root)).hexdigest())

@@ -77,7 +77,11 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         findings=tuple(findings),
     )
     shapes, missing = shapes_of_urdf(root, robot, locked, source)
-    return replace(robot, shapes=shapes, findings=(*robot.findings, *missing))
+    try:
+        visuals, _ = shapes_of_urdf(root, robot, locked, source, "visual")
+    except RobotError:  # nothing but a picture rests on them
+        visuals = ()
+    return replace(robot, shapes=shapes, visuals=visuals, findings=(*robot.findings, *missing))
 
 
 def _joints(root: ET.Element) -> list[ET.Element]:

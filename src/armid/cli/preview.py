@@ -1,0 +1,128 @@
+"""`armid preview`: the arm moving through a plan or a recording, as a page that opens in a browser."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Gravity, Json, Lock, robot_choice
+
+if TYPE_CHECKING:
+    from armid.measurement.reading import Reading
+    from armid.report.preview.masses import MassLayer
+    from armid.robot import Robot
+    from armid.robot.shapes import Shape
+    from armid.study.run import Run
+
+__all__ = ["PAGE", "preview"]
+
+PAGE = "preview.html"
+
+
+def preview(
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT | RUN", help="The arm, or a folder that armid identify made.")
+    ],
+    motion: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[PLAN | RECORDING | RUN]",
+            help="What it does: a plan.json or its folder, thesis-a1, a recording, a run. Of a run alone its own.",
+        ),
+    ] = None,
+    floor: Annotated[float | None, typer.Option(help="A floor at this height of the base frame, m.")] = None,
+    environment: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML of boxes, spheres and half-spaces.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock, Hz.")] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="FOLDER", help="Where a run's recordings are, if moved.")
+    ] = None,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to write the page.")] = None,
+    json: Json = False,
+) -> None:
+    """Write a page on which the arm moves: play and scrub, turn and zoom; stops, nearest bodies, masses of the links.
+
+    One file that opens without a network. Links look as the description has them, meshes included where they are
+    beside it; else as capsules and boxes, or as bare axes. Masses that a run has found are a layer.
+
+    Examples:
+        armid preview iiwa14-r820 plans/first --floor -1.5
+
+        armid preview arm.urdf run1.csv --out run1.html
+
+        armid preview arm.urdf runs/today
+    """
+    from armid.report.preview.page import write_preview
+    from armid.report.preview.sources import preview_of
+    from armid.report.rendering import require_extra
+    from armid.study.records import to_json
+    from armid.study.study import load_choice
+
+    require_extra("jinja2")
+    run, other = _run(robot), None if motion is None else _run(motion)
+    arm = load_choice(robot_choice(robot, gravity, lock)) if run is None else run.robot
+    folder = Path() if run is None or motion is not None else Path(robot)
+    known = other or run
+    made = preview_of(
+        arm,
+        other or motion or run,
+        reading=_reading(known, rate),
+        data=data,
+        surroundings=_surroundings(floor, environment),
+        estimate=None if known is None else _estimate(known, arm),
+    )
+    path = write_preview(made, out or folder / PAGE)
+    if json:
+        sys.stdout.write(to_json({"preview": str(path), "bytes": path.stat().st_size}) + "\n")
+    else:
+        sys.stdout.write(f"page written to {path}\n")
+
+
+def _run(name: str) -> Run | None:
+    """The run in a folder; `None` where there is none."""
+    from armid.study.run import MARKER, load_run
+
+    return load_run(name) if (Path(name) / MARKER).is_file() else None
+
+
+def _reading(run: Run | None, rate: float | None) -> Reading:
+    """How a recording is read: as the run's, or with a rate."""
+    from armid.measurement.reading import Reading
+
+    return Reading(rate=rate) if run is None or rate is not None else run.reading
+
+
+def _surroundings(floor: float | None, environment: Path | None) -> tuple[Shape, ...]:
+    from armid.excitation.clearance import floor as floor_at
+    from armid.excitation.collision import load_environment
+
+    around = () if environment is None else load_environment(environment)
+    return around if floor is None else (*around, floor_at(floor))
+
+
+def _estimate(run: Run, arm: Robot) -> MassLayer | None:
+    """Link inertias that a run has found, or real bodies with its base values; nothing for another arm."""
+    from armid.errors import ArmidError
+    from armid.export.standard import values_to_write
+    from armid.report.preview.sources import estimate_layer
+
+    if run.robot.joint_names != arm.joint_names:
+        return None
+    notes = {
+        "estimated": "",
+        "nearest": "base values leave open how links share their mass; these are the real bodies nearest to the "
+        "description that have them",
+        "unphysical": "no real bodies have these base values; links without an ellipsoid are no real bodies",
+    }
+    try:
+        theta, kind, _ = values_to_write(run, allow_unphysical=True)
+    except ArmidError as error:
+        sys.stderr.write(f"no masses of the estimate: {error.problem}\n")
+        return None
+    return estimate_layer(theta, run, notes[kind])

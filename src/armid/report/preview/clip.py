@@ -1,0 +1,81 @@
+"""A motion as a screen needs it: positions and velocities some thirty times a second."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.excitation.experiments import Moves
+from armid.excitation.plan import Plan
+from armid.measurement.recording import Recording
+from armid.model.motion import Motion
+from armid.values import Array
+
+__all__ = ["FRAMES", "Clip", "clip_of_motion", "clip_of_plan", "clip_of_recording", "still"]
+
+FRAMES = 30.0
+"""Frames a second [Hz]; between two of them the page interpolates, at arm speeds by less than a millimetre."""
+
+MOST_FRAMES = 9000
+"""Frames of a clip: five minutes of them. Of a longer motion there are fewer a second."""
+
+ROWS = 10.0
+"""Rows a second of a recording whose rows are separate samples [Hz]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Clip:
+    """A motion for the screen, K frames of n joints.
+
+    Attributes:
+        title: What it is, in a few words.
+        time: Since its beginning, evenly spaced, shape (K,) [s].
+        q: Positions, shape (K, n) [rad or m].
+        dq: Velocities, shape (K, n) [rad/s or m/s].
+    """
+
+    title: str
+    time: Array
+    q: Array
+    dq: Array
+
+
+def clip_of_plan(plan: Plan | Moves, title: str) -> Clip:
+    """A plan from its first to its last moment."""
+    motion = plan.at(_times(plan.duration))
+    return Clip(title, motion.time, motion.q, motion.dq)
+
+
+def clip_of_motion(motion: Motion, title: str) -> Clip:
+    """A sampled motion; positions and velocities are interpolated."""
+    since = motion.time - motion.time[0]
+    time = _times(float(since[-1]))
+    q, dq = (np.column_stack([np.interp(time, since, x) for x in values.T]) for values in (motion.q, motion.dq))
+    return Clip(title, time, q, dq)
+
+
+def clip_of_recording(recording: Recording, title: str) -> Clip:
+    """A recording; over a gap the arm goes straight. Separate rows follow each other ten times a second."""
+    rows = np.arange(recording.samples, dtype=np.float64)
+    if recording.time is None or recording.consecutive is False:
+        rate = ROWS if recording.consecutive is False or recording.rate is None else recording.rate
+        since = rows / rate
+    else:
+        since = recording.time - recording.time[0]
+    known = np.isfinite(recording.q).all(axis=1) & np.isfinite(since)
+    since, q = np.maximum.accumulate(since[known]), recording.q[known]
+    time = _times(float(since[-1]) if len(since) else 0.0)
+    frames = np.column_stack([np.interp(time, since, x) for x in q.T])
+    dq = np.gradient(frames, time, axis=0) if len(time) > 1 else np.zeros_like(frames)
+    return Clip(title, time, frames, dq)
+
+
+def still(q: Array, title: str) -> Clip:
+    """An arm that stands in a pose (n,)."""
+    return Clip(title, np.zeros(1), np.asarray(q)[None], np.zeros((1, len(q))))
+
+
+def _times(duration: float) -> Array:
+    """Evenly spaced times from 0 to the end, frames of a screen or further apart."""
+    return np.linspace(0.0, duration, min(MOST_FRAMES, max(1, round(duration * FRAMES))) + 1)

@@ -1,0 +1,70 @@
+"""Link inertias one can see: the ellipsoid of even density that has a link's mass and inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armid.maths.inertia import vector_to_com_inertia
+from armid.robot.robot import Robot
+from armid.values import Array
+
+__all__ = ["MassLayer", "ellipsoid_of", "layer_of_description"]
+
+LIGHTEST = 1e-4
+"""Mass [kg] below which a link counts as having none: a tenth of a gram."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MassLayer:
+    """Inertias of all links from one source.
+
+    Attributes:
+        name: What the page calls it.
+        links: Ten inertial parameters each, in the link frames, shape (n, 10).
+        note: What should be known of them.
+    """
+
+    name: str
+    links: Array
+    note: str = ""
+
+    def record(self, names: Sequence[str]) -> dict[str, Any]:
+        """The layer for the page's script; links without mass are left out."""
+        bodies: list[dict[str, Any]] = []
+        for k, (vector, name) in enumerate(zip(self.links, names, strict=True)):
+            if not vector[0] > LIGHTEST:
+                continue
+            found = ellipsoid_of(vector)
+            body = {"link": k, "name": name, "mass": float(vector[0]), "com": (vector[1:4] / vector[0]).tolist()}
+            if found is not None:
+                body |= {"axes": found[0].tolist(), "turn": found[1].T.ravel().tolist()}
+            bodies.append(body)
+        return {"name": self.name, "note": self.note, "bodies": bodies}
+
+
+def layer_of_description(robot: Robot) -> MassLayer | None:
+    """What the description says; `None` where it says nothing."""
+    vector = robot.inertial_vector
+    return None if vector is None else MassLayer("description", vector)
+
+
+def ellipsoid_of(vector: Array) -> tuple[Array, Array] | None:
+    """Half axes (3,) [m] and their directions, the columns of (3, 3), of the ellipsoid of even density.
+
+    Its inertia about the axis i is m (a_j² + a_k²) / 5.
+
+    Returns:
+        `None` where no body has such an inertia.
+    """
+    mass, _, about = vector_to_com_inertia(vector)
+    inertia, turn = np.linalg.eigh(about)
+    squares = 2.5 / mass * (inertia.sum() - 2.0 * inertia)
+    if not mass > 0.0 or (squares < -1e-9 * abs(squares).max()).any():
+        return None
+    if np.linalg.det(turn) < 0.0:
+        turn[:, 0] *= -1.0
+    return np.sqrt(np.maximum(squares, 0.0)), turn

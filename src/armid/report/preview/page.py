@@ -1,0 +1,122 @@
+"""The page of a moving arm: everything it shows in one file that opens without a network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.report.packing import compressed, embedded, packed
+from armid.report.preview.approach import Approach, closest
+from armid.report.preview.clip import Clip
+from armid.report.preview.masses import MassLayer
+from armid.report.preview.scene import bodies_of, joint_records, reach_of, surroundings_of
+from armid.report.rendering import environment, require_extra, text_of
+from armid.robot.kinematics import forward_kinematics, frame_pose
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+from armid.values import Array, replace_file
+
+__all__ = ["Preview", "render_preview", "write_preview"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Preview:
+    """What a preview shows.
+
+    Attributes:
+        robot: The arm, with bodies where the description has them.
+        clip: The motion.
+        surroundings: Bodies that do not move.
+        pairs: Pairs of bodies that are watched, indices into the arm's shapes and then the surroundings, (m, 2).
+        layers: Link inertias to look at.
+    """
+
+    robot: Robot
+    clip: Clip
+    surroundings: tuple[Shape, ...] = ()
+    pairs: NDArray[np.intp] | None = None
+    layers: Sequence[MassLayer] = ()
+
+
+def write_preview(preview: Preview, path: Path | str) -> Path:
+    """Write a preview's page, whole or not at all.
+
+    Raises:
+        MissingExtraError: jinja2 is not installed.
+        ArmidError: A mesh cannot be read, or the file cannot be written.
+    """
+    require_extra("jinja2")
+    return replace_file(path, render_preview(preview))
+
+
+def render_preview(preview: Preview) -> str:
+    """The page as HTML."""
+    robot, clip = preview.robot, preview.clip
+    approach = closest(robot, clip, preview.surroundings, preview.pairs)
+    record, missing = _scene(preview, approach)
+    subtitle = clip.title + (f", {clip.time[-1]:.1f} s" if len(clip.time) > 1 else "")
+    return (
+        environment()
+        .get_template("preview/preview.html")
+        .render(
+            title=robot.name,
+            subtitle=subtitle,
+            joints=[(joint.name, joint.unit) for joint in robot.joints],
+            layers=[(k, layer.name, layer.note) for k, layer in enumerate(preview.layers)],
+            measured=approach is not None,
+            has_bodies=bool(record["bodies"]),
+            missing=missing,
+            version=version("armid"),
+            style=text_of("theme.css") + text_of("preview/preview.css"),
+            script=text_of("unpack.js") + text_of("preview/view.js") + text_of("preview/preview.js"),
+            data=embedded(record),
+            three=compressed((files("armid.report") / "vendor" / "three.min.js").read_text(encoding="utf-8")),
+        )
+    )
+
+
+def _scene(preview: Preview, approach: Approach | None) -> tuple[dict[str, Any], list[str]]:
+    """Data for the page's script, and what could not be drawn."""
+    robot, clip = preview.robot, preview.clip
+    bodies, meshes, missing = bodies_of(robot)
+    _, path = frame_pose(robot, clip.q)
+    _, origins = forward_kinematics(robot, clip.q)
+    record = {
+        "joints": joint_records(robot),
+        "tip": {"link": robot.tip.parent, "placement": robot.tip.placement.T.ravel().tolist()},
+        "down": _down(robot.gravity),
+        "reach": reach_of(path, origins),
+        "bodies": bodies,
+        "meshes": meshes,
+        "surroundings": surroundings_of(robot, preview.surroundings),
+        "layers": [layer.record([link.name for link in robot.links]) for layer in preview.layers],
+        "duration": float(clip.time[-1]),
+        "q": packed(clip.q),
+        "dq": packed(clip.dq),
+        "path": packed(path),
+        "approach": None if approach is None else _approach_record(approach),
+    }
+    return record, missing
+
+
+def _approach_record(approach: Approach) -> dict[str, Any]:
+    used, index = np.unique(approach.pair, return_inverse=True)
+    return {
+        "pairs": [approach.pairs[k] for k in used],
+        "pair": packed(index, "u2"),
+        "distance": packed(approach.distance),
+        "points": packed(approach.points),
+    }
+
+
+def _down(gravity: Array) -> list[float]:
+    """The way that things fall, a unit vector of the base frame; the base's -z where nothing falls."""
+    size = float(np.linalg.norm(gravity))
+    return (gravity / size).tolist() if size > 0.0 else [0.0, 0.0, -1.0]

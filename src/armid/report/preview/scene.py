@@ -1,0 +1,109 @@
+"""What the page draws: joints, bodies, meshes within a budget, surroundings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.excitation.coal import mesh_faces
+from armid.report.preview.meshes import MOST_TRIANGLES, mesh_record, simplified
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+from armid.values import Array
+
+__all__ = ["Bodies", "bodies_of", "joint_records", "reach_of", "surroundings_of"]
+
+FEWEST_TRIANGLES = 300
+"""Triangles that a mesh may keep, however large the others are."""
+
+Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]
+"""Bodies for the page's script, meshes that they refer to, and what could not be drawn."""
+
+
+def joint_records(robot: Robot) -> list[dict[str, Any]]:
+    """Joints for the page's script; limits that are not known are null."""
+    return [
+        {
+            "name": joint.name,
+            "slides": joint.is_prismatic,
+            "parent": joint.parent,
+            "axis": joint.axis.tolist(),
+            "placement": _columns(joint.placement),
+            "unit": joint.unit,
+            "low": _finite(float(joint.position_limits[0])),
+            "high": _finite(float(joint.position_limits[1])),
+            "fastest": _finite(joint.velocity_limit),
+        }
+        for joint in robot.joints
+    ]
+
+
+def bodies_of(robot: Robot) -> Bodies:
+    """What the links look like; where the description does not say it, the space that they take."""
+    seen = {shape.link for shape in robot.visuals}
+    shapes = (*robot.visuals, *(shape for shape in robot.shapes if shape.link not in seen))
+    drawn: list[dict[str, Any]] = []
+    missing: list[str] = []
+    loaded: dict[tuple[str, tuple[float, ...]], Any] = {}
+    for shape in shapes:
+        if shape.kind == "half-space":
+            continue
+        key = shape.path, tuple(shape.size.tolist())
+        if shape.kind == "mesh" and key not in loaded:
+            try:
+                loaded[key] = mesh_faces(shape)
+            except ArmidError as error:
+                missing.append(f"{shape.name}: {error.problem}")
+                continue
+        place = {"mesh": list(loaded).index(key)} if shape.kind == "mesh" else {"size": shape.size.tolist()}
+        drawn.append(_record(shape) | place)
+    return drawn, _within_budget(list(loaded.values())), missing
+
+
+def _within_budget(meshes: Sequence[tuple[Array, Any]]) -> list[dict[str, Any]]:
+    """Meshes with no more triangles than a page may have, shared out by how many they bring."""
+    total = sum(len(triangles) for _, triangles in meshes)
+    share = min(1.0, MOST_TRIANGLES / total) if total else 1.0
+    return [
+        mesh_record(*simplified(corners, triangles, max(FEWEST_TRIANGLES, int(share * len(triangles)))))
+        for corners, triangles in meshes
+    ]
+
+
+def surroundings_of(robot: Robot, given: Sequence[Shape]) -> list[dict[str, Any]]:
+    """Bodies that do not move, for the page's script: those given, and planes of the description."""
+    planes = [shape for shape in robot.visuals if shape.kind == "half-space"]
+    return [_record(shape) | {"size": shape.size.tolist()} for shape in (*given, *planes) if shape.kind != "mesh"]
+
+
+def reach_of(path: Array, origins: Array) -> float:
+    """How far from the base's origin the arm gets [m], at least a decimetre.
+
+    Args:
+        path: Places of the tip, shape (K, 3) [m].
+        origins: Origins of the links, shape (K, n, 3) [m].
+    """
+    far = max(float(np.linalg.norm(points, axis=-1).max(initial=0.0)) for points in (path, origins))
+    return max(far, 0.1)
+
+
+def _record(shape: Shape) -> dict[str, Any]:
+    return {
+        "name": shape.name,
+        "link": shape.link,
+        "kind": shape.kind,
+        "placement": _columns(shape.placement),
+    }
+
+
+def _columns(placement: Array) -> list[float]:
+    """A transform column by column, as WebGL has it."""
+    return placement.T.ravel().tolist()
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

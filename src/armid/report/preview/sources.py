@@ -1,0 +1,133 @@
+"""What a preview shows, put together from names: an arm, a motion, a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.excitation.experiments import Moves
+from armid.excitation.formats import FORMATS
+from armid.measurement.reading import Reading
+from armid.model.motion import Motion
+from armid.report.material import choices_of, read_again, records_of
+from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
+from armid.report.preview.masses import MassLayer, layer_of_description
+from armid.report.preview.page import Preview
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+from armid.study.excite import Designed
+from armid.study.identify import read_recording
+from armid.study.plan_files import is_plan, read_whole_plan
+from armid.study.run import Run
+from armid.study.study import RecordingChoice
+from armid.values import Array
+
+__all__ = ["estimate_layer", "preview_of", "preview_of_design", "preview_of_moves"]
+
+
+def preview_of(
+    robot: Robot,
+    motion: str | Run | None,
+    *,
+    reading: Reading | None = None,
+    data: Path | str | None = None,
+    surroundings: Sequence[Shape] = (),
+    estimate: MassLayer | None = None,
+) -> Preview:
+    """A preview of an arm that does something.
+
+    Args:
+        robot: The arm.
+        motion: A plan, a folder with one, a recording, or a run for what it was judged on; nothing, and it stands.
+        reading: How to read a recording.
+        data: Folder in which a run's recordings are looked for first.
+        surroundings: Bodies that do not move, beside those that a plan knows of.
+        estimate: Link inertias beside those of the description.
+
+    Raises:
+        ArmidError: The motion cannot be read or is of another arm.
+    """
+    around = tuple(surroundings)
+    if motion is None:
+        clip = still(_rest(robot), "standing")
+    elif isinstance(motion, Run):
+        clip = _of_run(motion, data)
+    elif is_plan(motion):
+        plan, known = read_whole_plan(motion)
+        clip, around = clip_of_plan(plan, motion), (*around, *known)
+    else:
+        clip = _of_file(motion, robot, reading or Reading())
+    if clip.q.shape[1] != robot.n:
+        raise ArmidError(f"{motion} moves {clip.q.shape[1]} joints; {robot.name} has {robot.n}.")
+    return Preview(robot, clip, around, layers=_layers(robot, estimate))
+
+
+def preview_of_design(designed: Designed) -> Preview:
+    """A preview of a plan that has just been designed."""
+    robot, collision = designed.problem.goal.model.robot, designed.collision
+    clip = clip_of_plan(designed.plan, "designed plan")
+    around = () if collision is None else collision.surroundings
+    pairs = None if collision is None else collision.pairs
+    return Preview(robot, clip, around, pairs, _layers(robot, None))
+
+
+def preview_of_moves(moves: Moves, robot: Robot, surroundings: Sequence[Shape]) -> Preview:
+    """A preview of poses or sweeps."""
+    return Preview(robot, clip_of_plan(moves, "poses and sweeps"), tuple(surroundings), layers=_layers(robot, None))
+
+
+def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:
+    """Link inertias of standard parameters (p,) of a run."""
+    own = run.model.inertial_columns
+    return MassLayer("estimate", theta[own].reshape(-1, 10), note)
+
+
+def _of_file(path: str, robot: Robot, reading: Reading) -> Clip:
+    """A motion in one of the formats for controllers, or else a recording."""
+    for form in FORMATS.values():
+        if path.endswith(form.SUFFIX) and Path(path).is_file():
+            try:
+                track = form.read(Path(path).read_bytes())
+            except ArmidError:
+                continue
+            if set(track.joints) == set(robot.joint_names):
+                motion, order = track.motion, [track.joints.index(name) for name in robot.joint_names]
+                states = (motion.q[:, order], motion.dq[:, order], motion.ddq[:, order])
+                return clip_of_motion(Motion(motion.time, *states), Path(path).name)
+    recording, _ = read_recording(RecordingChoice(path, reading=reading), ".", robot)
+    return clip_of_recording(recording, Path(path).name)
+
+
+def _of_run(run: Run, data: Path | str | None) -> Clip:
+    """The first of the run's recordings that is still there, one for validation before others.
+
+    Raises:
+        ArmidError: None is.
+    """
+    study = records_of(run).study
+    missing: list[str] = []
+    for choice, sha256 in sorted(choices_of(run, study), key=lambda each: each[0].role != "validate"):
+        try:
+            recording = read_again(run, study, choice, sha256, data)
+        except ArmidError as error:
+            missing.append(error.problem)
+            continue
+        return clip_of_recording(recording, f"{Path(choice.path).name} of {run.folder}")
+    raise ArmidError(
+        f"None of the recordings of {run.folder} can be read: {' '.join(missing)}",
+        remedy="say with --data where they are, or name a plan or recording to show.",
+    )
+
+
+def _layers(robot: Robot, estimate: MassLayer | None) -> tuple[MassLayer, ...]:
+    return tuple(layer for layer in (layer_of_description(robot), estimate) if layer is not None)
+
+
+def _rest(robot: Robot) -> Array:
+    """Zero where joints can be there, else the middle of their range."""
+    low, high = np.array([joint.position_limits for joint in robot.joints]).T
+    bounded = np.isfinite(low) & np.isfinite(high) & ((low > 0.0) | (high < 0.0))
+    return np.where(bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0)

@@ -1,0 +1,144 @@
+"""Bodies of an MJCF for pictures and for collisions, each on the link that carries it.
+
+A geom that touches nothing (contype and conaffinity of zero) is there to be seen; by MuJoCo's habit, groups from 3 on
+are not shown. Meshes are looked for in the compiler's folders; files are not opened here.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError, Finding
+from armid.maths.spatial import homogeneous
+from armid.robot.markup import numbers
+from armid.robot.mjcf_plain import Plain
+from armid.robot.shapes import Kind, Shape, capsule_between, rotation_with_z
+from armid.values import Array
+
+__all__ = ["carriers_of", "shapes_of_mjcf"]
+
+FIRST_HIDDEN = 3.0
+"""First of the groups of geoms that MuJoCo's viewer does not show unless asked."""
+
+
+def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
+    """For each body the index of the joint that moves it, -1 for none, and its frame in that joint's link."""
+    return {
+        frame.name: (frame.parentJoint - 1, np.array(frame.placement.homogeneous))
+        for frame in model.frames
+        if frame.type.name == "BODY"
+    }
+
+
+def shapes_of_mjcf(
+    root: ET.Element, plain: Plain, carriers: Mapping[str, tuple[int, Array]], source: str
+) -> tuple[tuple[Shape, ...], tuple[Shape, ...], tuple[Finding, ...]]:
+    """What space the bodies take, what they look like, and what of it is not there.
+
+    Args:
+        root: The flattened document.
+        plain: Its plain form, with all geoms.
+        carriers: Where each body is.
+        source: Path of the description.
+    """
+    meshes = _meshes(root, source)
+    shapes: list[Shape] = []
+    visuals: list[Shape] = []
+    findings: list[Finding] = []
+    count: dict[str, int] = {}
+    for body, geom in plain.geoms:
+        link, placement = carriers.get(body, (-1, np.eye(4)))
+        count[body] = count.get(body, 0) + 1
+        name = (body or "world") + (f" ({count[body]})" if count[body] > 1 else "")
+        touches = (geom.get("contype", "1"), geom.get("conaffinity", "1")) != ("0", "0")
+        shape = _shape(name, geom, meshes)
+        if shape is None:
+            if touches:
+                said = f"the mesh {geom.get('mesh')} is not there; it takes no space in a check of collisions"
+                findings.append(Finding("mesh-missing", "warning", name, said, "put it beside the description."))
+            continue
+        shape = shape.on(link, placement)
+        if touches:
+            shapes.append(shape)
+        if float(geom.get("group", "0")) < FIRST_HIDDEN:
+            visuals.append(shape)
+    return tuple(shapes), tuple(visuals), tuple(findings)
+
+
+def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:
+    """File and scale of each mesh whose file is there."""
+    compiler: dict[str, str] = {}
+    for each in root.findall("compiler"):
+        compiler.update(each.attrib)
+    folder = Path(source).resolve().parent / compiler.get("meshdir", compiler.get("assetdir", ""))
+    usual = next((m.get("scale") for d in root.findall("default") for m in d.findall("mesh")), None) or "1 1 1"
+    found: dict[str, tuple[str, Array]] = {}
+    for mesh in (m for asset in root.findall("asset") for m in asset.findall("mesh")):
+        file = mesh.get("file")
+        if file is None:
+            continue
+        path = folder / (Path(file).name if compiler.get("strippath") == "true" else file)
+        if path.is_file():
+            stated = ET.Element("mesh", scale=mesh.get("scale", usual))
+            scale = numbers(stated, "scale", 3, source, f"the mesh {file}")
+            found[mesh.get("name", Path(file).stem)] = str(path), np.abs(np.array(scale))
+    return found
+
+
+def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]]) -> Shape | None:
+    """A geom in its body's frame; `None` for what cannot be shown."""
+    kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
+    pose = _placement(geom)
+    if kind == "mesh":
+        path, scale = meshes.get(geom.get("mesh", ""), ("", np.ones(3)))
+        return Shape(name, -1, "mesh", scale, pose, path) if path else None
+    try:
+        size = [float(x) for x in geom.get("size", "").split()]
+        if kind in ("capsule", "cylinder") and "fromto" in geom.attrib:
+            ends = np.array([float(x) for x in geom.get("fromto", "").split()]).reshape(2, 3)
+            between = capsule_between(name, -1, ends[0], ends[1], size[0])
+            return Shape(name, -1, kind, between.size, between.placement)
+        simple: dict[str, tuple[Kind, list[float]]] = {
+            "plane": ("half-space", [0.0]),
+            "sphere": ("sphere", size[:1]),
+            "ellipsoid": ("sphere", [max(size, default=0.0)]),
+            "capsule": ("capsule", [size[0], 2.0 * size[-1]] if size else []),
+            "cylinder": ("cylinder", [size[0], 2.0 * size[-1]] if size else []),
+            "box": ("box", [2.0 * x for x in size]),
+        }
+        form, edges = simple[kind]
+        return Shape(name, -1, form, np.array(edges), pose)
+    except (IndexError, KeyError, ValueError, ArmidError):  # a height field, or a primitive fitted to a mesh
+        return None
+
+
+def _placement(geom: ET.Element) -> Array:
+    """The geom's frame in its body's, from a position and one of three ways to say an orientation."""
+
+    def given(key: str) -> Array:
+        return np.array([float(x) for x in geom.get(key, "").split()])
+
+    position = given("pos") if "pos" in geom.attrib else np.zeros(3)
+    turned = np.eye(3)
+    if "quat" in geom.attrib:
+        w, x, y, z = given("quat") / np.linalg.norm(given("quat"))
+        turned = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+    elif "xyaxes" in geom.attrib:
+        x, y = given("xyaxes").reshape(2, 3)
+        x = x / np.linalg.norm(x)
+        y = y - (y @ x) * x
+        turned = np.column_stack([x, y / np.linalg.norm(y), np.cross(x, y / np.linalg.norm(y))])
+    elif "zaxis" in geom.attrib:
+        turned = rotation_with_z(given("zaxis"))
+    return homogeneous(turned, position)

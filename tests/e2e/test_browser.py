@@ -1,0 +1,131 @@
+"""Pages opened in a browser: nothing is fetched, nothing complains, all is drawn, and the arm is where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.excitation.clearance import floor
+from armid.excitation.plan import Plan
+from armid.excitation.plans import builtin_plan
+from armid.report.preview.clip import clip_of_plan
+from armid.report.preview.masses import MassLayer, layer_of_description
+from armid.report.preview.page import Preview, write_preview
+from armid.robot import Robot, load_robot
+from armid.robot.kinematics import frame_pose
+from browser import LAPTOP, PHONE, Browser, Tab, browser, needs_chromium
+
+pytest.importorskip("plotly")
+pytest.importorskip("jinja2")
+pytestmark = needs_chromium
+
+LARGEST = 6_000_000
+"""Bytes of the largest page that anyone should have to mail."""
+
+DRAWN = 1e-6
+"""Metres by which the tip may be elsewhere on the page: positions are four-byte numbers."""
+
+SIZES = {"laptop": LAPTOP, "phone": PHONE}
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    with browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def arm() -> Robot:
+    """The iiwa hanging from a ceiling."""
+    return load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))
+
+
+@pytest.fixture(scope="module")
+def moving(arm: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A preview of it with everything there is to see."""
+    known = layer_of_description(arm)
+    assert known is not None
+    layers = (known, MassLayer("estimate", 1.1 * known.links))
+    shown = Preview(arm, clip_of_plan(Plan(builtin_plan("thesis-a1")), "thesis-a1"), (floor(-0.3),), None, layers)
+    return write_preview(shown, tmp_path_factory.mktemp("pages") / "preview.html")
+
+
+def assert_quiet(tab: Tab, path: Path) -> None:
+    """Nothing but the file itself was asked for, and nothing was said but what software drawing says of itself."""
+    assert {where for where in tab.asked if not where.startswith(("data:", "blob:"))} == {path.resolve().as_uri()}
+    assert [words for words in tab.said if "GL Driver Message" not in words] == []
+    assert path.stat().st_size < LARGEST
+
+
+def is_inside(tab: Tab) -> bool:
+    """Whether nothing makes the page scroll sideways."""
+    return tab.run("document.documentElement.scrollWidth <= innerWidth")
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_the_preview_is_drawn(size: str, dark: bool, moving: Path, chromium: Browser):
+    tab = chromium.open(moving, size=SIZES[size], dark=dark, mark="still")
+    tab.wait("document.documentElement.dataset.drawn")
+    assert is_inside(tab)
+    # Pixels of the arm, read where they are drawn anew.
+    colours = tab.run(
+        "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => {"
+        "armidPreview.seek(1); requestAnimationFrame(() => { const page = document.querySelector('#view canvas');"
+        "const flat = document.createElement('canvas'); [flat.width, flat.height] = [64, 64];"
+        "const ink = flat.getContext('2d'); ink.drawImage(page, 0, 0, 64, 64);"
+        "done(new Set(new Uint32Array(ink.getImageData(0, 0, 64, 64).data.buffer)).size); }); })))"
+    )
+    assert colours > 100
+    assert tab.run("document.querySelectorAll('#chart path').length") == 1
+    assert_quiet(tab, moving)
+
+
+def test_the_arm_is_where_it_is(moving: Path, arm: Robot, chromium: Browser):
+    tab = chromium.open(moving, mark="still")
+    tab.wait("document.documentElement.dataset.drawn")
+    plan = Plan(builtin_plan("thesis-a1"))
+    frames = clip_of_plan(plan, "").time
+    for time in frames[[0, 100, 333, -1]]:
+        tab.run(f"armidPreview.seek({time})")
+        tip = frame_pose(arm, plan.at([time]).q)[1][0]
+        assert tab.run("armidPreview.tip()") == pytest.approx(tip, abs=DRAWN)
+        value = tab.run("document.querySelector('#joints .value').textContent")
+        assert value.endswith(f"{abs(plan.at([time]).q[0, 0]):.3f} rad")
+
+
+def test_it_plays_stops_and_shows_masses(moving: Path, chromium: Browser):
+    tab = chromium.open(moving, mark="still")
+    tab.wait("document.documentElement.dataset.drawn")
+    assert float(tab.run("document.getElementById('time').value")) == 0.0
+    tab.run("document.getElementById('play').click()")
+    tab.wait("document.getElementById('time').value > 0.002")
+    assert tab.run("document.getElementById('play').getAttribute('aria-label')") == "Pause"
+    tab.run("document.getElementById('play').click()")
+    stopped = tab.run("document.getElementById('time').value")
+    place = tab.run(
+        "(({x, y, width, height}) => [x + width / 2, y + height / 2])"
+        "(document.getElementById('chart').getBoundingClientRect())"
+    )
+    assert tab.run("document.getElementById('time').value") == stopped
+    tab.click(*place)
+    assert float(tab.run("document.getElementById('time').value")) == pytest.approx(0.5, abs=0.01)
+    tab.run("document.querySelectorAll('[data-layer^=masses]').forEach((box) => box.click())")
+    tab.click(500, 400, (620, 440))
+    assert_quiet(tab, moving)
+
+
+def test_a_limit_is_marked(arm: Robot, tmp_path: Path, chromium: Browser):
+    from armid.report.preview.clip import still
+
+    q = np.zeros(7)
+    q[1] = arm.joints[1].position_limits[1] - 0.05
+    path = write_preview(Preview(arm, still(q, "near a stop")), tmp_path / "near.html")
+    tab = chromium.open(path)
+    tab.wait("document.documentElement.dataset.drawn")
+    marked = tab.run("[...document.querySelectorAll('#joints li')].map((item) => item.textContent.includes('▲'))")
+    assert marked == [False, True, False, False, False, False, False]
+    assert_quiet(tab, path)
