@@ -205,3 +205,9 @@ def test_toml_is_read_back():
     found = tomllib.loads(to_toml(record))
     assert found["robot"] == {"description": 'a "quoted" \\ path', "gravity": [0.0, 0.0, -9.81]}
     assert found["recording"] == record["recording"]
+
+
+def test_latex_of_what_formulas_have():
+    assert latex_text("ḋ = (∂d/∂q) q̇") == r"$\dot{d}$ = ($\partial$d/$\partial$q) $\dot{q}$"
+    assert latex_text("σ̂² of βᵢ, MYₙ₋₂") == r"$\hat{\sigma}$$^2$ of $\beta$$_i$, MY$_n$$_-$$_2$"
+    assert latex_text("Stäubli") == "Stäubli"

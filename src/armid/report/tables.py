@@ -46,6 +46,7 @@ LATEX = {
     "ω": r"$\omega$",
     "Σ": r"$\Sigma$",
     "∂": r"$\partial$",
+    "§": r"\S{}",
     "†": r"$^\dagger$",
     "ᵀ": r"$^\mathrm{T}$",
     "‖": r"$\|$",
@@ -54,7 +55,7 @@ LATEX = {
     "∞": r"$\infty$",
     "₋": "$_-$",
     "ₗ": "$_l$",
-    "ₙ": "$_n$",
+    **{small: f"$_{letter}$" for letter, small in zip("ijnx", "ᵢⱼₙₓ", strict=True)},
     **{small: f"$_{digit}$" for digit, small in enumerate("₀₁₂₃₄₅₆₇₈₉")},
     **{small: f"$^{digit}$" for digit, small in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹") if small != "²"},
     "⁻": "$^-$",
@@ -142,7 +143,7 @@ def latex_text(text: str) -> str:
     """Text with what LaTeX would read as commands made safe."""
     parts = re.split(r"(.[\u0302\u0307\u0308])", text)
     return "".join(
-        rf"${ACCENTS[part[1]]}{{{part[0]}}}$"
+        rf"${ACCENTS[part[1]]}{{{LATEX.get(part[0], part[0]).strip('$')}}}$"
         if len(part) == 2 and part[1] in ACCENTS
         else "".join(LATEX.get(letter, letter) for letter in part)
         for part in parts

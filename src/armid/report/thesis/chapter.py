@@ -11,7 +11,7 @@ from armid.report.plots import Plot
 from armid.report.section import Section
 from armid.report.tables import Cell, Table
 
-__all__ = ["Block", "Figures", "List", "Numbers", "Text", "chapter", "named", "number", "subscripts"]
+__all__ = ["Block", "Figures", "List", "Numbers", "Text", "chapter", "counted", "named", "number", "subscripts"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +79,18 @@ def chapter(title: str, *blocks: Block) -> Section:
     return Section(title, {"blocks": shown}, tables, figures, template="chapter")
 
 
-SMALL = str.maketrans("0123456789n−-", "₀₁₂₃₄₅₆₇₈₉ₙ₋₋")
+SMALL = str.maketrans("0123456789ijlnx−", "₀₁₂₃₄₅₆₇₈₉ᵢⱼₗₙₓ₋")
+"""Letters that have a small form below the line; others keep their underscore."""
 
 
 def subscripts(text: str) -> str:
-    """`MY_2` as MY₂, `d_3` as d₃."""
-    return re.sub(r"_(\d+)", lambda found: found[1].translate(SMALL), text)
+    """`MY_2` as MY₂, `d_3` as d₃, `β_i` as βᵢ, `M_{n−2}` as Mₙ₋₂."""
+    return re.sub(r"_(?:(\d+|[ijlnx]\b)|\{([\dn−]+)\})", lambda found: (found[1] or found[2]).translate(SMALL), text)
+
+
+def counted(number: int, what: str) -> str:
+    """`1 seed`, `2 seeds`."""
+    return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def named(name: str) -> Cell:

@@ -195,7 +195,7 @@ def show_torque(thesis: Thesis) -> Section:
 
 
 def _figures(key: str, how: str, pictures: Pictures) -> tuple[Figures, Figures]:
-    lines = (("measured", "measured"), ("predicted", "predicted by π̂_b"), ("physical", "predicted by μ̂"))
+    lines = (("measured", "measured"), ("predicted", "predicted by π̂"), ("physical", "predicted by μ̂"))
     joints = range(pictures.measured.shape[1])
     series = (pictures.measured, pictures.base, pictures.physical)
     torque = [
@@ -221,7 +221,7 @@ def _figures(key: str, how: str, pictures: Pictures) -> tuple[Figures, Figures]:
         for j in joints
     ]  # fmt: skip
     differences = (
-        ("predicted", "measured less predicted by π̂_b"), ("physical", "measured less predicted by μ̂"),
+        ("predicted", "measured less predicted by π̂"), ("physical", "measured less predicted by μ̂"),
         *((("level", "a tenth of the range of the measured torque"),) if key == "printed" else ()),
     )  # fmt: skip
     return (

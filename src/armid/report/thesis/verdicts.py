@@ -7,7 +7,7 @@ import numpy as np
 from armid.report.numbers import fixed, short
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
-from armid.report.thesis.chapter import List, Numbers, Text, chapter, named, number, subscripts
+from armid.report.thesis.chapter import List, Numbers, Text, chapter, counted, named, number, subscripts
 from armid.study.thesis.errata import Erratum
 from armid.study.thesis.published import published
 from armid.study.thesis.retell import Thesis
@@ -41,8 +41,9 @@ def show_summary(thesis: Thesis) -> Section:
         ),
         List(
             (
-                "The model is right: the Lagrangian regressor equals Newton and Euler's, the 57 base parameters of "
-                "(3.38) and every line of (3.39) hold. (A.1) and the equations have errors of print.",
+                f"The model is right: the Lagrangian regressor equals Newton and Euler's, the "
+                f"{len(thesis.reduction.names)} base parameters of (3.38) and every line of (3.39) hold. (A.1) and "
+                "the equations have errors of print.",
                 "The sign of the potential energy is not: as printed the equations are those of a standing arm, and "
                 f"the moments of Table 4.1 have the sign that this gives. {_suspicion(audit.gravity)}",
                 "The torque is filtered and the model is not. That alone makes an error of "
@@ -56,6 +57,11 @@ def show_summary(thesis: Thesis) -> Section:
             )
         ),
     )
+
+
+def _evidence(gravity: str) -> str:
+    """What armid's test says, for running text."""
+    return subscripts(gravity).replace("-", "−") if gravity else "armid's test finds nothing."
 
 
 def _suspicion(gravity: str) -> str:
@@ -73,9 +79,8 @@ def show_audit(thesis: Thesis) -> Section:
         "The published results",
         Text(
             "<b>Sign of gravity.</b> Table 4.1 alone gives it away. "
-            + (subscripts(found.gravity).replace("-", "−") if found.gravity else "armid's test finds nothing.")
-            + " Data of the hanging virtual arm, identified under the sign in print, show the same pattern: moments "
-            "of the other sign, and inertias that make up for it."
+            f"{_evidence(found.gravity)} Data of the hanging virtual arm, identified under the sign in print, show "
+            "the same pattern: moments of the other sign, and inertias that make up for it."
         ),
         _signs(thesis),
         Text(
@@ -83,10 +88,11 @@ def show_audit(thesis: Thesis) -> Section:
             f"{fixed(base.certificate.distance, 3)} away, "
             f"{fixed(100.0 * base.certificate.relative_distance, 2)}&nbsp;% of the table's length, mostly in "
             f"{worst}; with no link above {base.heaviest:g}&nbsp;kg, {fixed(base.limited.distance, 3)}. Rounding to "
-            f"three decimals explains 0.004. Yet M(q) is positive definite at every pose within the joint limits "
-            f"(smallest eigenvalue {short(base.pose.min_eigenvalue)}&nbsp;kg·m² at the worst found, "
-            f"{short(along.min_eigenvalue)} along Table A.2; Table 4.2: {short(physical.pose.min_eigenvalue)} and "
-            f"{short(physical_along.min_eigenvalue)}): the thesis's test is necessary, not sufficient."
+            f"three decimals explains {fixed(found.rounding, 3)}. Yet M(q) is positive definite at every pose within "
+            f"the joint limits (smallest eigenvalue {short(base.pose.min_eigenvalue)}&nbsp;kg·m² at the worst that a "
+            f"search finds, {short(along.min_eigenvalue)} along Table A.2; Table 4.2: "
+            f"{short(physical.pose.min_eigenvalue)} and {short(physical_along.min_eigenvalue)}): the thesis's test "
+            "is necessary, not sufficient."
         ),
         Text(
             f"<b>Constraints.</b> Table 4.2 breaks {len(found.broken)} of the constraints that it was made under, "
@@ -96,7 +102,7 @@ def show_audit(thesis: Thesis) -> Section:
         _broken(thesis),
         Text(
             "Carried to base parameters, Table 4.2 differs from Table 4.1 by "
-            f"{fixed(100.0 * found.mismatch[0], 1)}&nbsp;% in the inertial part."
+            f"{fixed(100.0 * found.carried.mismatch, 1)}&nbsp;% in the inertial part."
         ),
         Text(
             f"<b>Standard deviations.</b> {deviations.below_ten} of 57 are below 10&nbsp;%, as the thesis says. "
@@ -199,10 +205,10 @@ def show_errata(thesis: Thesis) -> Section:
     ]  # fmt: skip
     rows = [
         [
-            Cell(each.item + (" ○" if each.typesetting else "")),
-            Cell(each.printed, kind="formula"),
-            Cell(each.right, kind="formula"),
-            Cell(each.shown),
+            Cell(subscripts(each.item) + (" ○" if each.typesetting else ""), each.item),
+            Cell(subscripts(each.printed), each.printed, kind="formula"),
+            Cell(subscripts(each.right), each.right, kind="formula"),
+            Cell(subscripts(each.shown), each.shown),
             *_values(each),
         ]
         for each in thesis.errata
@@ -232,16 +238,17 @@ def show_provenance(thesis: Thesis) -> Section:
         "How this was made",
         Text(
             "<code>armid thesis</code>: "
-            f"{extent.seeds} seeds, {extent.starts} starts of Algorithm 2 with {extent.stages} stages each, "
-            f"recordings at {extent.rate:g}&nbsp;Hz along the exact motion and at {extent.lab_rate:g}&nbsp;Hz in "
-            f"closed loop, {extent.repetitions} repetitions there, {extent.searches} searches for (3.52), "
-            f"{extent.poses} random states. The bounds of (3.52b) are not published; those here are 0.05 to "
-            "15&nbsp;kg, ± 0.5&nbsp;m, 10⁻⁴ to 2&nbsp;kg·m². <code>thesis.json</code> beside this page has every "
-            "number in full, <code>tables</code> every table as CSV and LaTeX."
+            f"{counted(extent.seeds, 'seed')}, {counted(extent.starts, 'start')} of Algorithm 2 with "
+            f"{extent.stages} stages each, recordings at {extent.rate:g}&nbsp;Hz along the exact motion and at "
+            f"{extent.lab_rate:g}&nbsp;Hz in closed loop, {counted(extent.repetitions, 'repetition')} there, "
+            f"{extent.searches} from random places for (3.52), {extent.poses} random states. The bounds of (3.52b) "
+            "are not published; those here are 0.05 to 15&nbsp;kg, ± 0.5&nbsp;m, 10⁻⁴ to 2&nbsp;kg·m². "
+            "<code>thesis.json</code> beside this page has every number in full, <code>tables</code> every table as "
+            "CSV and LaTeX."
         ),
         Text(
             "What remains open: the thesis's recordings are not published, so that what is said of the sign of "
-            "gravity in them rests on its tables. An arm that stood, or a z axis that pointed down, would give the "
-            "same signs. The virtual arm has no elasticity; in the table of steps its tracking is perfect."
+            "gravity in them rests on its tables. An arm that stood under equations of a hanging one would give "
+            "the same signs. The virtual arm has no elasticity; in the table of steps its tracking is perfect."
         ),
     )

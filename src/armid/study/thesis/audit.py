@@ -19,9 +19,10 @@ from armid.study.thesis.reduction import standard_of_physical
 from armid.study.thesis.setting import DESIGNED, PERIOD, Model, Setting
 from armid.study.thesis.steps import Estimates
 from armid.validation.gravity_sign import gravity_sign_finding
+from armid.validation.thesis_constraints import ROUNDING
 from armid.values import Array
 
-__all__ = ["Audit", "Broken", "Coefficients", "Conditions", "Deviations", "audit"]
+__all__ = ["Audit", "Broken", "Carried", "Coefficients", "Conditions", "Deviations", "audit"]
 
 OUTLIER = "ZZR_6"
 """The one deviation of Table 4.1 that stands apart from the others' pattern."""
@@ -91,6 +92,21 @@ class Broken:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Carried:
+    """Table 4.2 as base parameters.
+
+    Attributes:
+        values: Shape (57,).
+        mismatch: Relative difference from Table 4.1, inertial part.
+        printed_mismatch: The same with YY_i as (3.7) prints it.
+    """
+
+    values: Array
+    mismatch: float
+    printed_mismatch: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Coefficients:
     """A table of Fourier coefficients against (3.55).
 
@@ -120,8 +136,8 @@ class Audit:
         physical: That of Table 4.2.
         broken: Constraints that Table 4.2 breaks.
         eigenvalues: Smallest eigenvalue of each link's pseudo-inertia in Table 4.2, shape (7,).
-        carried: Table 4.2 as base parameters, shape (57,).
-        mismatch: Relative differences of that from Table 4.1: inertial ones, and the same with YY_i as in (3.7).
+        rounding: What rounding Table 4.1 to three decimals can explain of its distance from a real body.
+        carried: Table 4.2 as base parameters.
         gravity: What Table 4.1 says of the sign of gravity; empty where it says nothing.
         deviations: Of Table 4.1.
         conditions: Of Table A.1.
@@ -132,8 +148,8 @@ class Audit:
     physical: Verdict
     broken: tuple[Broken, ...]
     eigenvalues: Array
-    carried: Array
-    mismatch: tuple[float, float]
+    rounding: float
+    carried: Carried
     gravity: str
     deviations: Deviations
     conditions: Conditions
@@ -166,9 +182,9 @@ def audit(setting: Setting, estimates: Estimates) -> Audit:
         physical,
         tuple(Broken(c.constraint, c.link, c.value, c.bound) for c in physical.constraints if not c.rounding),
         np.array([np.linalg.eigvalsh(pseudo_inertia(body))[0] for body in bodies]),
-        carried,
-        (off(carried), off(printed)),
-        "" if suspicion is None else f"{suspicion.evidence} {suspicion.remedy}",
+        float(ROUNDING * np.sqrt(len(given))),
+        Carried(carried, off(carried), off(printed)),
+        "" if suspicion is None else suspicion.evidence,
         _deviations(setting, estimates),
         _conditions(setting),
         (_coefficients(setting, setting.train), _coefficients(setting, setting.unseen)),

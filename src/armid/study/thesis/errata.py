@@ -106,7 +106,7 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         Erratum(
             "(3.7), YY_i", "I_yy + m (r_y² + r_z²)", "I_yy + m (r_x² + r_z²)",
             "relative difference of Table 4.2 from Table 4.1, inertial part",
-            audit.mismatch[1], audit.mismatch[0],
+            audit.carried.printed_mismatch, audit.carried.mismatch,
         ),
         Erratum(
             "(3.7), labels", "MX_i three times, XX_i for XY_i and XZ_i", "MX_i, MY_i, MZ_i; XX_i, XY_i, XZ_i",

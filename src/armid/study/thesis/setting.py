@@ -53,6 +53,7 @@ class Extent:
         rate: Samples a second of recordings along the exact motion [Hz]; the noise of their mean does not depend
             on it.
         lab_rate: Samples a second of closed-loop recordings [Hz].
+        physics_rate: Steps a second of the simulation behind them [Hz].
         repetitions: Of each closed-loop recording.
         searches: Random starts of the nonlinear program (3.52).
         poses: Random poses and states at which identities are looked at.
@@ -63,12 +64,15 @@ class Extent:
     stages: int = 6
     rate: float = 8000.0
     lab_rate: float = 1000.0
+    physics_rate: float = 4000.0
     repetitions: int = 2
     searches: int = 2
     poses: int = 200
 
 
-QUICK = Extent(seeds=2, starts=1, stages=3, rate=1000.0, lab_rate=500.0, repetitions=1, searches=1, poses=50)
+QUICK = Extent(
+    seeds=2, starts=1, stages=3, rate=1000.0, lab_rate=500.0, physics_rate=2000.0, repetitions=1, searches=1, poses=50
+)
 """Every chapter, each as short as it goes."""
 
 
