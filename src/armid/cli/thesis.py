@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Json, Out
+from armid.cli.options import Json, Out, run_folder
 
 if TYPE_CHECKING:
     from armid.study.thesis.retell import Thesis
@@ -44,7 +43,7 @@ def thesis(
     from armid.study.thesis.retell import retell, thesis_record
     from armid.study.thesis.setting import extent_of
 
-    folder = out or Path("runs") / "thesis"
+    folder = run_folder(out, "thesis")
     refuse(folder, MARKER, KIND)
     require_extra()
     with progress(quiet=json) as tell:

@@ -166,7 +166,8 @@ def show_base(thesis: Thesis) -> Section:
         Text(
             "<b>Algorithm 1</b> ends in a check: τ(μ) from M, C and g with physical parameters μ against "
             "Y<sub>b</sub> π<sub>b</sub>(π(μ)). The largest difference is "
-            f"{_size(found.torque_error)} of the largest torque."
+            f"{_size(found.torque_error)} of the largest torque. Its last lines, the functions func_Y, func_Y_b, "
+            "func_pi and func_pi_b, are what <code>armid export RUN --to matlab</code> writes."
         ),
     )
 

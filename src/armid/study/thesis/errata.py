@@ -80,6 +80,10 @@ def _of_theory(dynamics: Dynamics, estimates: Estimates) -> tuple[Erratum, ...]:
             dynamics.imbalance,
         ),
         Erratum(
+            "(2.33), (3.12)", "second vector garbled, indices repeat", "as (3.8) orders them, v × ω + Rᵀ g for m r",
+            "with these Y is Newton and Euler's", typesetting=True,
+        ),
+        Erratum(
             "§2.4.1", "m > n and A has rank m", "m > n and A has rank n",
             "rows m of the stacked Y_b, and its rank", float(rows), float(b),
         ),
@@ -115,6 +119,10 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
         Erratum(
             identity.number, "… + d_n² (β_XX + β_YY)_{n−2}", "… + d_n² (β_XX + β_ZZ)_{n−2}",
             "largest difference of the two sides, over the largest β_M", identity.error, identity.right_error,
+        ),
+        Erratum(
+            "(3.31c)", "an index as a factor; a vector of two times one of three", "Y of M_n, a zero row first",
+            "(A.1) has its lines", typesetting=True,
         ),
         Erratum(
             "(A.1), M_7", f"Y_M7 = {lines['M_7'].printed}", lines["M_7"].right,
