@@ -85,7 +85,9 @@ SMALL = str.maketrans("0123456789ijlnx−", "₀₁₂₃₄₅₆₇₈₉ᵢ�
 
 def subscripts(text: str) -> str:
     """`MY_2` as MY₂, `d_3` as d₃, `β_i` as βᵢ, `M_{n−2}` as Mₙ₋₂."""
-    return re.sub(r"_(?:(\d+|[ijlnx]\b)|\{([\dn−]+)\})", lambda found: (found[1] or found[2]).translate(SMALL), text)
+    return re.sub(
+        r"_(?:(\d+|[ijlnx](?![A-Za-z]))|\{([\dn−]+)\})", lambda found: (found[1] or found[2]).translate(SMALL), text
+    )
 
 
 def counted(number: int, what: str) -> str:

@@ -241,7 +241,7 @@ def show_provenance(thesis: Thesis) -> Section:
             f"{counted(extent.seeds, 'seed')}, {counted(extent.starts, 'start')} of Algorithm 2 with "
             f"{extent.stages} stages each, recordings at {extent.rate:g}&nbsp;Hz along the exact motion and at "
             f"{extent.lab_rate:g}&nbsp;Hz in closed loop, {counted(extent.repetitions, 'repetition')} there, "
-            f"{extent.searches} from random places for (3.52), {extent.poses} random states. The bounds of (3.52b) "
+            f"(3.52) from {counted(extent.searches, 'place')}, {extent.poses} random states. The bounds of (3.52b) "
             "are not published; those here are 0.05 to 15&nbsp;kg, ± 0.5&nbsp;m, 10⁻⁴ to 2&nbsp;kg·m². "
             "<code>thesis.json</code> beside this page has every number in full, <code>tables</code> every table as "
             "CSV and LaTeX."

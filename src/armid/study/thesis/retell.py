@@ -6,8 +6,10 @@ import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
+from armid.errors import MissingExtraError
 from armid.excitation.fourier import Excitation
 from armid.study.certify import Verdict, verdict_record
 from armid.study.thesis.audit import Audit, audit
@@ -20,6 +22,9 @@ from armid.study.thesis.setting import Extent, Setting, Tell, make_setting
 from armid.study.thesis.steps import Steps, steps
 
 __all__ = ["Thesis", "retell", "thesis_record"]
+
+NEEDED = {"mujoco": "lab", "casadi": "nlp"}
+"""Packages that it needs, with their extras; asked for before a minute of work."""
 
 SHARES = {"model": (0.0, 0.03), "Algorithm 3": (0.03, 0.45), "Algorithm 2": (0.45, 0.96), "audit": (0.96, 1.0)}
 """Where each chapter stands in the whole, as time goes."""
@@ -64,6 +69,9 @@ def retell(extent: Extent | None = None, *, progress: Tell | None = None) -> The
     Raises:
         MissingExtraError: MuJoCo or CasADi is not installed.
     """
+    for name, extra in NEEDED.items():
+        if find_spec(name) is None:
+            raise MissingExtraError(name, "The study of the thesis", extra)
     began = time.perf_counter()
     told = progress or _silent
 
