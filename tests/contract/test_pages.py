@@ -87,6 +87,12 @@ def test_the_example_of_a_term(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     np.testing.assert_allclose(np.einsum("njj->nj", Y), np.abs(dq) * dq, rtol=1e-15)
 
 
+def test_the_example_of_a_recursive_estimate(capsys: pytest.CaptureFixture[str]):
+    (block,) = re.findall(r"```python\n(.*?)```", PAGES["docs/recursive.md"], re.DOTALL)
+    exec(block, {})
+    assert capsys.readouterr().out == "57 (7,)\n"
+
+
 def test_ci_runs_the_second_command_of_the_readme():
     commands = [block.strip() for block in re.findall(r"```\n(python3 .*?)```", PAGES["README.md"], re.DOTALL)]
     assert len(commands) == 2 and all("\n" not in command for command in commands)

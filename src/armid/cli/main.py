@@ -30,6 +30,7 @@ from armid.cli.recalibrate import recalibrate
 from armid.cli.report import report
 from armid.cli.simulate import simulate
 from armid.cli.thesis import thesis
+from armid.cli.track import track
 from armid.cli.validate import validate
 from armid.errors import ArmidError
 
@@ -91,6 +92,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     certify,
     payload,
     recalibrate,
+    track,
     report,
     preview,
     export,

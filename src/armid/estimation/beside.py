@@ -20,7 +20,7 @@ from armid.information.information import Information, JointFactors, merge, sele
 from armid.maths.linalg import null_directions, unit_columns
 from armid.values import Array
 
-__all__ = ["Joined", "join", "pulls", "triangular"]
+__all__ = ["Joined", "join", "pulls", "triangular", "with_load_columns"]
 
 SMALLEST_PRECISION = 1e-9
 """Smallest eigenvalue of a prior's precision, diagonal one, at which it still says something of every direction."""
@@ -87,7 +87,7 @@ def join(
     if load is None:
         return Joined(apart, prior, moves, before, after, np.arange(0), fit.weights)
     return Joined(
-        _with_load(apart, is_new, after.T @ load),
+        with_load_columns(apart, is_new, after.T @ load),
         np.insert(prior, [-1] * 10, 0.0, axis=1),
         moves,
         np.hstack([before, np.zeros((len(before), 10))]),
@@ -215,8 +215,14 @@ def pulls(whole: Information, weights: Array) -> Array:
     return pulls
 
 
-def _with_load(information: Information, new: NDArray[np.bool_], added: Array) -> Information:
-    """Ten more columns, of which the new blocks have what they add to the others (c, 10)."""
+def with_load_columns(information: Information, new: NDArray[np.bool_], added: Array) -> Information:
+    """Ten more columns, those of a load.
+
+    Args:
+        information: Any number of blocks.
+        new: Which of the blocks have the load, shape (blocks,).
+        added: What each of its parameters adds to those that are there, shape (c, 10).
+    """
     joints: list[JointFactors] = []
     for joint in information.joints:
         columns, side = joint.R[:, :, :-1], joint.R[:, :, -1:]

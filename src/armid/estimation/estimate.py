@@ -15,7 +15,7 @@ from armid.estimation.standard_fit import StandardFit, Status
 from armid.model.base import BaseParameters
 from armid.values import Array
 
-__all__ = ["Estimate", "Status", "TermUse", "standard_parameters", "torque_parameters"]
+__all__ = ["Estimate", "Status", "TermUse", "averaged", "standard_parameters", "torque_parameters"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +91,22 @@ def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
     return np.array([float(np.mean(groups[name])) for name in names], dtype=np.float64)
 
 
+def averaged(names: tuple[str, ...], fit: Fit) -> Fit:
+    """The fit in parameters by name; the mean where it has one for each recording, `FV_1[2]`."""
+    copies = [name.split("[", 1)[0] for name in fit.names]
+    mean = np.array([[name == copy for copy in copies] for name in names], dtype=np.float64)
+    mean /= mean.sum(axis=1, keepdims=True)
+    return replace(
+        fit,
+        names=names,
+        values=mean @ fit.values,
+        deviation=np.sqrt(np.diag(mean @ np.diag(fit.deviation**2) @ mean.T)),
+        covariance=mean @ fit.covariance @ mean.T,
+        freedom=mean @ fit.freedom,
+        prior_precision=None,
+    )
+
+
 def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
     """Each standard parameter with its value where the data determine it by itself.
 
@@ -101,18 +117,7 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
         return _estimated(estimate.fit.standard)
     base, fit = estimate.base, estimate.fit
     alone = np.count_nonzero(base.regrouping, axis=1) == 1
-    copies = [name.split("[", 1)[0] for name in fit.names]  # one for each recording, where friction has them
-    mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)
-    mean /= mean.sum(axis=1, keepdims=True)
-    fit = replace(
-        fit,
-        names=base.names,
-        values=mean @ fit.values,
-        deviation=np.sqrt(np.diag(mean @ np.diag(fit.deviation**2) @ mean.T)),
-        covariance=mean @ fit.covariance @ mean.T,
-        freedom=mean @ fit.freedom,
-        prior_precision=None,
-    )
+    fit = averaged(base.names, fit)
     ends = fit.intervals
     position: dict[str, int] = {base.standard_names[k]: row for row, k in enumerate(base.kept)}
     result: list[dict[str, Any]] = []

@@ -17,7 +17,7 @@ from armid.information.information import Information, stack, total
 from armid.maths.linalg import RANK_TOLERANCE, unit_columns
 from armid.values import Array
 
-__all__ = ["Weighted", "rows_of", "weigh"]
+__all__ = ["Weighted", "rows_of", "shortest", "weigh"]
 
 ITERATIONS = 1000
 STANDSTILL = 1e-6
@@ -77,7 +77,7 @@ def weigh(information: Information, *, plain: bool = False, resolution: float = 
     joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
     for _ in range(ITERATIONS):
         weight = (1.0 / deviation)[joint]
-        values, half, unseen = _solve(weight[:, None] * A, weight * y)
+        values, half, unseen = shortest(weight[:, None] * A, weight * y)
         left = np.bincount(joint, (y - A @ values) ** 2, whole.n).astype(np.float64)
         spent = np.bincount(joint, np.sum((weight[:, None] * (A @ half)) ** 2, axis=1), whole.n).astype(np.float64)
         updated = np.maximum(np.sqrt(left / np.maximum(rows - spent, 1.0)), floor)
@@ -105,7 +105,7 @@ def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:
     return R[:, :-1], R[:, -1]
 
 
-def _solve(A: Array, y: Array) -> tuple[Array, Array, Array]:
+def shortest(A: Array, y: Array) -> tuple[Array, Array, Array]:
     """Least squares: values (b,), a square root (b, k) of the pseudo-inverse of AᵀA, unseen directions (m, b)."""
     scaled, length = unit_columns(A)
     if len(A) >= A.shape[1]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RobotError, StudyError
 from armid.information.information import Information
 from armid.information.stream import inform
+from armid.maths.inertia import transform
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.model.base import BaseParameters
@@ -21,7 +22,7 @@ from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.values import Array, load
 
-__all__ = ["Beside", "beside_run", "link_columns"]
+__all__ = ["Beside", "beside_run", "doubts", "link_columns", "load_columns", "read_new"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,6 +71,32 @@ def beside_run(
             f"{run.folder} has no drive gains that could deviate: its effort is a torque.",
             remedy="leave --gain-deviation out.",
         )
+    recordings, findings = read_new(run, paths, reading)
+    observations, found = observe_recordings(recordings, run.processing, run.robot)
+    base = run.estimate.base
+    earlier = load(Information, Path(run.folder) / "information.npz")
+    deviation = _deviation(recordings[0][0].reading, run.robot.n)
+    if gain_deviation is not None:
+        deviation = np.full(run.robot.n, gain_deviation)
+        earlier = replace(earlier, scale_deviation=deviation)
+    new = replace(inform(run.model, base, observations), scale_deviation=deviation)
+    return Beside(run, base, earlier, new, recordings, (*doubts(run), *findings, *found))
+
+
+def read_new(
+    run: Run, paths: Sequence[str], reading: Mapping[str, Any]
+) -> tuple[tuple[tuple[RecordingChoice, Recording], ...], tuple[Finding, ...]]:
+    """Recordings that a run has not seen, read as its own were, and what was noticed on the way.
+
+    Args:
+        run: The run.
+        paths: Recordings.
+        reading: Fields of a reading that differ from how the run's first recording was read.
+
+    Raises:
+        StudyError: A recording has trained the run, or stands there twice.
+        RecordingError: A recording cannot be read or has other joints.
+    """
     how = replace(run.reading, exclude=(), start=None, **reading)
     recordings: list[tuple[RecordingChoice, Recording]] = []
     findings: list[Finding] = []
@@ -86,18 +113,10 @@ def beside_run(
         seen[recording.sha256] = path
         findings += found
         recordings.append((choice, recording))
-    observations, found = observe_recordings(recordings, run.processing, run.robot)
-    base = run.estimate.base
-    earlier = load(Information, Path(run.folder) / "information.npz")
-    deviation = _deviation(how, run.robot.n)
-    if gain_deviation is not None:
-        deviation = np.full(run.robot.n, gain_deviation)
-        earlier = replace(earlier, scale_deviation=deviation)
-    new = replace(inform(run.model, base, observations), scale_deviation=deviation)
-    return Beside(run, base, earlier, new, tuple(recordings), (*_doubts(run), *findings, *found))
+    return tuple(recordings), tuple(findings)
 
 
-def _doubts(run: Run) -> list[Finding]:
+def doubts(run: Run) -> list[Finding]:
     """What speaks against building on a run."""
     if run.verdict != "fail":
         return []
@@ -116,6 +135,19 @@ def _deviation(reading: Reading, n: int) -> Array:
     """Relative standard deviation of each joint's drive gain, zero where none is given."""
     given = reading.drive_gain_deviation
     return np.array(np.broadcast_to(0.0 if given is None else np.asarray(given, dtype=np.float64), (n,)))
+
+
+def load_columns(run: Run) -> tuple[Array, Array]:
+    """What ten parameters of a load at the tip frame add to the base parameters (b, 10) and to the link's (10, 10).
+
+    Raises:
+        RobotError: The tip stands on the base, or its link carries further joints.
+        StudyError: The run's model has no rigid bodies.
+    """
+    _, columns = link_columns(run)
+    rotation, translation = run.robot.tip.placement[:3, :3], run.robot.tip.placement[:3, 3]
+    to_link = transform(np.eye(10), rotation, translation).T
+    return columns @ to_link, to_link
 
 
 def link_columns(run: Run) -> tuple[int, Array]:

@@ -63,6 +63,7 @@ __all__ = [
     "prepare",
     "read_recording",
     "score_recordings",
+    "silent",
     "stated_problem",
 ]
 
@@ -178,7 +179,7 @@ def prepare(
         ArmidError: Bad input; the message says what and where.
     """
     began = time.perf_counter()
-    tell = progress or _silent
+    tell = progress or silent
     tell("robot", 0.0)
     robot = load_choice(study.robot, study.folder)
     model = build_model(robot, study.model, motor_side=_is_motor_side(study))
@@ -226,7 +227,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     Raises:
         EstimationError: The data do not determine the parameters.
     """
-    tell = progress or _silent
+    tell = progress or silent
     study, model, recordings = prepared.study, prepared.model, prepared.recordings
     robot, processing = model.robot, study.processing
     information = prepared.problem.information
@@ -263,7 +264,7 @@ def stated_problem(prepared: Prepared) -> Problem:
     return replace(problem, information=separate_by_recording(problem.information, own))
 
 
-def _silent(stage: str, share: float) -> None:
+def silent(stage: str, share: float) -> None:
     """Progress nobody asked for."""
     del stage, share
 

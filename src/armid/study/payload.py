@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from armid.errors import Finding, StudyError
 from armid.estimation.beside import join
 from armid.estimation.payload import LOAD_NAMES, Gains, Load, find_gains, find_load
-from armid.maths.inertia import transform
 from armid.model.terms.rigid_body import rigid_body_units
-from armid.study.beside import Beside, beside_run, link_columns
+from armid.study.beside import Beside, beside_run, link_columns, load_columns
 from armid.study.plausibility import few_blocks_finding
 from armid.study.records import finding_record
 from armid.study.run import Run
@@ -85,12 +84,11 @@ def find_payload(
         ArmidError: Recordings that do not fit the run, or say nothing of the load.
     """
     known = _known(run, mass, com)
-    link, columns = link_columns(run)
-    rotation, translation = run.robot.tip.placement[:3, :3], run.robot.tip.placement[:3, 3]
-    to_link = transform(np.eye(10), rotation, translation).T
+    link, _ = link_columns(run)
+    added, to_link = load_columns(run)
     beside = beside_run(run, paths, reading, gain_deviation=gain_deviation)
     own = beside.changing & (not same_friction)
-    joined = join(beside.earlier, run.estimate.fit, beside.new, own, columns @ to_link)
+    joined = join(beside.earlier, run.estimate.fit, beside.new, own, added)
     if known is None:
         load, gains = find_load(joined), None
     else:
