@@ -15,6 +15,7 @@ from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import load_plan
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
+from labs import write_recordings, write_study
 
 QUICK = ["--budget", "1", "--workers", "0", "--harmonics", "4", "--duration", "8"]
 
@@ -101,6 +102,37 @@ def test_collisions_and_a_second_plan_after_the_first(tmp_path, capsys):
         for each in (first, second)
     )
     assert (both < alone).all()
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory) -> Path:
+    """A run of the small arm, with the arm beside it."""
+    folder = tmp_path_factory.mktemp("identified")
+    write_recordings(folder)
+    with pytest.raises(SystemExit) as end:
+        main(["identify", str(write_study(folder)), "--out", str(folder / "run")])
+    assert not end.value.code
+    return folder
+
+
+def test_a_plan_after_a_run(identified, tmp_path, capsys):
+    """It aims at the worst relative deviation, and knows what the run knows."""
+    common = [identified / "small.urdf", *QUICK, "--noise", 0.5]
+    run([*common, "--out", tmp_path / "first"], capsys)
+    run([*common, "--after", identified / "run", "--out", tmp_path / "second"], capsys)
+    run([*common, "--after", identified / "run", "--criterion", "a-optimal", "--out", tmp_path / "third"], capsys)
+    plans = [json.loads((tmp_path / name / "plan.json").read_text()) for name in ("first", "second", "third")]
+    assert [plan["criterion"] for plan in plans] == ["d-optimal", "worst", "a-optimal"]
+    alone, after = (
+        np.array([p["deviation"] for p in json.loads((each / "preflight.json").read_text())["base_parameters"]])
+        for each in (tmp_path / "first", tmp_path / "second")
+    )
+    assert np.sqrt(np.mean(after**2)) < np.sqrt(np.mean(alone**2))
+
+
+def test_a_run_about_another_arm_is_refused(identified, small, tmp_path, capsys):
+    error = stopped([small, *QUICK, "--after", identified / "run", "--out", tmp_path / "none"], capsys)
+    assert "is about other parameters than pendulum" in error and not (tmp_path / "none").exists()
 
 
 def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, capsys):

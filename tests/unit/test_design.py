@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from armid.errors import ArmidError
 from armid.excitation.channels import States
 from armid.excitation.design import search, single_threaded_pool
 from armid.excitation.limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
-from armid.excitation.objective import Goal, along, information_along
+from armid.excitation.objective import Goal, along, information_along, known_sizes
 from armid.excitation.plans import builtin_plan
 from armid.excitation.series import SeriesBasis
 from armid.excitation.solver import Problem, drawn_together, highest, utilisation
@@ -135,6 +137,30 @@ def test_prior_information_counts(problem):
     after = Goal(goal.model, goal.base, "a-optimal", prior=prior)
     assert along(after, first) == pytest.approx(2.0 * prior)
     assert after.value(along(after, first)) == pytest.approx(goal.value(prior) - np.log(2.0))
+
+
+def test_sizes_are_of_parameters_larger_than_their_deviations():
+    sizes = known_sizes(np.array([3.0, -2.0, 0.1]), np.array([1.0, 1.0, 1.0]))
+    assert sizes is not None and sizes.tolist() == [3.0, 2.0, np.inf]
+    assert known_sizes(np.array([0.5]), np.array([1.0])) is None
+
+
+def test_what_has_no_size_does_not_count():
+    goal, basis = two_joints()
+    G = information_along(goal, basis.excitation(np.random.default_rng(1).normal(size=basis.unknowns)).sample(100.0))
+    scale = np.full(goal.base.count, np.inf)
+    scale[1] = 2.0
+    worst = Goal(goal.model, goal.base, "worst", scale=scale).value(G)
+    assert worst == pytest.approx(0.5 * np.log(np.linalg.inv(G)[1, 1]) - np.log(2.0))
+
+
+def test_after_a_first_run_the_worst_relative_deviation_falls_more_than_by_repeating_it(problem, found):
+    first = information_along(problem.goal, problem.basis.excitation(found.best.x).sample(100.0))
+    scale = np.linspace(1.0, 3.0, problem.goal.base.count)
+    goal = replace(problem.goal, criterion="worst", prior=first, scale=scale)
+    second = search(replace(problem, goal=goal), seed=4, budget=None, rounds=1)
+    plan = problem.basis.excitation(second.best.x).sample(100.0)
+    assert goal.value(along(goal, plan)) < goal.value(2.0 * first) + np.log(0.95)
 
 
 def test_table_a1_as_the_thesis_has_it():

@@ -44,10 +44,10 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "poses": _option(int, 30, "How many static poses."),
     "rest": _option(float, 2.0, "How long the arm rests in each, s."),
     "criterion": _option(
-        str,
-        "d-optimal",
+        str | None,
+        None,
         "d-optimal, condition, scaled-condition, a-optimal, e-optimal, prediction (--predict), or worst: the largest "
-        "deviation of a parameter, over its size with --after RUN.",
+        "deviation of a parameter, over its size with --after RUN. Worst after a run, d-optimal otherwise.",
     ),
     "duration": _option(float, 20.0, "Length of a period, s."),
     "harmonics": _option(int, 10, "Number of harmonics."),
@@ -110,7 +110,7 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
 
     workers = options["workers"]
     budget = max(float(options["budget"]), 1e-3)
-    named = options["criterion"]
+    named = options["criterion"] or "criterion"
     with (
         single_threaded_pool(workers) if workers > 0 else nullcontext() as pool,
         progress(quiet=options["json"]) as tell,

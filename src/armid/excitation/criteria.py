@@ -137,13 +137,14 @@ def e_optimal(G: Array, sharpness: float) -> tuple[float, Array]:
 
 
 def worst_deviation(G: Array, scale: Array, sharpness: float) -> tuple[float, Array]:
-    """Logarithm of the largest standard deviation of a parameter over its size."""
+    """Logarithm of the largest standard deviation of a parameter over its size; infinite sizes do not count."""
     inverse = _inverse(G)[1]
-    relative = np.diag(inverse) / scale**2
+    variance = np.diag(inverse)
+    relative = variance / scale**2
     highest = relative.max()
     worth = (relative / highest) ** sharpness
     value = 0.5 * (np.log(highest) + np.log(worth.sum()) / sharpness)
-    slopes = 0.5 * worth / (relative * worth.sum()) / scale**2
+    slopes = 0.5 * worth / (variance * worth.sum())
     return float(value), -(inverse * slopes) @ inverse
 
 
@@ -168,7 +169,7 @@ def make_criterion(
         name: One of `CRITERIA`.
         sharpness: p of the norms that stand for extremes of eigenvalues.
         prediction: Information matrix (b, b) of the motions whose torque is to be predicted.
-        scale: Sizes of the parameters, shape (b,); one where not given.
+        scale: Sizes of the parameters, shape (b,), infinite for those that do not count; one where not given.
 
     Raises:
         ArmidError: No such criterion, or `prediction` without motions.

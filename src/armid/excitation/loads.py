@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.excitation.bounds import ORDERS, torque_curvature
 from armid.excitation.channels import States
 from armid.values import Array
 
@@ -45,10 +46,23 @@ class Torque:
         return np.array(rows)
 
     def between(self, states: States, step: float) -> Array:
-        """How far a torque may rise between points of a grid, as a share: the largest step between neighbours.
+        """How far a torque may rise between points of a grid, as a share.
 
-        Torque is no series of finitely many harmonics. It goes half a step at most from the nearer of two points, so
-        this allows for twice the slope that the grid sees; it is a margin and no proof.
+        That of the rigid links rises above both points by at most step²/8 times the bound of its second derivative.
+        Friction may jump where a joint reverses; for it the largest step between neighbours is allowed for, which is
+        a margin and no proof.
         """
-        del step
-        return np.abs(np.diff(self.values(states), axis=0)).max(axis=0, initial=0.0)
+        goal, basis = states.objective.goal, states.basis
+        bodies = np.isin(goal.base.kept, goal.model.inertial_columns)
+        standard = np.zeros(len(goal.model.parameters))
+        standard[goal.base.kept[bodies]] = self.base[bodies]
+        places = np.abs(states.coefficients[:, -1]) + basis.peaks_between(states.x, 0)
+        bounds = [places, *(basis.peaks_between(states.x, order) for order in range(1, ORDERS + 1))]
+        inertial = standard[goal.model.inertial_columns].reshape(-1, 10)
+        rise = np.zeros(basis.n)
+        if len(inertial):
+            rise = step**2 / 8.0 * torque_curvature(states.tree, inertial, np.array(bounds))
+        terms = np.where(bodies, 0.0, self.base)
+        if terms.any():
+            rise += np.abs(np.diff(states.torque(terms), axis=0)).max(axis=0, initial=0.0)
+        return rise[list(self.joints)] / self.limit

@@ -23,7 +23,11 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["Goal", "Objective", "along", "information_along"]
+__all__ = ["Goal", "Objective", "along", "information_along", "known_sizes"]
+
+
+TOLD = 1.0
+"""Deviations from zero from which on a parameter has a size: beyond that its relative deviation says only that."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,7 +43,8 @@ class Goal:
         repetitions: Periods that will be recorded.
         prior: Information that is there already, shape (b, b), in units of the same noise; none where not given.
         prediction: Information matrix (b, b) of the motions whose torque is to be predicted.
-        scale: Sizes of the base parameters, to which deviations are compared by `worst`, shape (b,).
+        scale: Sizes of the base parameters, to which deviations are compared by `worst`, shape (b,); infinite for
+            those that do not count.
     """
 
     model: DynamicsModel
@@ -65,7 +70,7 @@ class Goal:
             if value is not None:
                 object.__setattr__(self, name, array(value, shape, name))
         if self.scale is not None:
-            object.__setattr__(self, "scale", array(self.scale, (self.base.count,), "scale"))
+            object.__setattr__(self, "scale", array(self.scale, (self.base.count,), "scale", finite=False))
         make_criterion(self.criterion, 1.0, self.prediction)
 
     @property
@@ -155,3 +160,20 @@ def along(goal: Goal, motion: Motion) -> Array:
     """G of a motion repeated as the goal says, with what is there already, shape (b, b)."""
     G = goal.repetitions * information_along(goal, motion)
     return G if goal.prior is None else G + goal.prior
+
+
+def known_sizes(values: Array, deviations: Array) -> Array | None:
+    """Sizes of parameters that deviations are put beside by the criterion `worst`, infinite where there are none.
+
+    Relative is only the deviation of a parameter that is larger than it. The others, which the arm's symmetry makes
+    vanish or noise hides, have no size that a deviation could be compared with.
+
+    Args:
+        values: Estimates, shape (b,).
+        deviations: Their standard deviations, shape (b,).
+
+    Returns:
+        Shape (b,), or `None` where no parameter is larger than its deviation.
+    """
+    told = np.abs(values) > TOLD * deviations
+    return np.where(told, np.abs(values), np.inf) if told.any() else None

@@ -18,7 +18,7 @@ from armid.excitation.design import Progress
 from armid.excitation.experiments import Moves, choose_poses, poses_plan, straight_way, sweeps_plan
 from armid.excitation.fourier import Excitation, load_plan
 from armid.excitation.limits import limits_of
-from armid.excitation.objective import Goal, information_along
+from armid.excitation.objective import Goal, information_along, known_sizes
 from armid.excitation.places import Workspace, box_workspace
 from armid.excitation.plans import PLANS, builtin_plan
 from armid.information.information import Information
@@ -155,7 +155,10 @@ def numbers(text: str | None, name: str, count: int) -> Array | None:
 
 
 def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> Goal:
-    """Criterion, noise, what is known already, what is to be predicted."""
+    """Criterion, noise, what is known already, what is to be predicted.
+
+    After a run the worst relative deviation is what a further recording is for, unless another criterion is named.
+    """
     base, n = find_base_parameters(model), model.n
     text = options["noise"]
     one = text is not None and len(text.replace(",", " ").split()) == 1
@@ -169,13 +172,14 @@ def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> Goal:
         prior = known if prior is None else prior + known
         if (Path(path) / MARKER).is_file():
             fit = load_run(path).estimate.fit
-            sizes = dict(zip(fit.names, np.maximum(np.abs(fit.values), fit.deviation), strict=True))
-            scale = np.array([sizes[name] for name in base.names])
+            where = [fit.names.index(name) for name in base.names]
+            scale = known_sizes(fit.values[where], fit.deviation[where])
     prediction: Array | None = None
     for path in options["predict"] or ():
         wanted = _of_motion(path, plain)
         prediction = wanted if prediction is None else prediction + wanted
-    return replace(plain, criterion=options["criterion"], prior=prior, prediction=prediction, scale=scale)
+    usual = "d-optimal" if scale is None else "worst"
+    return replace(plain, criterion=options["criterion"] or usual, prior=prior, prediction=prediction, scale=scale)
 
 
 def _of_motion(path: str, goal: Goal) -> Array:

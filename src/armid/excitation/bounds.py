@@ -1,0 +1,115 @@
+"""What the torque of rigid links cannot exceed in its second derivative, whatever happens between points of a grid.
+
+Along a series every derivative of a joint's position is bounded by a sum of amplitudes. Through the chain these
+bounds become bounds of norms: a vector fixed in a link turns with it, u' = ω x u, so that the norms of its
+derivatives follow from those of ω by Leibniz's rule and the triangle inequality, and a tensor likewise with twice the
+factor. A jet is the list of such bounds, of a quantity and its derivatives in order, all in the frame that does not
+move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import comb
+
+import numpy as np
+
+from armid.kernel import Tree
+from armid.values import Array
+
+__all__ = ["ORDERS", "torque_curvature"]
+
+Jet = Sequence[float]
+
+ORDERS = 4
+"""Derivatives of positions that the second derivative of torque depends on."""
+
+
+def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:
+    """Bound of the second derivative of every joint's torque, shape (n,) [N·m/s² or N/s²].
+
+    Args:
+        tree: The arm.
+        inertial: Inertial parameters of its links, shape (n, 10); they need not be those of a body.
+        derivatives: Bounds of the joints' positions and their first four derivatives, shape (5, n).
+    """
+    turning, fixed, levers = _chain(tree, derivatives)
+    gravity = float(np.linalg.norm(tree.gravity))
+    moments: list[Jet] = []
+    forces: list[Jet] = []
+    reach: list[Jet] = []  # of the links' origins from the base
+    for i, own in enumerate(inertial):
+        parent = int(tree.parent[i])
+        reach.append(levers[i] if parent < 0 else _sum(reach[parent], levers[i]))
+        acceleration = (reach[i][2] + gravity, reach[i][3], reach[i][4])
+        mass, first, second = abs(float(own[0])), float(np.linalg.norm(own[1:4])), _size(own[4:])
+        forces.append([mass * a + first * u for a, u in zip(acceleration, fixed[i][2:], strict=True)])
+        lifted = _product([first * u for u in fixed[i][:3]], acceleration)
+        momentum = _product([second * t for t in _tensor(turning[i])], turning[i])
+        moments.append(_sum(lifted, momentum[1:]))
+    result = np.zeros(tree.n)
+    for j in range(tree.n):
+        parent = int(tree.parent[j])
+        axis = _rest() if parent < 0 else fixed[parent]
+        total: Jet = (0.0, 0.0, 0.0)
+        away: dict[int, Jet] = {j: (0.0,) * (ORDERS + 1)}
+        for i in tree.subtree(j):
+            if i != j:
+                away[i] = _sum(away[int(tree.parent[i])], levers[i])
+            own = forces[i] if tree.prismatic[j] else _sum(moments[i], _product(away[i][:3], forces[i]))
+            total = _sum(total, own)
+        result[j] = _product(axis[:3], total)[2]
+    return result
+
+
+def _chain(tree: Tree, derivatives: Array) -> tuple[list[Jet], list[Jet], list[Jet]]:
+    """Jets of angular velocities, of unit vectors fixed in the links, and of each link's origin from its parent's."""
+    turning: list[Jet] = []
+    fixed: list[Jet] = []
+    levers: list[Jet] = []
+    for i in range(tree.n):
+        parent = int(tree.parent[i])
+        before, carried = ((0.0,) * ORDERS, _rest()) if parent < 0 else (turning[parent], fixed[parent])
+        q = derivatives[:, i].tolist()
+        lever = [float(np.linalg.norm(tree.translation[i])) * u for u in carried]
+        if tree.prismatic[i]:
+            turning.append(before)
+            lever = list(_sum(lever, _product(q, carried)))
+        else:
+            turning.append(_sum(before, _product(q[1:], carried[:ORDERS])))
+        fixed.append(_turned(turning[i], 1.0))
+        levers.append(lever)
+    return turning, fixed, levers
+
+
+def _rest() -> Jet:
+    """A unit vector that does not move."""
+    return (1.0, *(0.0,) * ORDERS)
+
+
+def _sum(a: Jet, b: Jet) -> Jet:
+    return [x + y for x, y in zip(a, b, strict=True)]
+
+
+def _product(a: Jet, b: Jet) -> Jet:
+    """Of any product that norms bound, by Leibniz's rule."""
+    return [sum(comb(k, i) * a[i] * b[k - i] for i in range(k + 1)) for k in range(len(a))]
+
+
+def _turned(turning: Jet, factor: float) -> Jet:
+    """Of a quantity of norm one that turns with a link: x' is at most factor · ω x."""
+    result = [1.0]
+    for k in range(len(turning)):
+        result.append(factor * sum(comb(k, i) * turning[i] * result[k - i] for i in range(k + 1)))
+    return result
+
+
+def _tensor(turning: Jet) -> Jet:
+    """Of a tensor fixed in a link, T' = ω x T - T x ω."""
+    return _turned(turning, 2.0)[: len(turning)]
+
+
+def _size(second: Array) -> float:
+    """Largest stretch by the inertia Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+    xx, xy, yy, xz, yz, zz = second
+    return float(np.abs(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])).max())
