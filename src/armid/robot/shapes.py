@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armid.errors import RobotError
-from armid.maths.spatial import homogeneous
+from armid.maths.spatial import axis_rotation, homogeneous
 from armid.values import Array, array
 
 __all__ = ["Shape", "capsule_between", "rotation_with_z"]
@@ -64,11 +64,9 @@ def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radi
 
 
 def rotation_with_z(direction: Array) -> Array:
-    """A rotation (3, 3) whose z points along a direction (3,) that is not zero."""
-    rotation = np.empty((3, 3))
-    z = direction / np.linalg.norm(direction)
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    rotation[:, 0] = x / np.linalg.norm(x)
-    rotation[:, 1] = np.cross(z, rotation[:, 0])
-    rotation[:, 2] = z
-    return rotation
+    """The least rotation (3, 3) whose z points along a direction (3,) that is not zero; about x where it is opposite."""
+    x, y, z = direction / np.linalg.norm(direction)
+    if x == y == 0.0:
+        return np.diag([1.0, np.sign(z), np.sign(z)])
+    across = np.hypot(x, y)
+    return axis_rotation(np.array([-y, x, 0.0]) / across, np.arctan2(across, z))

@@ -1,0 +1,206 @@
+"""A dozen arms and more: what a plan costs, whether it keeps every limit, and how much better it is than chance.
+
+    python benchmarks/arms.py [ARM ...] [--rounds 1 | --budget 60] [--seconds 10] [--json]
+
+Each arm stands on a floor, keeps its links 20 mm apart from each other and from the floor, and has limits of
+position, velocity, acceleration, jerk and, where its description gives masses and torques, torque. Plans are checked
+by another program (`flown.py`) at 1 kHz. Chance is the median of twenty plans whose coefficients are uniform, at rest
+at the same start pose and drawn together by one factor until they keep every limit.
+
+Arms that are not built in are those of `tests/tables` and of the package `example-robot-data`
+(`pip install --no-deps example-robot-data`), which is 400 MB of robots; without it they are left out, and that is
+said.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from armid.excitation.clearance import floor
+from armid.excitation.fourier import save_plan
+from armid.excitation.objective import Goal, Objective
+from armid.excitation.solver import Problem, drawn_together
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.robot import load_robot
+from armid.study.excite import Designed, Effort, Rules, Wish, design_plan
+from armid.values import Array
+from flown import ROUNDING, Flight, fly, load_table, load_urdf
+
+ROOT = Path(__file__).resolve().parents[1]
+BUILT_IN = ROOT / "src" / "armid" / "robot" / "arms"
+PACKAGE = "example-robot-data"
+
+CLEARANCE, ACCELERATION, JERK, MARGIN = 0.02, 10.0, 200.0, 0.1
+"""Distance of bodies [m], limits of every joint [rad/s² or m/s², rad/s³ or m/s³], share of torque kept free."""
+
+CHANCES = 20
+"""Random plans."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where an arm is described, which joints are held, how high the floor is."""
+
+    name: str
+    path: Path
+    floor: float = 0.0
+    locked: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured."""
+
+    arm: str
+    joints: int
+    parameters: int
+    pairs: int
+    cpu: float
+    violations: int
+    closest: str
+    gain: float
+    gain_over_best: float
+    usual_start: bool
+
+
+def entries() -> list[Entry]:
+    """Every arm that is here."""
+    result = [
+        Entry(name, BUILT_IN / f"{name}.toml") for name in ("iiwa14-r820", "iiwa7-r800", "panda", "ur5e", "ur10e")
+    ]
+    result += [Entry(name, ROOT / "tests" / "tables" / f"{name}.toml") for name in ("scara", "gantry")]
+    try:
+        files = metadata.distribution(PACKAGE)
+    except metadata.PackageNotFoundError:
+        sys.stderr.write(f"{PACKAGE} is not installed; its arms are left out\n")
+        return result
+    robots = Path(str(files.locate_file("cmeel.prefix/share/example-robot-data/robots")))
+    fingers = tuple(f"{arm}_gripper_{finger}_finger_joint" for arm in "lr" for finger in "lr")
+    return [
+        *result,
+        Entry("kinova j2s6s200", robots / "kinova_description/robots/kinova.urdf"),
+        Entry("xarm7", robots / "xarm_description/urdf/xarm7.urdf"),
+        Entry("z1", robots / "z1_description/urdf/z1.urdf", 0.0, ("jointGripper",)),
+        Entry("so101", robots / "so_arm_description/urdf/so101.urdf"),
+        Entry("ur3", robots / "ur_description/urdf/ur3_robot.urdf"),
+        Entry("ur10", robots / "ur_description/urdf/ur10_robot.urdf"),
+        Entry("baxter, both arms", robots / "baxter_description/urdf/baxter.urdf", -0.95, ("head_pan", *fingers)),
+    ]
+
+
+def design(entry: Entry, effort: Effort, seconds: float, harmonics: int, criterion: str) -> Designed:
+    """A plan with every limit."""
+    robot = load_robot(str(entry.path), locked=dict.fromkeys(entry.locked, 0.0))
+    model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
+    goal = Goal(model, find_base_parameters(model), criterion)
+    rules = Rules(
+        acceleration=ACCELERATION, jerk=JERK, torque_margin=MARGIN, clearance=CLEARANCE,
+        surroundings=(floor(entry.floor),),
+    )  # fmt: skip
+    return design_plan(Wish(goal, seconds, harmonics, free_centre=True), rules, effort)
+
+
+def flight(entry: Entry, designed: Designed) -> Flight:
+    """The plan, checked by the other program."""
+    toml = entry.path.suffix == ".toml"
+    arm = load_table(entry.path) if toml else load_urdf(entry.path, dict.fromkeys(entry.locked, 0.0))
+    with tempfile.TemporaryDirectory() as folder:
+        path = save_plan(designed.plan.excitation, Path(folder) / "plan.json")
+        return fly(
+            arm, path, floor=entry.floor, clearance=CLEARANCE, acceleration=ACCELERATION, jerk=JERK,
+            torque=1.0 - MARGIN,
+        )  # fmt: skip
+
+
+def by_chance(problem: Problem, grid: Objective, rng: np.random.Generator) -> Array:
+    """Uniform coefficients at rest at the start pose, drawn together by one factor until every limit is kept."""
+    basis = problem.basis
+    c = rng.uniform(-1.5, 1.5, (basis.n, 2 * basis.harmonics + 1))
+    c[:, -1] = basis.start
+    inside = drawn_together(problem, grid, basis.project(c))
+    assert inside is not None
+    return inside
+
+
+def measure(entry: Entry, effort: Effort, seconds: float, harmonics: int, criterion: str) -> Row:
+    """One arm."""
+    began = time.process_time()
+    designed = design(entry, effort, seconds, harmonics, criterion)
+    cpu = time.process_time() - began
+    seen = flight(entry, designed)
+    grid = designed.problem.fine
+    rng = np.random.default_rng(0)
+
+    def variances(x: Array) -> float:
+        return float(np.trace(np.linalg.inv(grid.information(x))))
+
+    chances = [variances(by_chance(designed.problem, grid, rng)) for _ in range(CHANCES)]
+    own = variances(designed.x)
+    for name, count in seen.close.items():
+        sys.stderr.write(f"{entry.name}: {name} too close in {count} of {seen.samples} samples\n")
+    for name, share in seen.shares.items():
+        if share > 1.0 + ROUNDING:
+            sys.stderr.write(f"{entry.name}: {100 * share:.7f} % of {name}\n")
+    nearest = designed.preflight.approaches[0] if designed.preflight.approaches else None
+    robot = designed.problem.goal.model.robot
+    return Row(
+        entry.name,
+        robot.n,
+        designed.problem.goal.base.count,
+        seen.pairs,
+        round(cpu, 1),
+        seen.violations,
+        "" if nearest is None else f"{nearest.pair} {1000 * nearest.distance:.0f} mm",
+        round(float(np.median(chances)) / own, 1),
+        round(min(chances) / own, 1),
+        all(finding.code != "start-chosen" for finding in designed.findings),
+    )
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("arm", nargs="*", help="names; all where left out")
+    parser.add_argument("--budget", type=float, default=None, help="wall time of each search [s]")
+    parser.add_argument("--rounds", type=int, default=1, help="rounds of each search, where there is no budget")
+    parser.add_argument("--seconds", type=float, default=10.0, help="length of the motion")
+    parser.add_argument("--harmonics", type=int, default=5)
+    parser.add_argument("--criterion", default="a-optimal")
+    parser.add_argument("--json", action="store_true")
+    asked = parser.parse_args()
+    effort = Effort(asked.budget, 1, 0, None if asked.budget else asked.rounds)
+    rows: list[Row] = []
+    if not asked.json:
+        print("| arm | joints | parameters | pairs | CPU s | violations | closest | gain | over best of 20 | start |")
+        print("|---|---|---|---|---|---|---|---|---|---|")
+    for entry in entries():
+        if asked.arm and entry.name not in asked.arm:
+            continue
+        row = measure(entry, effort, asked.seconds, asked.harmonics, asked.criterion)
+        rows.append(row)
+        if not asked.json:
+            cells = [*asdict(row).values()]
+            cells[-1] = "usual" if row.usual_start else "found"
+            print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+    if asked.json:
+        print(json.dumps([asdict(row) for row in rows]))
+
+
+if __name__ == "__main__":
+    main()
