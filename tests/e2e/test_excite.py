@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +179,9 @@ def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, 
         (["--envelope", "thesis-a1@soon"], "no duration"),
         (["--torque-margin", "1.5"], ""),
         (["--environment", "nowhere.toml"], "no environment"),
+        (["--duration", "nan"], "duration must be positive"),
+        (["--limit", "first.velocity=-1"], "velocity limit of first must be positive"),
+        (["--limit", "first.position=0.2:0.4", "--start", "0,0"], "outside 0.2 to 0.4"),
     ],
 )
 def test_what_is_refused(small, tmp_path, capsys, arguments, message):
@@ -209,6 +213,47 @@ def test_missing_limits_are_asked_for_by_name(small, tmp_path, capsys):
     assert "second.velocity" in stopped([small, *QUICK, "--out", tmp_path / "plan"], capsys)
     run([small, *QUICK, "--out", tmp_path / "plan", "--limit", "second.velocity=1.5"], capsys)
     assert json.loads((tmp_path / "plan" / "plan.json").read_text())["limits"]["velocity"]["bound"] <= 1.5
+
+
+def test_an_unknown_link_of_a_tool_is_refused(tmp_path, capsys):
+    cell = tmp_path / "cell.toml"
+    cell.write_text('[[sphere]]\nlink = "hand"\nradius = 0.1\nxyz = [0, 0, 0]\n')
+    said = stopped(["ur5e", *QUICK, "--environment", cell, "--out", tmp_path / "plan"], capsys)
+    assert "carried by 'hand'" in said and "link_6" in said
+    assert not (tmp_path / "plan").exists()
+
+
+WEIGHTLESS = """<robot name="weightless"><link name="base"/>
+<joint name="first" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" velocity="1" effort="5"/></joint>
+<link name="a"><inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+<joint name="second" type="revolute"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/><origin xyz="0 0 0.3"/>
+<limit lower="-1" upper="1" velocity="1" effort="5"/></joint>
+<link name="b"><inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+</robot>"""
+
+
+def test_an_arm_of_no_mass_is_planned_and_said_to_have_none(tmp_path, capsys):
+    path = tmp_path / "weightless.urdf"
+    path.write_text(WEIGHTLESS)
+    said = " ".join(run([path, *QUICK, "--out", tmp_path / "plan"], capsys).err.split())
+    assert "gives no masses, so torque is not limited" in said
+    assert "torque" not in json.loads((tmp_path / "plan" / "plan.json").read_text())["limits"]
+
+
+@pytest.mark.parametrize("signal", ["kill", "terminate"])
+def test_a_killed_search_leaves_nothing(small, tmp_path, signal):
+    """Whatever moment it dies in before it is done, there is no folder and no part of one."""
+    out = tmp_path / "plans" / "first"
+    out.parent.mkdir()
+    command = [sys.executable, "-c", "from armid.cli.main import main; main()", "excite", str(small), *QUICK]
+    search = subprocess.Popen(
+        [*command, "--budget", "120", "--out", str(out)], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+    )
+    time.sleep(5.0)
+    getattr(search, signal)()
+    assert search.wait(60) != 0
+    assert list(out.parent.iterdir()) == []
 
 
 def test_a_folder_that_is_no_plan_is_left_alone(small, tmp_path, capsys):

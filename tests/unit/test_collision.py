@@ -10,13 +10,14 @@ from armid.excitation import coal
 from armid.excitation.capsules import covering
 from armid.excitation.channels import States, soft_maximum
 from armid.excitation.clearance import floor
-from armid.excitation.collision import collision_of, load_environment
+from armid.excitation.collision import cell_of, collision_of, load_environment
 from armid.excitation.finish import fine_grid, margins
 from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, Objective
 from armid.excitation.places import SCALE
 from armid.excitation.series import SeriesBasis
 from armid.excitation.solver import Problem, drawn_together
+from armid.excitation.start import choose_start, room, usual_pose
 from armid.maths.spatial import homogeneous
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -217,7 +218,8 @@ def test_environment(tmp_path):
         '[[box]]\nname = "table"\nsize = [1, 2, 0.1]\nxyz = [0, 0, -0.3]\n[[sphere]]\nradius = 0.2\nxyz = [1, 0, 0]\n'
         '[[half-space]]\nname = "wall"\nnormal = [2, 0, 0]\noffset = -1.5\n'
     )
-    table, ball, wall = load_environment(path)
+    robot = load_robot("panda")
+    table, ball, wall = load_environment(path, robot)
     assert (table.name, ball.name, wall.name) == ("table", "sphere 1", "wall")
     assert wall.placement[:3, 2] == pytest.approx([1.0, 0.0, 0.0])
     assert wall.placement[:3, 3] == pytest.approx([-1.5, 0.0, 0.0])
@@ -226,10 +228,44 @@ def test_environment(tmp_path):
         ("[[box]]\nsize = [1, 1, 1]\nplace = [0, 0, 0]", "unknown key 'place'"),
         ("[[sphere]]\nxyz = [0, 0, 0]", "radius"),
         ("[[", "is no environment"),
+        ('[[sphere]]\nradius = 0.1\nxyz = [0, 0, 0]\nlink = "hand"', "carried by 'hand', which panda does not have"),
     ):
         path.write_text(text)
         with pytest.raises(ArmidError, match=problem):
-            load_environment(path)
+            load_environment(path, robot)
+
+
+def test_a_tool_goes_with_its_link(tmp_path):
+    """A long tool on the last link comes near what the bare arm stays away from."""
+    path = tmp_path / "tool.toml"
+    path.write_text('[[box]]\nname = "blade"\nlink = "link_7"\nsize = [0.05, 0.05, 0.6]\nxyz = [0, 0, 0.3]\n')
+    robot = load_robot("panda")
+    (blade,) = load_environment(path, robot)
+    assert blade.link == robot.n - 1
+    start = np.array(START["panda"])
+    bare, armed = (collision_of(robot, limits_of(robot), start, (floor(-0.4), *more)) for more in ((), (blade,)))
+    poses = forward_kinematics(robot, start[None])
+    lowest = [made.every.bodies.nearest(poses)[0][0, made.every.labels.index(name)]
+              for made, name in ((bare, "link_7 - floor"), (armed, "blade - floor"))]  # fmt: skip
+    assert lowest[1] < lowest[0] - 0.3
+    assert "blade - floor" in armed.every.labels and "link_7 - blade" not in armed.every.labels
+
+
+def test_the_start_that_is_found_has_room():
+    """Lying flat on the floor the UR10e has nowhere to go; a pose is found that has, the same every time."""
+    robot = load_robot("ur10e")
+    limits = limits_of(robot)
+    cell = cell_of(robot, limits, [floor()])
+    found = choose_start(cell, limits)
+    usual = room(cell, limits, usual_pose(limits))
+    assert not found.usual and found.room > usual + 0.3
+    assert (found.pose == choose_start(cell, limits).pose).all()
+    assert (cell.distances(found.pose[None])[0][~cell.constructed] > cell.margin).all()
+    upright = load_robot("iiwa14-r820")
+    assert choose_start(cell_of(upright, limits_of(upright), [floor()]), limits_of(upright)).usual
+    full = Shape("block", -1, "box", np.array([3.0, 3.0, 3.0]), homogeneous(np.eye(3), [0.0, 0.0, 1.0]))
+    with pytest.raises(ArmidError, match=r"In the start pose link_\d - block"):
+        choose_start(cell_of(upright, limits_of(upright), [floor(), full]), limits_of(upright))
 
 
 def test_a_capsule_of_no_size():

@@ -20,6 +20,9 @@ SLABS = 4
 WORTH = 0.8
 """A further slab is worth having where it brings the volume of the capsules below this share."""
 
+THIN = 1e-6
+"""Radius [m] of what has none."""
+
 FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
                   [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 3, 7], [1, 7, 5]])  # fmt: skip
 """Triangles of a box's corners, which are counted with z the fastest."""
@@ -46,7 +49,7 @@ def covering(shape: Shape, triangles: Array | None = None) -> tuple[Shape, ...]:
     assert triangles is not None
     points = triangles.reshape(-1, 3)
     best = (around(name, points),)
-    directions = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+    directions = _principal(points)
     for slabs in range(2, SLABS + 1):
         cut = [tuple(around(name, part) for part in _slabs(triangles, along, slabs)) for along in directions]
         smallest = min(cut, key=_volume)
@@ -80,10 +83,9 @@ def _slabs(triangles: Array, direction: Array, slabs: int) -> list[Array]:
 
 def around(name: str, points: Array) -> Shape:
     """The smallest capsule found around points (v, 3), carried by the base."""
-    points = np.unique(points, axis=0)
     centre = points.mean(axis=0)
     best: Shape | None = None
-    for direction in np.linalg.svd(points - centre, full_matrices=True)[2]:
+    for direction in _principal(points):
         along = (points - centre) @ direction
         middle = centre + 0.5 * (along.max() + along.min()) * direction
         across = (points - middle) - np.outer((points - middle) @ direction, direction)
@@ -101,8 +103,10 @@ def around(name: str, points: Array) -> Shape:
     return best
 
 
-THIN = 1e-6
-"""Radius [m] of what has none."""
+def _principal(points: Array) -> Array:
+    """Three directions at right angles along which points (v, 3) are spread, one a row."""
+    away = points - points.mean(axis=0)
+    return np.linalg.eigh(away.T @ away)[1].T
 
 
 def _volume(capsules: tuple[Shape, ...]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +105,7 @@ class Cell:
         result = np.zeros(len(self.pairs), dtype=np.bool_)
         for k, pair in enumerate(self.pairs):
             a, b = (self.shapes[i].link for i in pair)
-            stands = pair[1] >= len(self.robot.shapes) and a <= 0  # what the arm stands on
+            stands = pair[1] >= len(self.robot.shapes) and a <= 0 and b < 0  # what the arm stands on
             apart = joints_between(self.robot, a, b)
             result[k] = stands or (apart <= NEIGHBOURS and self.touching[k] > CONSTRUCTION)
         return result
@@ -211,18 +211,23 @@ def joints_between(robot: Robot, a: int, b: int) -> int:
 
 
 ENVIRONMENT = {
-    "box": ("name", "size", "xyz", "rpy"),
-    "sphere": ("name", "radius", "xyz"),
+    "box": ("name", "link", "size", "xyz", "rpy"),
+    "sphere": ("name", "link", "radius", "xyz"),
     "half-space": ("name", "normal", "offset"),
 }
 """Tables of an environment, and their keys."""
 
 
-def load_environment(path: Path | str) -> tuple[Shape, ...]:
-    """Bodies that do not move, from a TOML file.
+def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
+    """Bodies that do not move, and such as links carry, from a TOML file.
 
     `[[box]]` has `size` [m], `xyz` of its middle and `rpy`; `[[sphere]]` has `radius` and `xyz`; `[[half-space]]`
-    has a `normal` that points out of it and an `offset`, all in the base frame of the arm. Each has a `name`.
+    has a `normal` that points out of it and an `offset`, all in the base frame of the arm. Each has a `name`. A box
+    or sphere with a `link`, for instance a tool, is carried by that link and stands in its frame.
+
+    Args:
+        path: The file.
+        robot: The arm, for its links.
 
     Raises:
         ArmidError: The file is missing or says something else.
@@ -244,10 +249,23 @@ def load_environment(path: Path | str) -> tuple[Shape, ...]:
                     possible=", ".join(ENVIRONMENT[kind]),
                 )
             try:
-                shapes.append(_surrounding(kind, number, table))
+                link = _carrier(robot, f"{path}: {kind} {number}", table.get("link"))
+                shapes.append(replace(_surrounding(kind, number, table), link=link))
             except (TypeError, ValueError, KeyError) as error:
                 raise ArmidError(f"{path}: {kind} {number} lacks or garbles {error}.") from error
     return tuple(shapes)
+
+
+def _carrier(robot: Robot, where: str, name: str | None) -> int:
+    """Index of the link of a name; -1 for the base, where nothing is said."""
+    names = [link.name for link in robot.links]
+    if name is None:
+        return -1
+    if name not in names:
+        raise ArmidError(
+            f"{where} is carried by {name!r}, which {robot.name} does not have.", possible=", ".join(names)
+        )
+    return names.index(name)
 
 
 def _surrounding(kind: str, number: int, table: dict[str, Any]) -> Shape:

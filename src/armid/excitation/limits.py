@@ -144,7 +144,8 @@ def motion_channels(limits: Limits) -> tuple[Channel, ...]:
     """Position, velocity, acceleration and jerk of the motion itself."""
     names = limits.joints
     bounded = _finite(limits.upper - limits.lower)
-    middle, half = 0.5 * (limits.upper + limits.lower)[bounded], 0.5 * (limits.upper - limits.lower)[bounded]
+    low, high = limits.lower[bounded], limits.upper[bounded]
+    middle, half = 0.5 * (high + low), 0.5 * (high - low)
     result: list[Channel] = []
     if len(bounded):
         labels = tuple(names[j] for j in bounded)

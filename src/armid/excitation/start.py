@@ -62,10 +62,10 @@ class Start:
 
 def usual_pose(limits: Limits) -> Array:
     """Zero where a joint can be there, else the middle of its range, shape (n,) [rad or m]."""
-    low, high = limits.lower, limits.upper
+    bounded = np.isfinite(limits.upper - limits.lower)
+    low, high = np.where(bounded, limits.lower, -1.0), np.where(bounded, limits.upper, 1.0)
     ends = INSIDE * (high - low)
-    bounded = np.isfinite(ends)
-    return np.where(bounded & ((low + ends > 0.0) | (high - ends < 0.0)), 0.5 * (low + high), 0.0)
+    return np.where((low + ends > 0.0) | (high - ends < 0.0), 0.5 * (low + high), 0.0)
 
 
 def choose_start(cell: Cell, limits: Limits) -> Start:

@@ -255,7 +255,7 @@ def _channels(
         values = rules.parameters
         if values is None:
             nominal = goal.model.nominal_parameters()
-            values = None if nominal is None else goal.base.values_of(nominal)
+            values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
             if values is not None:
                 said = "torque is that of the description's links; friction is not known to it"
                 findings.append(Finding("torque-nominal", "info", "", said))

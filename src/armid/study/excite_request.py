@@ -81,7 +81,7 @@ def run_request(
 
 def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
     """Limits of every kind."""
-    surroundings = _surroundings(options)
+    surroundings = _surroundings(options, robot)
     margin = options["torque_margin"]
     return Rules(
         options["limits"],
@@ -276,9 +276,9 @@ def _limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
     return result
 
 
-def _surroundings(options: Mapping[str, Any]) -> tuple[Shape, ...]:
+def _surroundings(options: Mapping[str, Any], robot: Robot) -> tuple[Shape, ...]:
     """Floor and environment."""
-    shapes = () if options["environment"] is None else load_environment(options["environment"])
+    shapes = () if options["environment"] is None else load_environment(options["environment"], robot)
     return shapes if options["floor"] is None else (*shapes, floor(options["floor"]))
 
 

@@ -1,0 +1,57 @@
+"""Arms that armid has not seen: planned with every limit, and checked by a program that shares nothing with it."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.excitation.fourier import Excitation
+from armid.study.excite import Effort
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+WORTH = 3.0
+"""How many times lower the sum of variances is than by chance, at least: one round gives 3.6 on the arm that gains
+least of those measured, and most arms gain five times and more."""
+
+
+@pytest.fixture(scope="module")
+def arms():
+    sys.path.insert(0, str(BENCHMARKS))
+    try:
+        yield importlib.import_module("arms")
+    finally:
+        sys.path.remove(str(BENCHMARKS))
+
+
+def test_a_scara_above_its_floor(arms):
+    entry = next(entry for entry in arms.entries() if entry.name == "scara")
+    row = arms.measure(entry, Effort(4.0, 1, 0), 6.0, 4, "a-optimal")
+    assert row.violations == 0 and row.pairs > 0
+    assert row.gain > WORTH
+
+
+def test_the_other_program_sees_what_is_wrong(arms, tmp_path):
+    """A plan through the floor and beyond limits is found out."""
+    entry = next(entry for entry in arms.entries() if entry.name == "scara")
+    arm = arms.load_table(entry.path)
+    still = Excitation(1.0, np.zeros((4, 2)), np.zeros((4, 2)), [0.0, 0.0, 0.1, 0.0])
+    path = arms.save_plan(still, tmp_path / "plan.json")
+    options = {"clearance": 0.02, "rate": 20.0, "acceleration": 10.0, "jerk": 200.0}
+    assert arms.fly(arm, path, floor=0.0, **options).violations == 0
+    assert set(arms.fly(arm, path, floor=0.4, **options).close) == {"link_3_0 - floor", "link_4_0 - floor"}
+    fast = Excitation(1.0, [[9.0, -9.0], [0, 0], [0, 0], [0, 0]], np.zeros((4, 2)), still.offset)
+    shares = arms.fly(arm, arms.save_plan(fast, path), floor=0.0, **options).shares
+    assert {name for name, share in shares.items() if share > 1.0 + 1e-6} == {"position", "velocity", "acceleration"}
+
+
+@pytest.mark.long
+def test_every_arm_that_is_here(arms):
+    for entry in arms.entries():
+        row = arms.measure(entry, Effort(None, 1, 0, 1), 10.0, 5, "a-optimal")
+        assert row.violations == 0, row
+        assert row.gain > WORTH, row
