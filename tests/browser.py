@@ -90,9 +90,13 @@ class Tab:
         x, y = to or (x, y)
         self.send("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, **where)
 
-    def picture(self, path: Path | str, *, whole: bool = False) -> Path:
-        """A PNG of what is seen, or of the whole page."""
-        found = self.send("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+    def picture(self, path: Path | str, *, top: float = 0.0, height: float | None = None) -> Path:
+        """A PNG of what is seen, or of so much of the page [px] from a place on."""
+        part: dict[str, Any] = {}
+        if height is not None:
+            clip = {"x": 0, "y": top, "width": self.run("innerWidth"), "height": height, "scale": 1}
+            part = {"captureBeyondViewport": True, "clip": clip}
+        found = self.send("Page.captureScreenshot", format="png", **part)
         Path(path).write_bytes(base64.b64decode(found["data"]))
         return Path(path)
 

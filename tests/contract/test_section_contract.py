@@ -9,6 +9,7 @@ import pytest
 from armid.report.comparison import COMPARISON
 from armid.report.material import Material, gather, records_of
 from armid.report.page import assemble
+from armid.report.preflight import PREFLIGHT
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
 from reports import Page, make_run
@@ -33,7 +34,7 @@ section = pytest.mark.parametrize("name", SECTIONS)
 
 def test_every_template_belongs_to_a_section():
     named = {path.stem for path in TEMPLATES.glob("*.html")}
-    assert named == SHARED | set(SECTIONS) | set(COMPARISON)
+    assert named == SHARED | set(SECTIONS) | set(COMPARISON) | set(PREFLIGHT)
 
 
 @section

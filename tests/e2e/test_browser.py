@@ -8,15 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armid.cli import main as cli
 from armid.excitation.clearance import floor
 from armid.excitation.plan import Plan
 from armid.excitation.plans import builtin_plan
+from armid.report.page import write_report
 from armid.report.preview.clip import clip_of_plan
 from armid.report.preview.masses import MassLayer, layer_of_description
 from armid.report.preview.page import Preview, write_preview
 from armid.robot import Robot, load_robot
 from armid.robot.kinematics import frame_pose
 from browser import LAPTOP, PHONE, Browser, Tab, browser, needs_chromium
+from reports import Page, make_run
 
 pytest.importorskip("plotly")
 pytest.importorskip("jinja2")
@@ -27,8 +30,6 @@ LARGEST = 6_000_000
 
 DRAWN = 1e-6
 """Metres by which the tip may be elsewhere on the page: positions are four-byte numbers."""
-
-SIZES = {"laptop": LAPTOP, "phone": PHONE}
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,24 @@ def chromium() -> Iterator[Browser]:
 def arm() -> Robot:
     """The iiwa hanging from a ceiling."""
     return load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a plan."""
+    folder = tmp_path_factory.mktemp("flight") / "plan"
+    options = "--gravity 0 0 9.81 --collision --budget 1 --workers 0 --duration 8 --harmonics 3 --format csv"
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["excite", "iiwa14-r820", *options.split(), "--acceleration", "8", "--out", str(folder)])
+    assert not ended.value.code
+    return folder
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of a small run."""
+    run = make_run(tmp_path_factory.mktemp("run"))
+    return write_report(run, Path(run.folder) / "report.html")
 
 
 @pytest.fixture(scope="module")
@@ -65,10 +84,57 @@ def is_inside(tab: Tab) -> bool:
     return tab.run("document.documentElement.scrollWidth <= innerWidth")
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_the_preview_is_drawn(size: str, dark: bool, moving: Path, chromium: Browser):
-    tab = chromium.open(moving, size=SIZES[size], dark=dark, mark="still")
+LOOKS = pytest.mark.parametrize(
+    ("size", "dark"), [(LAPTOP, False), (PHONE, True)], ids=["laptop, light", "phone, dark"]
+)
+"""Sizes and colours have nothing to do with each other, so that each is looked at once."""
+
+
+@LOOKS
+@pytest.mark.parametrize("page", ["report", "preflight"])
+def test_every_plot_is_drawn(
+    page: str, size: tuple[int, int], dark: bool, report: Path, flight: Path, chromium: Browser
+):
+    path = report if page == "report" else flight / "preflight.html"
+    plots = len(Page(path.read_text(encoding="utf-8")).data["plots"])
+    assert plots > 20
+    tab = chromium.open(path, size=size, dark=dark)
+    tab.wait(f"document.documentElement.dataset.drawn === '{plots}'")
+    # Each has lines or points that are more than a dot.
+    drawn = tab.run(
+        "[...document.querySelectorAll('[data-plot]')].map((plot) => [...plot.querySelectorAll("
+        "'.scatterlayer path')].filter((path) => (path.getAttribute('d') || '').length > 10).length)"
+    )
+    assert len(drawn) == plots and min(drawn) > 0
+    assert is_inside(tab)
+    assert_quiet(tab, path)
+
+
+def test_a_finger_on_a_plot_scrolls_the_page(report: Path, chromium: Browser):
+    tab = chromium.open(report, size=PHONE)
+    tab.wait("document.documentElement.dataset.drawn")
+    assert tab.run("document.querySelectorAll('.modebar-btn').length") == 0
+    assert tab.run("document.querySelector('[data-plot]')._fullLayout.dragmode") is False
+
+
+def test_tables_are_copied(report: Path, chromium: Browser):
+    tab = chromium.open(report)
+    tab.wait("document.documentElement.dataset.drawn")
+    tab.run("document.querySelector('[data-copy][data-form=latex]').click()")
+    tab.wait("document.querySelector('.said').textContent === 'Copied.'")
+    assert_quiet(tab, report)
+
+
+def test_the_plans_own_preview_moves(flight: Path, chromium: Browser):
+    tab = chromium.open(flight / "preview.html", mark="still")
+    tab.wait("document.documentElement.dataset.drawn")
+    assert tab.run("document.getElementById('clock').textContent") == "0.0 of 8.0 s"
+    assert_quiet(tab, flight / "preview.html")
+
+
+@LOOKS
+def test_the_preview_is_drawn(size: tuple[int, int], dark: bool, moving: Path, chromium: Browser):
+    tab = chromium.open(moving, size=size, dark=dark, mark="still")
     tab.wait("document.documentElement.dataset.drawn")
     assert is_inside(tab)
     # Pixels of the arm, read where they are drawn anew.

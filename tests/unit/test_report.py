@@ -7,7 +7,6 @@ import gzip
 import json
 import re
 import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,8 +39,6 @@ pytest.importorskip("jinja2")
 
 LARGEST = 6_000_000
 """Bytes of the largest page that anyone should have to mail."""
-
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
 @pytest.fixture(scope="module")
@@ -300,27 +297,3 @@ def test_runs_of_different_arms_are_not_compared(run: Run):
     other = replace(run, robot=replace(run.robot, joints=joints))
     with pytest.raises(ArmidError, match="other_joint_1"):
         pair_of(records_of(run), records_of(other))
-
-
-# In a browser ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.skipif(BROWSER is None, reason="there is no Chromium to look with")
-def test_a_browser_draws_every_plot_and_complains_of_nothing(html: str, page: Page, tmp_path: Path):
-    path = tmp_path / "page.html"
-    path.write_text(html, encoding="utf-8")
-    options = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--enable-logging=stderr",
-        "--virtual-time-budget=60000",
-    ]
-    nowhere = ["--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom"]
-    done = subprocess.run(
-        [str(BROWSER), *options, *nowhere, path.as_uri()], capture_output=True, text=True, timeout=300, check=False
-    )
-    plots = len(page.data["plots"])
-    assert f'data-drawn="{plots}"' in done.stdout
-    assert done.stdout.count("main-svg") >= plots
-    assert [text for text in done.stderr.splitlines() if "CONSOLE" in text] == []

@@ -31,6 +31,8 @@ def _option(kind: Any, default: Any, help: str, *names: str, metavar: str | None
     return Annotated[kind, typer.Option(*names, help=help, metavar=metavar)], default
 
 
+PREFLIGHT = "preflight.html"
+
 POSE, SEVERAL = "Q…", list[str] | None
 
 OPTIONS: dict[str, tuple[Any, Any]] = {
@@ -141,6 +143,7 @@ def excite(robot: str, **options: Any) -> None:
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # before NumPy is loaded: matrices here are small
     from armid.cli.console import output_console, print_findings
+    from armid.report.preflight import write_preflight
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of_design
     from armid.study.excite_files import choose_formats, design_record, refuse_plan_folder, report_text, save_design
@@ -161,6 +164,7 @@ def excite(robot: str, **options: Any) -> None:
         designed = run_request(model, options, executor=pool, progress=tell)
     save_design(designed, folder, formats=formats, rate=options["format_rate"], rehearsal=options["rehearsal"])
     if not options["no_report"]:
+        attempt(PREFLIGHT, lambda: write_preflight(designed, folder / PREFLIGHT))
         attempt(PREVIEW, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
     print_findings((*arm.findings, *designed.findings))
     if designed.search.interrupted:

@@ -75,7 +75,8 @@ def render(material: Material) -> str:
         f"{len(estimate.fit.names)} base parameters of {len(material.joints)} joints, "
         f"{estimate.method}, {int(estimate.fit.rows.max())} rows"
     )
-    return assemble(estimate.robot, subtitle, shown, with_plots=any(section.plots for section in shown.values()))
+    drawn = any(section.plots for section in shown.values())
+    return assemble(f"{estimate.robot}: dynamic model", subtitle, shown, with_plots=drawn)
 
 
 def assemble(title: str, subtitle: str, sections: Mapping[str, Section], *, with_plots: bool) -> str:

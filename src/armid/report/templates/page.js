@@ -4,6 +4,9 @@
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const colour = (name) => getComputedStyle(root).getPropertyValue(`--${name}`).trim();
 
+  // Where nothing can hover, a finger on a plot scrolls the page, and buttons would lie over the lines for good.
+  const touch = matchMedia("(hover: none)").matches;
+
   // What a role looks like: colour, dash and symbol each tell it from its neighbours.
   const LINES = {
     measured: { colour: "ink", width: 1.3 },
@@ -22,6 +25,7 @@
     "joint-5": { colour: "joint-5", width: 1.6, dash: "5px,2px" },
     "joint-6": { colour: "joint-6", width: 1.6, dash: "14px,4px" },
     "joint-7": { colour: "joint-7", width: 1.6, dash: "6px,2px,1px,2px,1px,2px" },
+    limit: { colour: "orange", width: 1.4, dash: "5px,3px" },
   };
   const CLOUDS = {
     training: { colour: "blue", symbol: "circle-open" },
@@ -83,7 +87,8 @@
       margin: { l: 54, r: 8, t: 8, b: 36 },
       showlegend: false,
       hovermode: "closest",
-      dragmode: "zoom",
+      dragmode: touch ? false : "zoom",
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("soft"), activecolor: colour("link") },
       hoverlabel: { bgcolor: colour("wash"), bordercolor: colour("rule"), font: { color: colour("ink") } },
       xaxis: axis(plot.x, plot.log, narrow, plot.log),
       yaxis: axis(plot.y, plot.log, narrow, false),
@@ -94,6 +99,7 @@
   const options = {
     responsive: true,
     displaylogo: false,
+    displayModeBar: touch ? false : "hover",
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d"],
   };
   const places = [...document.querySelectorAll("[data-plot]")];

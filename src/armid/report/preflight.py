@@ -1,0 +1,239 @@
+"""The page before the flight: how near a plan comes to every limit, and what its recording will tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from armid.excitation.finish import Margin
+from armid.excitation.places import SCALE
+from armid.excitation.preflight import worst
+from armid.model.motion import Motion
+from armid.report.numbers import fixed, share, short
+from armid.report.page import assemble
+from armid.report.plots import Plot, Trace, line
+from armid.report.rendering import require_extra
+from armid.report.section import Section, one_of
+from armid.report.tables import Cell, Column, Table
+from armid.study.excite import Designed
+from armid.values import Array, replace_file
+
+__all__ = ["PREFLIGHT", "render_preflight", "write_preflight"]
+
+DRAWN = 100.0
+"""Samples a second of the pictures [Hz]; forty a period of the highest harmonics that arms follow."""
+
+COLLISION = "collision"
+DISTANCES = (COLLISION, "tip")
+"""Limits whose value is a distance that must not become smaller than the bound."""
+
+CLOSE = 0.99
+"""Share of a limit from which a plan is said to use all of it."""
+
+
+def write_preflight(designed: Designed, path: Path | str) -> Path:
+    """Write the page, whole or not at all.
+
+    Raises:
+        MissingExtraError: jinja2 or plotly is not installed.
+        ArmidError: The file cannot be written.
+    """
+    require_extra()
+    return replace_file(path, render_preflight(designed))
+
+
+def render_preflight(designed: Designed) -> str:
+    """The page as HTML."""
+    plan = designed.plan
+    series = plan.excitation
+    subtitle = (
+        f"Before the flight: {series.harmonics} harmonics over {series.period:g} s, "
+        f"{'once' if plan.repetitions == 1 else f'{plan.repetitions} times'}, {plan.duration:.1f} s in all; "
+        f"designed for {designed.problem.goal.criterion}"
+    )
+    sections = {name: section for name, show in PREFLIGHT.items() if (section := show(designed)) is not None}
+    return assemble(series.robot, subtitle, sections, with_plots=True)
+
+
+def show_limits(designed: Designed) -> Section:
+    """Every limit with its margin, joint and time."""
+    margins = designed.preflight.margins
+    rows = [_margin_row(margin) for margin in margins if margin.limit != COLLISION]
+    columns = (
+        Column("limit", words=True),
+        Column("of", words=True),
+        Column("value"),
+        Column("bound"),
+        Column("unit", words=True),
+        Column("reached", "%"),
+        Column("certified", "%"),
+        Column("at", "s"),
+    )
+    note = (
+        "Reached on a grid of 1 kHz; certified is what cannot be exceeded between its points either. Torque has no "
+        "such certificate, only the largest step between two points as a margin. ▲ marks limits that are used up."
+    )
+    content = {
+        "holds": all(margin.certified <= 1.0 for margin in margins),
+        "worst": [
+            (m.limit, m.label, _reached(m), "" if math.isnan(m.time) else fixed(m.time, 2)) for m in worst(margins)
+        ],
+        "findings": [
+            (finding.severity, finding.evidence, finding.remedy)
+            for finding in (*designed.problem.goal.model.robot.findings, *designed.findings)
+        ],
+    }
+    return Section("Limits", content, (Table("limits", "Every limit", columns, rows, note),))
+
+
+def _reached(margin: Margin) -> str:
+    """How near a limit the plan comes, in words."""
+    if margin.limit in DISTANCES:
+        return f"{fixed(1000.0 * margin.value, 0)} mm of room, {fixed(1000.0 * margin.bound, 0)} mm asked"
+    return f"{share(margin.share)} of the limit"
+
+
+def _margin_row(margin: Margin) -> tuple[Cell, ...]:
+    timeless = math.isnan(margin.time)
+    reached = certified = Cell("–", "")
+    if margin.limit not in DISTANCES:
+        reached, certified = (Cell(fixed(100.0 * x, 1), 100.0 * x) for x in (margin.share, margin.certified))
+        if margin.certified > CLOSE:
+            certified = Cell(f"{certified.text} ▲", certified.value)
+    return (
+        Cell(margin.limit, kind="name"),
+        Cell(margin.label, kind="name"),
+        Cell(fixed(margin.value, 4), margin.value),
+        Cell(fixed(margin.bound, 4), margin.bound),
+        Cell(margin.unit),
+        reached,
+        certified,
+        Cell("–", "") if timeless else Cell(fixed(margin.time, 2), margin.time),
+    )
+
+
+def show_approaches(designed: Designed) -> Section | None:
+    """Closest approach of each pair; nothing where collisions were not looked at."""
+    report = designed.preflight
+    if not report.approaches:
+        return None
+    asked = {margin.label: margin for margin in report.margins if margin.limit == COLLISION}
+    rows: list[tuple[Cell, ...]] = []
+    for each in report.approaches:
+        capsules, distance = asked[each.pair], 1000.0 * each.distance
+        sure = 1000.0 * (capsules.value - SCALE * (capsules.certified - capsules.share))
+        rows.append(
+            (
+                Cell(each.pair, kind="name"),
+                Cell(fixed(distance, 0), distance),
+                Cell(fixed(each.time, 2), each.time),
+                Cell(fixed(1000.0 * capsules.value, 0), 1000.0 * capsules.value),
+                Cell(fixed(sure, 0), sure),
+                Cell(fixed(1000.0 * capsules.bound, 0), 1000.0 * capsules.bound),
+            )
+        )
+    columns = (
+        Column("pair", words=True),
+        Column("closest", "mm"),
+        Column("at", "s"),
+        Column("as capsules", "mm"),
+        Column("certified", "mm"),
+        Column("asked", "mm"),
+    )
+    note = (
+        "Closest: bodies as they are, fifty times a second. As capsules: those around the bodies, which the search "
+        "kept apart, on a grid of 1 kHz; certified is what they keep between its points as well."
+    )
+    table = Table("approaches", "Closest approach of each pair", columns, rows, note)
+    return Section("Closest approaches", {"skipped": report.skipped}, (table,))
+
+
+def show_expected(designed: Designed) -> Section:
+    """Deviations that the recording will give."""
+    expected, goal = designed.preflight.expected, designed.problem.goal
+    robot = goal.model.robot
+    order = np.argsort(-expected.deviation)
+    parameters = Table(
+        "expected-parameters",
+        "Expected standard deviation of every base parameter, largest first",
+        (Column("parameter", words=True), Column("deviation"), Column("unit", words=True)),
+        [
+            (Cell(expected.names[k], kind="name"), _cell(float(expected.deviation[k])), Cell(expected.units[k]))
+            for k in order
+        ],
+    )
+    unit = one_of([joint.effort_unit for joint in robot.joints])
+    torque = Table(
+        "expected-torque",
+        "Expected deviation of the predicted torque along this plan",
+        (Column("joint", words=True), Column("noise taken", unit), Column("deviation", unit)),
+        [
+            (Cell(joint.name, kind="name"), _cell(float(noise)), _cell(float(x)))
+            for joint, noise, x in zip(robot.joints, goal.noise, expected.torque, strict=True)
+        ],
+    )
+    content = {
+        "condition": short(expected.condition, 4),
+        "log_det": fixed(expected.log_det, 2),
+        "rate": f"{goal.rate:g}",
+        "repetitions": goal.repetitions,
+        "known": goal.prior is not None,
+    }
+    return Section("What to expect", content, (torque, parameters))
+
+
+def _cell(value: float) -> Cell:
+    return Cell(short(value), value)
+
+
+def show_motion(designed: Designed) -> Section:
+    """Position, velocity, acceleration and torque over time against their limits."""
+    plan, model = designed.plan, designed.problem.goal.model
+    motion = plan.sample(DRAWN)
+    nominal = model.nominal_parameters()
+    torque = None if nominal is None else model.torque(motion, nominal)
+    rows = tuple(
+        (joint.name, tuple(_plots(designed, motion, torque, j))) for j, joint in enumerate(model.robot.joints)
+    )
+    legend = (("measured", "plan"), ("limit", "limit"))
+    return Section("Motion", {"torque": torque is not None}, (), rows, legend)
+
+
+def _plots(designed: Designed, motion: Motion, torque: Array | None, j: int) -> list[Plot]:
+    """The pictures of one joint."""
+    joint, limits = designed.problem.goal.model.robot.joints[j], designed.limits
+    unit = joint.unit
+    shown: list[tuple[str, str, Array, tuple[float, float]]] = [
+        ("position", f"q [{unit}]", motion.q[:, j], (float(limits.lower[j]), float(limits.upper[j]))),
+        ("velocity", f"dq [{unit}/s]", motion.dq[:, j], _both(limits.velocity[j])),
+        ("acceleration", f"ddq [{unit}/s²]", motion.ddq[:, j], _both(limits.acceleration[j])),
+    ]
+    if torque is not None:
+        shown.append(("torque", f"τ [{joint.effort_unit}]", torque[:, j], _both(limits.effort[j])))
+    plots: list[Plot] = []
+    for name, axis, values, bounds in shown:
+        traces = [line("measured", motion.time, values, name)]
+        ends = motion.time[[0, -1]]
+        traces += [Trace("limit", ends, np.full(2, each), "limit") for each in bounds if math.isfinite(each)]
+        said = f"{short(float(values.min()))} to {short(float(values.max()))}"
+        if math.isfinite(bounds[1]):
+            low, high = map(short, bounds)
+            said += f"; limit {high}" if bounds[0] == -bounds[1] else f"; limits {low} and {high}"
+        plots.append(Plot(f"{name}-{j + 1}", name.capitalize(), said, "time [s]", axis, traces, "plan"))
+    return plots
+
+
+def _both(limit: float) -> tuple[float, float]:
+    return -float(limit), float(limit)
+
+
+PREFLIGHT: Mapping[str, Callable[[Designed], Section | None]] = {
+    "limits": show_limits,
+    "approaches": show_approaches,
+    "expected": show_expected,
+    "motion": show_motion,
+}
+"""Sections of the page, in order; each has a template of its name."""
