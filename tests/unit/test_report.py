@@ -7,8 +7,9 @@ import gzip
 import json
 import re
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,9 +20,11 @@ from armid.report.comparison import changes, pair_of
 from armid.report.judgement import judge
 from armid.report.material import Material, gather, records_of
 from armid.report.page import render, write_comparison, write_report
+from armid.report.sections.provenance import show_provenance
 from armid.study.identify import identify
+from armid.study.records import to_json
 from armid.study.run import Run, load_run, save_run
-from armid.study.study import load_study
+from armid.study.study import Study, load_study
 from labs import (
     STUDY,
     small_model,
@@ -30,6 +33,7 @@ from labs import (
     small_truth,
     write_arm,
     write_recording,
+    write_recordings,
     write_study,
 )
 from reports import Page, make_run
@@ -82,6 +86,63 @@ def test_the_page_says_what_the_run_says(page: Page, run: Run):
     for digest in run.trained_on:
         assert digest in page.words
     assert 'path = "run2.csv"' in "".join(page.words)
+
+
+FULL_STUDY = """
+[robot]
+description = "small.urdf"
+gravity = [0.0, 0.1, -9.8]
+locked = { joint_3 = 0.25 }
+[model]
+terms = ["rigid-body", "coulomb", "viscous", "coulomb"]
+coulomb = [{ width = 0.02, joints = ["joint_1"] }, { width = 0.05, joints = ["joint_2"] }]
+[[recording]]
+path = "run1.csv"
+part = [0.0, 0.7]
+torque_sign = [1, 1]
+exclude = [[0.5, 0.6]]
+joints = ["joint_1", "joint_2", ""]
+[[recording]]
+path = "run1.csv"
+role = "validate"
+part = [0.7, 1.0]
+joints = ["joint_1", "joint_2", ""]
+[processing]
+cutoff = 4.0
+trim = 0.2
+[estimation]
+method = "physical"
+[estimation.physical]
+prior = "log-det"
+weight = 2.0
+total_mass = [4.0, 8.0]
+masses = { 1 = [1.0, 4.0] }
+[estimation.robust]
+"""
+
+
+@pytest.mark.parametrize("text", [STUDY, FULL_STUDY], ids=["plain", "full"])
+def test_the_study_on_the_page_makes_the_same_run(text: str, tmp_path: Path):
+    write_recordings(tmp_path)
+    result = identify(load_study(write_study(tmp_path, text)))
+    run = load_run(save_run(result, tmp_path / "run"))
+    section = show_provenance(gather(run))
+    again = load_study(write_study(tmp_path, section.content["study"]))
+    assert plain(again) == plain(result.study)
+    assert identify(again).estimate.fit.values == pytest.approx(result.estimate.fit.values, rel=1e-12)
+    assert Path(section.content["folder"]) == tmp_path
+
+
+def plain(study: Study) -> str:
+    """A study as text, without what is not said."""
+
+    def said(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: said(each) for key, each in value.items() if each is not None and said(each) not in ({}, [])}
+        return [said(each) for each in value] if isinstance(value, tuple | list) else value
+
+    record = json.loads(to_json(asdict(study)))
+    return json.dumps(said(record), sort_keys=True)
 
 
 def test_nothing_is_fetched(html: str, page: Page):

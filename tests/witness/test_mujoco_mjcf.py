@@ -8,6 +8,7 @@ import pytest
 
 from armid.kernel import reference
 from armid.robot import frame_pose, load_robot
+from armid.robot.kinematics import forward_kinematics
 
 TOLERANCE = 1e-12
 """Absolute, on metres and N·m of order one to a hundred."""
@@ -106,3 +107,33 @@ def test_a_description_that_uses_everything(tmp_path):
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
 def test_every_way_to_write_an_orientation(tmp_path, orientation, eulerseq):
     check_against_mujoco(chain(orientation, eulerseq), tmp_path / "chain.xml")
+
+
+def test_bodies_are_where_mujoco_has_them(tmp_path):
+    """Every geom's place, and its axis z, in random poses; what touches nothing is seen only."""
+    text = EVERYTHING.replace(
+        '<geom size="0.1" mass="0"/>', '<geom size="0.1" mass="0" contype="0" conaffinity="0"/>'
+    )
+    path = tmp_path / "everything.xml"
+    path.write_text(text)
+    robot = load_robot(path, tip="tcp")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    assert len(robot.visuals) == model.ngeom == len(robot.shapes) + 1
+    kinds = {
+        "half-space": "PLANE",
+        "sphere": "SPHERE ELLIPSOID",
+        "capsule": "CAPSULE",
+        "cylinder": "CYLINDER",
+        "box": "BOX",
+    }
+    for q in np.random.default_rng(0).uniform(-1, 1, (3, robot.n)):
+        data.qpos = q
+        mujoco.mj_kinematics(model, data)
+        R, p = forward_kinematics(robot, q[None])
+        for k, shape in enumerate(robot.visuals):
+            assert mujoco.mjtGeom(model.geom_type[k]).name.removeprefix("mjGEOM_") in kinds[shape.kind]
+            turn, place = (R[0, shape.link], p[0, shape.link]) if shape.link >= 0 else (np.eye(3), np.zeros(3))
+            np.testing.assert_allclose(place + turn @ shape.placement[:3, 3], data.geom_xpos[k], atol=TOLERANCE)
+            axis = np.abs(turn @ shape.placement[:3, 2])  # a capsule may lie the other way round
+            np.testing.assert_allclose(axis, np.abs(data.geom_xmat[k].reshape(3, 3)[:, 2]), atol=TOLERANCE)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Any
 
 from armid.report.material import Material
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
-from armid.report.toml import to_toml
+from armid.report.toml import study_to_toml
 
 __all__ = ["show_provenance"]
 
@@ -34,7 +32,12 @@ def show_provenance(material: Material) -> Section:
         ("Python", platform.python_version()),
     ]
     findings = [(f.code, f.severity, f.channel, f.evidence, f.remedy) for f in estimate.findings]
-    content = {"made": made, "study": to_toml(_study(material.study)), "findings": findings}
+    content = {
+        "made": made,
+        "study": study_to_toml(material.study),
+        "folder": material.study["folder"],
+        "findings": findings,
+    }
     return Section("Provenance", content, (table,))
 
 
@@ -46,19 +49,3 @@ def _named(material: Material, digests: list[tuple[str, str, str]]) -> list[tupl
         path = next(paths, "") if role in ("train", "validate") else ""
         named.append((f"{role}: {path}" if path else role, space, sha256))
     return named
-
-
-def _study(study: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables of a study.toml that says what this run's study came to."""
-    model = {"terms": study["model"]["terms"], **study["model"]["shapes"]}
-    recordings = [
-        {"path": each["path"], "role": each["role"], "part": each["part"], **each["reading"]}
-        for each in study["recordings"]
-    ]
-    return {
-        "robot": study["robot"],
-        "model": model,
-        "recording": recordings,
-        "processing": study["processing"],
-        "estimation": study["estimation"],
-    }
