@@ -1,0 +1,85 @@
+"""`armid preview`: arms, plans, recordings and runs on a page of their own."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from armid.cli import main as cli
+from armid.excitation.fourier import save_plan
+from labs import small_plan, write_arm
+from reports import Page, make_run
+
+pytest.importorskip("jinja2")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small arm, a plan of it, recordings and a run."""
+    folder = tmp_path_factory.mktemp("small")
+    make_run(folder)
+    write_arm(folder)
+    save_plan(small_plan(1), folder / "plan.json")
+    return folder
+
+
+def armid(*arguments: object) -> int:
+    """Run the command line; its exit code."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(argument) for argument in arguments])
+    return int(ended.value.code or 0)
+
+
+def shown(path: Path) -> dict[str, Any]:
+    """What a page's script is given."""
+    return Page(path.read_text(encoding="utf-8")).data
+
+
+@pytest.mark.parametrize("motion", ["plan.json", "run2.csv", "run", None])
+def test_an_arm_that_does_something(motion: str | None, folder: Path, tmp_path: Path, capsys):
+    out = tmp_path / "page.html"
+    arguments = [] if motion is None else [folder / motion]
+    assert armid("preview", folder / "small.urdf", *arguments, "--floor", "-0.5", "--out", out, "--json") == 0
+    assert json.loads(capsys.readouterr().out) == {"preview": str(out), "bytes": out.stat().st_size}
+    data = shown(out)
+    assert data["duration"] == pytest.approx({"plan.json": 8.0, None: 0.0}.get(motion, 16.0), abs=0.02)
+    assert [layer["name"] for layer in data["layers"]] == ["description", *(["estimate"] if motion == "run" else [])]
+    assert [each["name"] for each in data["surroundings"]] == ["floor"]
+
+
+def test_a_run_shows_what_it_was_judged_on(folder: Path, tmp_path: Path):
+    run = shutil.copytree(folder / "run", tmp_path / "run")
+    assert armid("preview", run) == 0
+    page = Page((run / "preview.html").read_text(encoding="utf-8"))
+    assert "run2.csv" in page.prose and "masses: estimate" in page.prose
+    assert all(body["mass"] > 0.0 for layer in page.data["layers"] for body in layer["bodies"])
+
+
+def test_recordings_that_are_gone_are_asked_for(folder: Path, tmp_path: Path, capsys):
+    run = shutil.copytree(folder / "run", tmp_path / "run")
+    record = json.loads((run / "study.json").read_text())
+    (run / "study.json").write_text(json.dumps(record | {"folder": str(tmp_path)}))
+    assert armid("preview", run) == 2
+    assert "--data" in capsys.readouterr().err and not (run / "preview.html").exists()
+    assert armid("preview", run, "--data", folder) == 0
+
+
+@pytest.mark.parametrize("motion", ["nowhere.csv", "nowhere.json", "thesis-a1"])
+def test_what_cannot_be_shown_is_refused(motion: str, folder: Path, tmp_path: Path, capsys):
+    assert armid("preview", folder / "small.urdf", motion, "--out", tmp_path / "page.html") == 2
+    assert motion in capsys.readouterr().err and not (tmp_path / "page.html").exists()
+
+
+def test_excite_leaves_pages_or_not(tmp_path: Path):
+    options = ["--experiment", "sweeps", "--format", "csv"]
+    assert armid("excite", "ur5e", *options, "--out", tmp_path / "with") == 0
+    assert (tmp_path / "with" / "preview.html").is_file()
+    assert armid("preview", "ur5e", tmp_path / "with", "--out", tmp_path / "again.html") == 0
+    assert shown(tmp_path / "again.html")["q"] == shown(tmp_path / "with" / "preview.html")["q"]
+    assert armid("preview", "ur5e", tmp_path / "with" / "plan.csv", "--out", tmp_path / "table.html") == 0
+    assert armid("excite", "ur5e", *options, "--no-report", "--out", tmp_path / "without") == 0
+    assert not (tmp_path / "without" / "preview.html").exists()
