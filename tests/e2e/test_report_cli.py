@@ -79,7 +79,8 @@ def test_without_the_extra(small: Path, tmp_path: Path, monkeypatch: pytest.Monk
     assert armid("identify", small / "study.toml", "--out", tmp_path / "run", "--json") == 0
     out, err = capfd.readouterr()
     assert json.loads(out)["run"] == str(tmp_path / "run")
-    assert err.count("\n") == 1 and "no report.html" in err and "armid[report]" in err
+    said = [line for line in err.splitlines() if "report" in line]
+    assert len(said) == 1 and said[0].startswith("no report.html") and "armid[report]" in said[0]
     assert not (tmp_path / "run" / "report.html").exists()
     assert armid("report", tmp_path / "run") == 2
     assert "armid[report]" in capfd.readouterr().err
@@ -93,5 +94,5 @@ def test_an_interrupted_page_leaves_the_run(
 
     monkeypatch.setattr(pages, "render", stopped)
     assert armid("identify", small / "study.toml", "--out", tmp_path / "run") == 0
-    assert capsys.readouterr().err == "no report.html: interrupted\n"
+    assert capsys.readouterr().err.endswith("no report.html: interrupted\n")
     assert (tmp_path / "run" / "estimate.json").is_file() and not (tmp_path / "run" / "report.html").exists()
