@@ -6,6 +6,7 @@ command line can print one message. `Finding` is the milder form: evidence recor
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,6 +22,7 @@ __all__ = [
     "RobotError",
     "StudyError",
     "UnsolvedError",
+    "did_you_mean",
 ]
 
 
@@ -110,3 +112,17 @@ class Finding:
     channel: str
     evidence: str
     remedy: str = ""
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """A guess at what was meant, as a remedy; empty where nothing known is close.
+
+    Args:
+        name: What was asked for.
+        known: What there is.
+    """
+    from difflib import get_close_matches
+
+    plain = {str(each).lower(): each for each in known}
+    close = get_close_matches(str(name).lower(), plain, 1)
+    return f"did you mean {plain[close[0]]!r}?" if close else ""

@@ -122,6 +122,31 @@ def test_docstrings_name_what_is_there(module: str):
     assert {name: difference for name, difference in wrong.items() if difference} == {}
 
 
+def test_the_package_alone_loads_nothing():
+    script = (
+        "import armid, sys; print(*sorted(m for m in sys.modules if m.split('.')[0] in ('numpy', 'scipy', 'armid')))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["armid"]
+
+
+@pytest.mark.parametrize("arguments", ["", "'--help'", "'identify', '--help'"])
+def test_help_is_light(arguments: str):
+    """What is asked first, and again and again, waits for no arithmetic."""
+    script = f"""
+import sys
+from armid.cli.main import main
+try:
+    main([{arguments}])
+except SystemExit:
+    pass
+loaded = {{name.split(".")[0] for name in sys.modules}}
+print(*sorted(({HEAVY - {"typer", "rich"}!r} | {{"numpy", "scipy", "clarabel"}}) & loaded), file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "armid" in done.stdout and done.stderr.split() == []
+
+
 def test_importing_is_light():
     """No module but those of the command line loads what only some users need."""
     modules = [module for module in MODULES if not module.startswith("armid.cli")]

@@ -46,20 +46,18 @@ def base(
 
     arm = load_choice(robot_choice(robot, gravity, lock))
     found = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))
-    print_findings(arm.findings)
     if json:
         sys.stdout.write(to_json(base_record(found)) + "\n")
+        print_findings(arm.findings)
         return
     lines = base_formulas(found, style.value)
     if columns:
         lines = (*lines, "", *column_formulas(found, style.value))
-    if style is Style.latex:
-        sys.stdout.write("\n".join(lines) + "\n")
-        return
-    console = output_console()
-    zero = [found.standard_names[k] for k in found.zero_columns]
-    console.print(
-        f"[bold]{arm.name}[/]: {found.count} base parameters of {len(found.standard_names)}; "
-        f"{len(zero)} without effect" + (f" ({', '.join(zero)})" if zero else "")
-    )
+    if style is not Style.latex:
+        zero = [found.standard_names[k] for k in found.zero_columns]
+        output_console().print(
+            f"[bold]{arm.name}[/]: {found.count} base parameters of {len(found.standard_names)}; "
+            f"{len(zero)} without effect" + (f" ({', '.join(zero)})" if zero else "")
+        )
     sys.stdout.write("\n".join(lines) + "\n")
+    print_findings(arm.findings)

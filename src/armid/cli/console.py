@@ -65,7 +65,8 @@ def print_error(error: ArmidError) -> None:
 
 
 def print_findings(findings: Sequence[Finding]) -> None:
-    """Warnings and notes, one line each."""
+    """Warnings and notes, one line each, behind what is on standard output by now."""
+    sys.stdout.flush()
     console = error_console()
     colours = {"error": "red", "warning": "yellow", "info": "dim"}
     for finding in findings:

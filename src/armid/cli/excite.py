@@ -166,14 +166,14 @@ def excite(robot: str, **options: Any) -> None:
     if not options["no_report"]:
         attempt(PREFLIGHT, lambda: write_preflight(designed, folder / PREFLIGHT))
         attempt(PREVIEW, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
+    if options["json"]:
+        sys.stdout.write(to_json({**design_record(designed), "folder": str(folder)}) + "\n")
+    else:
+        sys.stdout.write(report_text(designed))
+        output_console().print(f"written to [bold]{folder}[/]")
     print_findings((*arm.findings, *designed.findings))
     if designed.search.interrupted:
         sys.stderr.write("stopped by hand; this is the best plan so far\n")
-    if options["json"]:
-        sys.stdout.write(to_json({**design_record(designed), "folder": str(folder)}) + "\n")
-        return
-    sys.stdout.write(report_text(designed))
-    output_console().print(f"written to [bold]{folder}[/]")
 
 
 def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:

@@ -9,7 +9,6 @@ import re
 import sys
 from collections.abc import Callable
 from functools import wraps
-from importlib.metadata import version
 from io import TextIOWrapper
 from typing import Annotated, Any
 
@@ -23,6 +22,7 @@ from armid.cli.doctor import doctor
 from armid.cli.excite import excite
 from armid.cli.export import export
 from armid.cli.identify import identify
+from armid.cli.next_step import next_step
 from armid.cli.payload import payload
 from armid.cli.predict import predict
 from armid.cli.preview import preview
@@ -59,7 +59,6 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
 
 app = typer.Typer(
     name="armid",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -67,18 +66,23 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         sys.stdout.write(f"armid {version('armid')}\n")
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Find the dynamic model of a robot arm: base parameters, friction and intervals from recordings."""
     del version
+    if context.invoked_subcommand is None:
+        sys.stdout.write(next_step())
 
 
 COMMANDS: tuple[Callable[..., None], ...] = (

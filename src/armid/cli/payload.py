@@ -62,13 +62,13 @@ def payload(
     )
     text = to_json(payload_record(found)) + "\n"
     path = None if out is None else replace_file(out / "payload.json", text)
-    print_findings(found.findings)
     if json:
         sys.stdout.write(text)
-        return
-    _report(found)
-    if path is not None:
+    else:
+        _report(found)
+    if path is not None and not json:
         sys.stdout.write(f"\nwritten to {path}\n")
+    print_findings(found.findings)
 
 
 def _report(payload: Payload) -> None:

@@ -75,8 +75,8 @@ def simulate(
             noise_free=noise_free,
             tell=lambda share: tell("simulation", share),
         )
-    print_findings((*arm.findings, *doubts(done.simulated)))
     _report(done, json=json)
+    print_findings((*arm.findings, *doubts(done.simulated)))
 
 
 def _told(

@@ -48,7 +48,6 @@ def validate(
     loaded = load_run(run)
     how, closed = changed_reading(rate, torque_sign), controller is not None
     found, findings = validate_run(loaded, recordings, how)
-    print_findings(findings)
     wanted = simulate or closed
     motion = roll_out(loaded, recordings, how, window, tolerance, controller) if wanted else ()
     if json:
@@ -63,6 +62,7 @@ def validate(
         if motion:
             console.print(motion_table(loaded.robot, motion, closed=closed))
         print_verdict(console, found)
+    print_findings(findings)
     if found.verdict == "fail":
         raise typer.Exit(1)
 

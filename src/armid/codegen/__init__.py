@@ -13,7 +13,7 @@ from armid.codegen.functions import PROGRAMS, make_programs
 from armid.codegen.languages import LANGUAGES
 from armid.codegen.program import Argument, Program
 from armid.codegen.source import Source, make_source
-from armid.errors import OutputError
+from armid.errors import OutputError, did_you_mean
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
 
@@ -46,6 +46,10 @@ def generate(
         ModelError: No such function, or a term that depends on a load that is not known.
     """
     if language not in LANGUAGES:
-        raise OutputError(f"No code is written in {language!r}.", possible=", ".join(LANGUAGES))
+        raise OutputError(
+            f"No code is written in {language!r}.",
+            possible=", ".join(LANGUAGES),
+            remedy=did_you_mean(language, LANGUAGES),
+        )
     source = make_source(model, base, values, name=name, heading=heading, wanted=wanted)
     return LANGUAGES[language].write(source)

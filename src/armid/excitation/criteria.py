@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, did_you_mean
 from armid.values import Array
 
 __all__ = ["CRITERIA", "Criterion", "condition_number", "make_criterion", "trace_of_covariance"]
@@ -175,7 +175,9 @@ def make_criterion(
         ArmidError: No such criterion, or `prediction` without motions.
     """
     if name not in CRITERIA:
-        raise ArmidError(f"There is no criterion {name!r}.", possible=", ".join(CRITERIA))
+        raise ArmidError(
+            f"There is no criterion {name!r}.", possible=", ".join(CRITERIA), remedy=did_you_mean(name, CRITERIA)
+        )
     if name == "prediction" and prediction is None:
         raise ArmidError(
             "The criterion 'prediction' needs motions to predict.", remedy="give plans whose torque matters."

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, did_you_mean
 from armid.excitation.channels import Amplitudes, Channel, Coefficients, Range
 from armid.excitation.loads import Torque
 from armid.excitation.series import SeriesBasis
@@ -112,7 +112,9 @@ def limits_of(
     for (name, kind), value in (given or {}).items():
         j = robot.joint_index(name)
         if kind not in KINDS:
-            raise ArmidError(f"There is no limit of {kind!r}.", possible=", ".join(KINDS))
+            raise ArmidError(
+                f"There is no limit of {kind!r}.", possible=", ".join(KINDS), remedy=did_you_mean(kind, KINDS)
+            )
         if kind == "position":
             if not isinstance(value, tuple):
                 raise ArmidError(f"The position limit of {name} needs a lower and an upper number; found {value}.")

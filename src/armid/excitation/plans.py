@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, did_you_mean
 from armid.excitation.fourier import Excitation, load_plan
 
 __all__ = ["PLANS", "builtin_plan"]
@@ -25,5 +25,7 @@ def builtin_plan(name: str) -> Excitation:
         ArmidError: No such plan.
     """
     if name not in PLANS:
-        raise ArmidError(f"There is no built-in plan {name!r}.", possible=", ".join(PLANS))
+        raise ArmidError(
+            f"There is no built-in plan {name!r}.", possible=", ".join(PLANS), remedy=did_you_mean(name, PLANS)
+        )
     return load_plan(TABLES / f"{name}.json")

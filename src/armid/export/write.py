@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from armid.codegen import LANGUAGES
-from armid.errors import Finding, OutputError
+from armid.errors import Finding, OutputError, did_you_mean
 from armid.export.bodies import carried_by, is_possible, share_out
 from armid.export.check import Prediction, places_of, verify, without_place
 from armid.export.content import Body, Content, Source
@@ -82,9 +82,7 @@ def export_run(
     Raises:
         OutputError: The file cannot be written, or would not say what was identified; nothing is left behind.
     """
-    if to not in EXPORTERS:
-        raise OutputError(f"Unknown format {to!r}.", possible=", ".join((*EXPORTERS, *LANGUAGES)))
-    exporter = EXPORTERS[to]
+    exporter = _exporter(to)
     source = find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
     side = path.with_name(f"{path.stem}{SIDE}")
@@ -115,6 +113,17 @@ def export_run(
     findings = (*findings, *written.findings, *_not_placed(run, exporter), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
+
+
+def _exporter(to: str) -> Exporter:
+    """The writer of a format."""
+    if to not in EXPORTERS:
+        raise OutputError(
+            f"Unknown format {to!r}.",
+            possible=", ".join((*EXPORTERS, *LANGUAGES)),
+            remedy=did_you_mean(to, (*EXPORTERS, *LANGUAGES)),
+        )
+    return EXPORTERS[to]
 
 
 def _content(

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from armid import kernel
-from armid.errors import LabError
+from armid.errors import LabError, did_you_mean
 from armid.lab.truths import Truth
 from armid.model.motion import Motion
 from armid.values import Array
@@ -59,7 +59,11 @@ class Controller:
 
     def __post_init__(self) -> None:
         if self.kind not in CONTROLLERS:
-            raise LabError(f"There is no controller {self.kind!r}.", possible=", ".join(CONTROLLERS))
+            raise LabError(
+                f"There is no controller {self.kind!r}.",
+                possible=", ".join(CONTROLLERS),
+                remedy=did_you_mean(self.kind, CONTROLLERS),
+            )
         good = self.compliance > 0.0 and self.damping > 0.0 and self.rate >= 0.0 and (self.integral or 0.0) >= 0.0
         if not good:
             raise LabError("A controller's compliance and damping must be positive, rate and integral not negative.")

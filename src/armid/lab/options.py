@@ -8,14 +8,13 @@ import types
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import ArmidError, LabError
+from armid.errors import ArmidError, LabError, did_you_mean
 from armid.lab.controller import Controller, Drive
 from armid.lab.faults import FAULTS, Fault
 from armid.lab.friction import Friction
@@ -122,9 +121,9 @@ def _made(kind: type[T], table: object, where: str) -> T:
     hints = typing.get_type_hints(kind)
     for key in table:
         if key not in fields:
-            close = get_close_matches(str(key), fields, 1)
-            hint = f"did you mean {close[0]!r}?" if close else ""
-            raise LabError(f"{where} has no key {key!r}.", possible=", ".join(fields), remedy=hint)
+            raise LabError(
+                f"{where} has no key {key!r}.", possible=", ".join(fields), remedy=did_you_mean(key, fields)
+            )
     missing = [
         name
         for name, f in fields.items()

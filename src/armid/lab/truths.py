@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armid.errors import LabError
+from armid.errors import LabError, did_you_mean
 from armid.lab.friction import Friction, MaxwellSlip, Stribeck, ToothRipple, Warmth
 from armid.lab.virtual import THESIS_FRICTION
 from armid.robot.robot import InertialParameters, Robot
@@ -205,7 +205,9 @@ def with_effects(truth: Truth, names: Sequence[str]) -> Truth:
     """
     for name in names:
         if name not in EFFECTS:
-            raise LabError(f"There is no effect {name!r}.", possible=", ".join(EFFECTS))
+            raise LabError(
+                f"There is no effect {name!r}.", possible=", ".join(EFFECTS), remedy=did_you_mean(name, EFFECTS)
+            )
     for name, change in EFFECTS.items():
         if name in names:
             truth = change(truth)

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armid.errors import Finding, RobotError
+from armid.errors import Finding, RobotError, did_you_mean
 from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
 from armid.maths.spatial import axis_rotation, homogeneous
@@ -273,7 +273,11 @@ class Robot:
         try:
             return self.joint_names.index(name)
         except ValueError:
-            raise RobotError(f"{self.name} has no joint {name!r}.", possible=", ".join(self.joint_names)) from None
+            raise RobotError(
+                f"{self.name} has no joint {name!r}.",
+                possible=", ".join(self.joint_names),
+                remedy=did_you_mean(name, self.joint_names),
+            ) from None
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
         """The same arm under another gravity acceleration (3,) [m/s²], for instance hanging."""

@@ -79,7 +79,10 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     if path in PLANS or path.endswith(".json"):
         plan = builtin_plan(path) if path in PLANS else load_plan(path)
         if plan.n != run.robot.n:
-            raise ArmidError(f"{path} moves {plan.n} joints; {run.robot.name} has {run.robot.n}.")
+            raise ArmidError(
+                f"{path} moves {plan.n} joints; {run.robot.name} has {run.robot.n}.",
+                remedy="give a plan for the arm of this run.",
+            )
         if not 0.0 < rate < np.inf:
             raise ArmidError(f"A plan is sampled at a rate above 0; found {rate:g} Hz.")
         return plan.sample(rate)

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from armid.errors import ArmidError, Finding
+from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.channels import Channel
 from armid.excitation.collision import Collision, cell_of, kept_apart
 from armid.excitation.design import Progress, Search, search, single_threaded_pool
@@ -243,7 +243,11 @@ def _channels(
 ) -> tuple[tuple[Channel, ...], tuple[Finding, ...]]:
     """Limits of motion, torque and tip."""
     if rules.limits not in LIMIT_KINDS:
-        raise ArmidError(f"There are no limits of kind {rules.limits!r}.", possible=", ".join(LIMIT_KINDS))
+        raise ArmidError(
+            f"There are no limits of kind {rules.limits!r}.",
+            possible=", ".join(LIMIT_KINDS),
+            remedy=did_you_mean(rules.limits, LIMIT_KINDS),
+        )
     motion = motion_channels(limits)
     result: list[Channel] = list(motion)
     if rules.limits != "true":

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import ArmidError
+from armid.errors import ArmidError, did_you_mean
 from armid.excitation.experiments import Moves
 from armid.excitation.formats import FORMATS, Track
 from armid.excitation.plan import Plan
@@ -48,7 +48,11 @@ def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
     """
     unknown = [name for name in names or () if name not in FORMATS]
     if unknown:
-        raise ArmidError(f"There is no format {unknown[0]!r}.", possible=", ".join(FORMATS))
+        raise ArmidError(
+            f"There is no format {unknown[0]!r}.",
+            possible=", ".join(FORMATS),
+            remedy=did_you_mean(unknown[0], FORMATS),
+        )
     return tuple(names or FORMATS)
 
 

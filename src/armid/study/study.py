@@ -12,11 +12,10 @@ import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from armid.errors import ArmidError, StudyError
+from armid.errors import ArmidError, StudyError, did_you_mean
 from armid.estimation.estimators import ESTIMATORS, Estimator
 from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
@@ -144,7 +143,11 @@ class EstimationChoice:
 
     def __post_init__(self) -> None:
         if self.method not in ESTIMATORS:
-            raise StudyError(f"Unknown estimation method {self.method!r}.", possible=", ".join(ESTIMATORS))
+            raise StudyError(
+                f"Unknown estimation method {self.method!r}.",
+                possible=", ".join(ESTIMATORS),
+                remedy=did_you_mean(self.method, ESTIMATORS),
+            )
         own = self.friction_per_recording
         _require(own in (True, False), "friction_per_recording", "true or false", own)
 
@@ -189,7 +192,7 @@ def load_study(path: Path | str) -> Study:
             f"The study {path} cannot be read: {error}.", remedy="give the path of a study.toml."
         ) from error
     except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"{path} is no valid TOML: {error}.") from error
+        raise StudyError(f"{path} is no valid TOML: {error}.", remedy="correct the line.") from error
     return parse_study(table, str(path.parent))
 
 
@@ -204,7 +207,10 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
         raise StudyError("The study has no table [robot].", remedy='write [robot] with description = "…".')
     recordings = table.get("recording", [])
     if not isinstance(recordings, list) or not all(isinstance(each, Mapping) for each in recordings):
-        raise StudyError("Recordings stand in [[recording]] tables, one each.")
+        raise StudyError(
+            f"Recordings are no list of tables; found {recordings!r:.80}.",
+            remedy="write [[recording]], in two brackets, before each.",
+        )
     model = _model_choice(table.get("model", {}))
     return Study(
         _make(RobotChoice, table["robot"], "[robot]"),
@@ -269,7 +275,9 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
     terms: list[Term] = []
     for k, name in enumerate(names):
         if name not in TERMS:
-            raise StudyError(f"Unknown torque term {name!r}.", possible=", ".join(TERMS), remedy=_hint(name, TERMS))
+            raise StudyError(
+                f"Unknown torque term {name!r}.", possible=", ".join(TERMS), remedy=did_you_mean(name, TERMS)
+            )
         # A name that stands several times takes its tables one by one, where it stands last all that are left.
         taken = tables[name] if name not in names[k + 1 :] else tables[name][:1]
         tables[name] = tables[name][len(taken) :]
@@ -362,13 +370,9 @@ def _known(table: object, known: Iterable[str], where: str) -> None:
         raise StudyError(f"{where} must be a table; found {table!r}.", possible=", ".join(known))
     for key in table:
         if key not in known:
-            raise StudyError(f"{where} has no key {key!r}.", possible=", ".join(known), remedy=_hint(key, known))
-
-
-def _hint(name: str, known: Iterable[str]) -> str:
-    """A guess at what was meant."""
-    close = get_close_matches(name, list(known), 1)
-    return f"did you mean {close[0]!r}?" if close else ""
+            raise StudyError(
+                f"{where} has no key {key!r}.", possible=", ".join(known), remedy=did_you_mean(key, known)
+            )
 
 
 def _require(good: bool, name: str, wanted: str, found: object) -> None:

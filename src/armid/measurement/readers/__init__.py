@@ -46,7 +46,11 @@ def load_recording(path: Path | str, reading: Reading | None = None) -> Recordin
     known = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}
     reader = known.get(path.suffix.lower())
     if reader is None:
-        raise RecordingError(f"{path} is of an unknown format.", possible=", ".join(known))
+        raise RecordingError(
+            f"{path} is of an unknown format.",
+            possible=", ".join(known),
+            remedy="export it in one of these, or give the file the ending of what it is.",
+        )
     if not path.is_file():
         raise RecordingError(f"{path} does not exist.", remedy="check the path; a study's paths are relative to it.")
     if not path.stat().st_size:

@@ -1,0 +1,27 @@
+"""`armid` alone looks at the working folder and says what to do next."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from armid.cli.next_step import next_step
+
+
+def test_an_empty_folder_gets_the_beginning(tmp_path: Path):
+    assert "armid demo" in next_step(tmp_path) and "armid --help" in next_step(tmp_path)
+
+
+def test_an_arm_then_a_log_then_a_study_then_runs(tmp_path: Path):
+    (tmp_path / "arm.urdf").touch()
+    assert "armid excite arm.urdf" in next_step(tmp_path)
+    (tmp_path / "monday.csv").touch()
+    assert "armid identify arm.urdf monday.csv" in next_step(tmp_path)
+    (tmp_path / "study.toml").touch()
+    assert "armid identify study.toml" in next_step(tmp_path)
+    for age, name in enumerate(("today", "before")):
+        estimate = tmp_path / "runs" / name / "estimate.json"
+        estimate.parent.mkdir(parents=True)
+        estimate.touch()
+        os.utime(estimate, (1e9 - age, 1e9 - age))
+    assert "armid report runs/today" in next_step(tmp_path)
