@@ -17,6 +17,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import functions, symbols
 from armid.model.motion import Motion
 from armid.model.structure import SPAN_TOLERANCE, echelon, parameter_units, structural_base
+from armid.shown import Shown, Summary
 from armid.values import Array, array
 
 __all__ = ["BaseParameters", "find_base_parameters"]
@@ -49,7 +50,7 @@ LINEAR = frozenset({"add", "mul", "sign", "abs"})
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class BaseParameters:
+class BaseParameters(Shown):
     """Which standard columns stand for the base, and the regrouping: base = regrouping · standard.
 
     Y = Y[:, kept] · regrouping: column k of the regrouping says how the column of standard parameter k depends on
@@ -76,6 +77,15 @@ class BaseParameters:
         shape = (len(kept), len(self.standard_names))
         object.__setattr__(self, "regrouping", array(self.regrouping, shape, "regrouping"))
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
+
+    def summary(self) -> Summary:
+        """Base parameters with what they stand for."""
+        from armid.model.formulas import base_formulas  # which is about base parameters, too
+
+        formulas = (each.partition(" = ")[2] for each in base_formulas(self))
+        rows = tuple(zip(self.names, self.units, formulas, strict=True))
+        title = f"{self.count} base parameters of {len(self.standard_names)}"
+        return Summary(title, ("parameter", "unit", "stands for"), rows)
 
     @property
     def count(self) -> int:

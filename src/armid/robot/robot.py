@@ -15,6 +15,7 @@ from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
 from armid.maths.spatial import axis_rotation, homogeneous
 from armid.robot.shapes import Shape
+from armid.shown import Shown, Summary
 from armid.values import Array, array
 
 __all__ = ["EARTH_GRAVITY", "Frame", "InertialParameters", "Joint", "Link", "Robot"]
@@ -191,7 +192,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Robot:
+class Robot(Shown):
     """An open chain or tree of joints on a fixed base.
 
     Attributes:
@@ -263,6 +264,17 @@ class Robot:
             return None
         zero = InertialParameters.zero()
         return np.array([(link.inertial or zero).vector for link in self.links])
+
+    def summary(self) -> Summary:
+        """Joints with their limits."""
+        limits = ((*each.position_limits, each.velocity_limit, each.effort_limit) for each in self.joints)
+        rows = tuple(
+            (each.name, each.kind, *(f"{x:.4g}" for x in bounds))
+            for each, bounds in zip(self.joints, limits, strict=True)
+        )
+        gravity = ", ".join(f"{x:g}" for x in self.gravity)
+        columns = ("joint", "kind", "lower", "upper", "velocity", "effort")
+        return Summary(f"{self.name}: {self.n} joints", columns, rows, f"gravity {gravity} m/s²; SI units")
 
     def joint_index(self, name: str) -> int:
         """Index of a joint by name.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from armid.information.rows import all_rows
 from armid.information.setup import column_source
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
+from armid.shown import Shown, Summary
 from armid.values import Array, array
 
 __all__ = ["Check", "Score", "Validation", "score", "validate"]
@@ -88,7 +90,7 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True)
-class Validation:
+class Validation(Shown):
     """Scores on recordings that no parameter has seen, and the verdict.
 
     Attributes:
@@ -102,6 +104,16 @@ class Validation:
     recordings: tuple[Score, ...]
     verdict: str
     checks: tuple[Check, ...]
+
+    def summary(self) -> Summary:
+        """Torque error of every joint on each recording."""
+        columns = ("joint", *(f"{Path(each.path).name}, RMS" for each in self.recordings))
+        rows = tuple(
+            (joint, *(f"{each.rms[j]:.4g}" for each in self.recordings)) for j, joint in enumerate(self.joints)
+        )
+        failed = ", ".join(check.name for check in self.checks if not check.ok)
+        note = f"does not hold: {failed}" if failed else "N·m or N, in the study's band"
+        return Summary(f"verdict on unseen motion: {self.verdict}", columns, rows, note)
 
 
 def score(

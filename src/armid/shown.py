@@ -1,0 +1,63 @@
+"""How values show themselves in a notebook: they say what their table holds, and here it becomes HTML, once for all.
+
+Any value takes part by deriving from `Shown` and giving a `summary`. Text is escaped; nothing is fetched or executed.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from html import escape
+
+__all__ = ["Shown", "Summary", "html_of"]
+
+MOST_ROWS = 200
+"""Rows that are shown; a notebook becomes slow with more, and nobody reads them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a value shows of itself.
+
+    Attributes:
+        title: What it is, one line.
+        columns: Titles of the columns.
+        rows: Cells, one text a column.
+        note: What is to be known beside; empty where nothing is.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+
+class Shown:
+    """A value that a notebook shows as a table."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def summary(self) -> Summary:
+        """Title, rows and note of the table."""
+
+    def _repr_html_(self) -> str:
+        return html_of(self.summary())
+
+
+def html_of(summary: Summary) -> str:
+    """A summary as a table in HTML, without style but that numbers stand to the right."""
+
+    def line(tag: str, cells: tuple[str, ...]) -> str:
+        inside = "".join(
+            f'<{tag} style="text-align:{"left" if k == 0 else "right"}">{escape(cell)}</{tag}>'
+            for k, cell in enumerate(cells)
+        )
+        return f"<tr>{inside}</tr>"
+
+    rows = "".join(line("td", row) for row in summary.rows[:MOST_ROWS])
+    left = len(summary.rows) - MOST_ROWS
+    more = f"<p>and {left} rows more</p>" if left > 0 else ""
+    note = f"<p>{escape(summary.note)}</p>" if summary.note else ""
+    table = f"<thead>{line('th', summary.columns)}</thead><tbody>{rows}</tbody>"
+    return f"<table><caption>{escape(summary.title)}</caption>{table}</table>{more}{note}"
