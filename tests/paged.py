@@ -16,6 +16,9 @@ import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from typer.core import TyperGroup
+from typer.main import get_command
+
 from armid.cli import main as cli
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -23,6 +26,9 @@ DOCS = Path(__file__).parents[1] / "docs"
 FENCE = re.compile(
     r"^(?P<note>\*Not run by the tests[^\n]*\n)?```(?P<language>[\w{}-]*)\n(?P<text>.*?)^```", re.M | re.S
 )
+SYNOPSIS = re.compile(r"\.\.\.|…|\b(?:ROBOT|RUN|RECORDING|PLAN|STUDY|VALUES\.json)\b(?! --simulate)|\s{3,}")
+"""Placeholders and columns of a list of commands."""
+
 NAMED = re.compile(r"(?:# |<!-- )([\w/.-]+\.\w+)(?: -->)?")
 
 
@@ -83,3 +89,18 @@ def _run(command: str) -> None:
     except SystemExit as ended:
         code = ended.code or 0
     assert code == 0 or (tolerated and code == 1), f"{command} ended with {code}"
+
+
+def understood(command: str) -> None:
+    """Parse a command of armid without running it; an unknown command, option or a missing argument is an error."""
+    words = shlex.split(command.removesuffix("|| true"))
+    group = get_command(cli.app)
+    assert isinstance(group, TyperGroup) and words[1] in group.commands, f"no such command: {command}"
+    arguments = cli._repeated("--validate", cli._joined(words[2:]))  # as `main` does before it parses
+    group.commands[words[1]].make_context(words[1], arguments)
+
+
+def mentioned(page: str) -> list[str]:
+    """Commands of armid in any block of bash or of no language, but for synopses, which say what may stand there."""
+    found = [each for block in blocks(page) if block.language in ("", "bash") for each in commands(block.text)]
+    return [each for each in found if each.startswith("armid ") and not SYNOPSIS.search(each)]

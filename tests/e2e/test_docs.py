@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 from pathlib import Path
 
 import pytest
 
-from paged import blocks, commands, follow, pages
+from paged import DOCS, blocks, commands, follow, mentioned, pages, understood
 
 pytest.importorskip("mujoco")
 pytest.importorskip("plotly")
@@ -55,6 +56,21 @@ def test_the_tutorial_of_the_iiwa(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.chdir(tmp_path)
     assert follow(PAGES["tutorials/iiwa.md"]) >= 6
     assert (tmp_path / "iiwa_identified.urdf").is_file()
+
+
+@pytest.mark.parametrize("page", [*PAGES, "README.md"])
+def test_commands_and_snippets_of_every_page_are_understood(page: str):
+    """Reference pages show commands for files that only the reader has: these parse, and so does their Python."""
+    text = PAGES[page] if page in PAGES else (DOCS.parent / page).read_text(encoding="utf-8")
+    for command in mentioned(text):
+        understood(command)
+    for block in blocks(text):
+        if block.language == "python":
+            ast.parse(block.text)
+
+
+def test_reference_pages_mention_commands():
+    assert sum(len(mentioned(text)) for text in PAGES.values()) > 60
 
 
 def test_what_is_not_run_says_so():
