@@ -11,6 +11,7 @@ from armid.information.information import Information, stack, total
 from armid.maths.linalg import unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
+from armid.validation.doctor.excitation_weak import WEAK_CONDITION, hardly_told
 
 __all__ = [
     "excitation_finding",
@@ -22,11 +23,6 @@ __all__ = [
 STRONGEST_GRAVITY = 15.0
 """Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
 
-
-WEAK_CONDITION = 100.0
-"""Condition number with columns of unit length above which an estimate holds for the motion that it was made from
-and hardly for another: well recorded arms have 8 to 42, those whose estimates fail elsewhere 200 and more."""
-
 NAMED = 4
 
 
@@ -36,14 +32,11 @@ def excitation_finding(information: Information) -> Finding | None:
     condition = float(values[0] / values[-1])
     if condition <= WEAK_CONDITION:
         return None
-    worst = np.argsort(-np.abs(directions[-1]))[:NAMED]
-    names = ", ".join(information.names[k] for k in worst)
     return Finding(
         "excitation-weak",
         "warning",
         "",
-        f"The motion hardly tells {names} apart (condition number {condition:.0f} with columns of unit length, where "
-        f"{WEAK_CONDITION:.0f} is much).",
+        hardly_told(information.names, directions[-1], condition),
         "record a motion that moves all joints together, fast and wide; on other motion the estimate may fail.",
     )
 

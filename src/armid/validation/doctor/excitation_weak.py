@@ -11,8 +11,9 @@ from armid.model.terms import RotorInertia
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.rows import products
 from armid.validation.doctor.state import State
+from armid.values import Array
 
-__all__ = ["check"]
+__all__ = ["WEAK_CONDITION", "check", "hardly_told"]
 
 WEAK_CONDITION = 100.0
 """Condition number with columns of unit length above which an estimate holds for the motion that it was made from
@@ -50,18 +51,24 @@ def check(evidence: Evidence) -> list[Finding]:
     condition = float(np.sqrt(powers[-1] / max(powers[0], 1e-18 * powers[-1])))
     if condition <= WEAK_CONDITION:
         return []
-    worst = np.argsort(-np.abs(directions[:, 0]))[:NAMED]
-    listed = ", ".join(names[k] for k in worst)
     return [
         Finding(
             "excitation-weak",
             "warning" if condition > POOR_CONDITION or _is_timid(own) else "info",
             "",
-            f"The motion hardly tells {listed} apart (condition number {condition:.0f} with columns of unit length, "
-            f"where {WEAK_CONDITION:.0f} is much).",
+            hardly_told(names, directions[:, 0], condition),
             _advice(own),
         )
     ]
+
+
+def hardly_told(names: tuple[str, ...], direction: Array, condition: float) -> str:
+    """That a condition number is too large, with the parameters (b,) that its weakest direction is made of."""
+    worst = ", ".join(names[k] for k in np.argsort(-np.abs(direction))[:NAMED])
+    return (
+        f"The motion hardly tells {worst} apart (condition number {condition:.0f} with columns of unit length, where "
+        f"{WEAK_CONDITION:.0f} is much)."
+    )
 
 
 def _too_short(evidence: Evidence) -> list[Finding]:

@@ -12,8 +12,9 @@ from armid.values import Array
 
 __all__ = ["check"]
 
-LATE_SAMPLES, LATE_SECONDS = 1.0, 0.005
-"""Delay of a repetition worth a word: a sample, and what moves a fast joint by half a degree."""
+LATE_SAMPLES, LATE_SECONDS = 1.5, 0.005
+"""Delay of a repetition worth a word: more than the sample by which two may differ that begin at whole ones, and what
+moves a fast joint by half a degree."""
 
 STEPS = 25
 """Rounds of moving one repetition over the other; each finds what a straight line through the motion does."""
