@@ -135,7 +135,8 @@ def _prior(state: State) -> tuple[Array, Array]:
         body = theta[own]
         deviation[own[0]] = MASS * body[0]
         deviation[own[1:4]] = MASS * np.abs(body[1:4]) + SPREAD * body[0]
-        deviation[own[4:]] = INERTIA * np.abs(body[4:]).max() + SPREAD**2 * body[0]
+        moved = SPREAD * (2.0 * float(np.linalg.norm(body[1:4])) + SPREAD * body[0])  # by the centre of mass
+        deviation[own[4:]] = INERTIA * np.abs(body[4:]).max() + moved
     deviation = np.maximum(deviation, 1e-6)
     spread = state.base.regrouping * deviation
     covariance = spread @ spread.T
