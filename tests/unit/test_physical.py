@@ -319,7 +319,7 @@ def test_known_links_are_as_described():
         ({"fixed": {"XX_1": "one"}}, "XX_1"),
         ({"fixed": [1.0]}, "fixed"),
         ({"known": (7,)}, "7"),
-        ({"fixed": {"FV_1": -1.0}}, "given"),
+        ({"fixed": {"FV_1": -1.0}}, "FV_1 = -1"),
         ({"fixed": {name: -1.0 for name in ("M_1", "MX_1", "MY_1", "MZ_1")}, "prior": "mass"}, "."),
     ],
 )
@@ -327,6 +327,40 @@ def test_what_cannot_be_asked_is_refused(options: dict[str, object], said: str):
     with pytest.raises(EstimationError) as caught:
         estimate(**options)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "named", "unnamed"),
+    [
+        (
+            {"total_mass": (50.0, 60.0), "heaviest": 4.0, "masses": {"1": [1.0, 2.0]}},
+            ("total_mass", "heaviest"),
+            "masses",
+        ),
+        (
+            {"masses": {"1": [3.0, 5.0], "2": [1.0, 2.0]}, "equal": (("M_1", "M_2"),), "heaviest": 50.0},
+            ("masses = { 1 = [3, 5] }", "masses = { 2 = [1, 2] }", "equal"),
+            "heaviest",
+        ),
+        (
+            {"fixed": {"M_1": 0.5, "XY_2": 0.0}, "masses": {"1": [1.0, 2.0]}},
+            ("fixed = { M_1 = 0.5 }", "masses"),
+            "XY_2",
+        ),
+    ],
+)
+def test_requirements_that_leave_no_body_are_named_and_no_others(
+    options: dict[str, object], named: tuple[str, ...], unnamed: str
+):
+    with pytest.raises(EstimationError) as caught:
+        estimate(**options)
+    assert all(each in caught.value.problem for each in named)
+    assert unnamed not in caught.value.problem
+
+
+def test_a_parameter_given_twice_is_refused():
+    with pytest.raises(EstimationError, match="M_2 is given twice"):
+        estimate(known=(2,), fixed={"M_2": 1.0})
 
 
 # Records --------------------------------------------------------------------------------------------------------

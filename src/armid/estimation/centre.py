@@ -19,15 +19,13 @@ from armid.estimation.problem import Standard
 from armid.estimation.standard_fit import PriorUse
 from armid.estimation.weighted import Weighted
 from armid.maths.barrier import LogDet, Smooth, minimise
-from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
+from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 
 __all__ = ["Centre", "find_centre"]
 
 AIM = 1e-6
 """Gap aimed at: a curvature needs the centre to a few hundredths of a deviation."""
-HIGHEST = 0.1
-"""How far an eigenvalue that no slope holds is lifted, over the trace of a body inside."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,7 +68,7 @@ def find_centre(
     pull = moved.T @ (moved @ values - weighted.rows @ weighted.values) + root**2 * (values - mean)
     if prior.kind in ("mass", "none"):
         pull += weighted.correlation * _weight(prior) / MASS * size_of_bodies(standard)
-    guess = _lifted(standard, belief, values, pull, weighted.correlation, bodies=prior.kind != "log-det")
+    guess = belief.lifted(standard, values, pull, weighted.correlation, bodies=prior.kind != "log-det")
     for place, near in ((guess, True), (belief.inside(standard), False)):
         start = (basis.T @ (place - values)) / np.sum(basis**2, axis=0)
         try:
@@ -112,36 +110,6 @@ def _terms(
     for k in np.flatnonzero(standard.nonnegative & basis.any(axis=1)):
         terms.append(LogDet(basis[k][None, None], values[[k]][:, None], nothing, 0.0, correlation))
     return tuple(terms)
-
-
-def _lifted(
-    standard: Standard, belief: Belief, values: Array, pull: Array, correlation: float, *, bodies: bool
-) -> Array:
-    """The estimate (p,) lifted off the border, about as far as the centre lies inside.
-
-    Where the slope of the cost holds an eigenvalue at zero, the centre has it at the barrier's weight over the slope.
-
-    Args:
-        standard: The standard parameters.
-        belief: The prior for weight 1.
-        values: The estimate, shape (p,).
-        pull: Slope of the cost there, shape (p,).
-        correlation: Weight of the barriers.
-        bodies: Whether bodies may lie on the border.
-    """
-    result, inside = values.copy(), belief.inside(standard)
-    bounded = standard.nonnegative
-    lifted = correlation / np.maximum(pull[bounded], correlation / inside[bounded])
-    result[bounded] = np.maximum(values[bounded], lifted)
-    if not bodies:
-        return result
-    for own in standard.inertial:
-        eigenvalues, vectors = np.linalg.eigh(pseudo_inertia(values[own]))
-        parts = vector_from_pseudo_inertia(np.einsum("ik,jk->kij", vectors, vectors))
-        furthest = HIGHEST * float(np.trace(pseudo_inertia(inside[own])))
-        lifted = correlation / np.maximum(parts @ pull[own], correlation / furthest)
-        result[own] += np.maximum(lifted - eigenvalues, 0.0) @ parts
-    return result
 
 
 def _curvature(standard: Standard, belief: Belief, prior: PriorUse, values: Array, basis: Array) -> Array:

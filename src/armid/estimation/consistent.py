@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armid.errors import EstimationError, UnsolvedError
+from armid.estimation.conflicts import conflicting
 from armid.estimation.consistency import smallest_eigenvalues
-from armid.estimation.constraints import Feasible, Requirements, feasible_set
+from armid.estimation.constraints import ContradictionError, Feasible, Requirements, feasible_set
 from armid.estimation.prior import MASS, Belief, size_of_bodies
 from armid.estimation.problem import Standard
-from armid.maths.barrier import GAP, Smooth, minimise
+from armid.maths.barrier import GAP, Smooth, SmoothSolution, minimise
 from armid.maths.cones import ACCEPTED, Cone, solve_cones
 from armid.values import Array
 
@@ -91,20 +92,18 @@ class Program:
             EstimationError: The constraints contradict each other.
         UnsolvedError: No checked solution was found.
         """
-        trouble: UnsolvedError | None = None
         for margin in MARGINS:
-            feasible = feasible_set(self.standard, self.asked, margin)
+            try:
+                feasible = feasible_set(self.standard, self.asked, margin)
+            except ContradictionError as error:
+                raise self._contradiction() from error
             if not feasible.basis.shape[1]:
                 raise EstimationError("Every parameter is given; there is nothing to estimate.")
-            try:
-                found = self._solve(feasible, rows, side, weight, aim)
-            except UnsolvedError as error:
-                trouble = error
-                continue
+            found = self._solve(feasible, rows, side, weight, aim)
             found = replace(found, values=self._cleared(found.values))
             if self._holds(found.values, feasible):
                 return found
-        raise trouble or UnsolvedError(
+        raise UnsolvedError(
             "The solver's answer is not physical within its last digits.",
             remedy="ask for a smaller epsilon, or look at constraints that contradict each other.",
         )
@@ -141,20 +140,56 @@ class Program:
         y = np.concatenate([y, root[:, 0] * (self.belief.mean - feasible.origin)[others]])
         terms = self.belief.log_det(self.standard, feasible.origin, feasible.basis, self.correlation * weight)
         loose = tuple(cone for cone in feasible.cones if cone.kind != "semidefinite")
-        start, nothing = self._start(feasible), np.zeros(A.shape[1])
-        found = minimise(Smooth(A, y, terms, loose, nothing), start, aim=aim)
+        nothing = np.zeros(A.shape[1])
+        found = self._smooth(feasible, Smooth(A, y, terms, loose, nothing), aim)
         values = feasible.of(found.x)
         if not self._holds(self._cleared(values), feasible):
-            found = minimise(Smooth(A, y, terms, feasible.cones, nothing), start, aim=aim)
+            found = self._smooth(feasible, Smooth(A, y, terms, feasible.cones, nothing), aim)
             values = feasible.of(found.x)
         return Bodies(values, feasible.basis, found.objective, found.gap)
+
+    def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
+        """The minimum with log-det terms: from where it is without the logarithms, or else from the prior's mean.
+
+        Without them the program is conic, and solved where a path of Newton's steps would be long.
+        """
+        cost = np.array([term.weight * term.cost for term in problem.terms]).sum(axis=0)
+        weight = min((term.weight for term in problem.terms), default=0.0)
+        weak = np.diag(self.belief.precision) @ feasible.basis**2
+        try:
+            x = feasible.unknowns(_nearest(feasible, problem.A, problem.y, cost, weak).values)
+            slope = problem.A.T @ (problem.A @ x - problem.y) + cost
+            pull = feasible.basis @ (slope / np.sum(feasible.basis**2, axis=0))
+            lifted = self.belief.lifted(self.standard, feasible.of(x), pull, weight)
+            return minimise(problem, feasible.unknowns(lifted), aim=aim, near=True)
+        except EstimationError:
+            return minimise(problem, self._start(feasible), aim=aim)
 
     def _start(self, feasible: Feasible) -> Array:
         """Unknowns strictly inside: bodies and some friction, or else what a conic program finds."""
         start = feasible.unknowns(self.belief.inside(self.standard))
         if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
             return start
-        return _inside(feasible)
+        found = _inside(feasible)
+        if found is None:
+            raise self._contradiction()
+        return found
+
+    def _contradiction(self) -> ContradictionError:
+        """What is said of requirements that leave no body."""
+
+        def empty(asked: Requirements) -> bool:
+            try:
+                feasible = feasible_set(self.standard, asked)
+                return bool(feasible.cones) and _inside(feasible) is None
+            except EstimationError:
+                return True
+
+        together = "; ".join(conflicting(self.asked, empty))
+        return ContradictionError(
+            f"No body can have what is required: {together or 'an epsilon'} contradict each other or physics.",
+            remedy="take one of these back.",
+        )
 
     def _cleared(self, values: Array) -> Array:
         """Values that the solver left a rounding below zero are zero."""
@@ -225,8 +260,8 @@ def _change(feasible: Feasible, A: Array, y: Array, cost: Array, near: Array) ->
     return change, found.gap * max(1.0, abs(found.objective)) + further
 
 
-def _inside(feasible: Feasible) -> Array:
-    """Unknowns with as much slack in every cone as there is, up to some."""
+def _inside(feasible: Feasible) -> Array | None:
+    """Unknowns with as much slack in every cone as there is, up to some; `None` where there is none."""
     x = feasible.basis.shape[1]
     cones: list[Cone] = []
     for cone in feasible.cones:
@@ -246,9 +281,7 @@ def _inside(feasible: Feasible) -> Array:
     found = solve_cones(
         cost, [*cones, Cone("nonnegative", most, np.array([ROOM])), Cone("norm", size, np.append(1e3, np.zeros(x)))]
     )
-    if found.x[x] <= 0.0:
-        raise EstimationError("The constraints leave no body.", remedy="look at masses, com, equal and fixed.")
-    return found.x[:x]
+    return found.x[:x] if found.x[x] > 0.0 else None
 
 
 def _widened(cones: tuple[Cone, ...], more: int) -> list[Cone]:

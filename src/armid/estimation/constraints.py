@@ -18,10 +18,14 @@ from armid.estimation.problem import Standard
 from armid.maths.cones import Cone
 from armid.values import Array
 
-__all__ = ["Feasible", "Requirements", "feasible_set"]
+__all__ = ["ContradictionError", "Feasible", "Requirements", "feasible_set"]
 
 ROUNDED = 1e-9
 """How negative an eigenvalue of a link that is given may be: rounding of a description."""
+
+
+class ContradictionError(EstimationError):
+    """Requirements that leave no body."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,6 +86,7 @@ def feasible_set(standard: Standard, asked: Requirements, margin: float = 0.0) -
 
     Raises:
         EstimationError: A requirement that names nothing, or is of the wrong form.
+        ContradictionError: What is given contradicts a bound.
     """
     origin, basis = _affine(standard, asked)
     p = len(standard.names)
@@ -106,7 +111,7 @@ def _felt(cone: Cone) -> Cone | None:
     if cone.kind == "semidefinite":
         return cone if moves.any() else None
     if (cone.offset[~moves] < -ROUNDED).any():
-        raise EstimationError("Parameters that are given contradict a bound.", remedy="look at fixed and known.")
+        raise ContradictionError("Parameters that are given contradict a bound.", remedy="look at fixed and known.")
     return Cone(cone.kind, cone.matrix[moves], cone.offset[moves]) if moves.any() else None
 
 
@@ -121,6 +126,11 @@ def _affine(standard: Standard, asked: Requirements) -> tuple[Array, Array]:
         origin[own], given[own] = standard.nominal[own], True
     for name, value in (asked.fixed or {}).items():
         k = _position(position, name, "fixed")
+        if given[k]:
+            raise EstimationError(
+                f"{name} is given twice: fixed says {value!r}, and its link is known with {origin[k]:g}.",
+                remedy="leave it out of fixed, or the link out of known.",
+            )
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise EstimationError(f"fixed gives {name} = {value!r}, which is no number.")
         origin[k], given[k] = value, True

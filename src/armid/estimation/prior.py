@@ -50,6 +50,9 @@ BODY = com_inertia_to_vector(5.0, np.zeros(3), 0.1 * np.eye(3))
 ROOM = 0.1
 """Where values that cannot be negative start, in deviations of what is believed of them."""
 
+HIGHEST = 0.1
+"""How far an eigenvalue that no slope holds is lifted, over the trace of a body inside."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Belief:
@@ -88,6 +91,33 @@ class Belief:
         free = standard.nonnegative & (values <= 0.0)
         values[free] = ROOM / np.sqrt(np.diag(self.precision)[free])
         return values
+
+    def lifted(self, standard: Standard, values: Array, pull: Array, weight: float, *, bodies: bool = True) -> Array:
+        """Values (p,) lifted off the border, about as far as a barrier's centre lies inside.
+
+        Where the slope of the cost holds an eigenvalue at zero, the centre has it at the barrier's weight over the
+        slope.
+
+        Args:
+            standard: The standard parameters.
+            values: The best values in the cone, shape (p,).
+            pull: Slope of the cost there, shape (p,).
+            weight: Of the barrier.
+            bodies: Whether bodies may lie on the border.
+        """
+        result, inside = values.copy(), self.inside(standard)
+        bounded = standard.nonnegative
+        least = weight / np.maximum(pull[bounded], weight / inside[bounded])
+        result[bounded] = np.maximum(values[bounded], least)
+        if not bodies:
+            return result
+        for own in standard.inertial:
+            eigenvalues, vectors = np.linalg.eigh(pseudo_inertia(values[own]))
+            parts = vector_from_pseudo_inertia(np.einsum("ik,jk->kij", vectors, vectors))
+            furthest = HIGHEST * float(np.trace(pseudo_inertia(inside[own])))
+            least = weight / np.maximum(parts @ pull[own], weight / furthest)
+            result[own] += np.maximum(least - eigenvalues, 0.0) @ parts
+        return result
 
     def log_det(self, standard: Standard, origin: Array, basis: Array, weight: float) -> tuple[LogDet, ...]:
         """Divergences of the links that unknowns move."""

@@ -30,7 +30,7 @@ GAP = 1e-9
 """Gap aimed at, over the size of the objective, at least one: a thousandth of what is accepted."""
 
 STEPS = 200
-"""Newton steps for one weight of the barriers before giving up; damped steps come first where the start is far."""
+"""Newton steps for one weight of the barriers before giving up; five to twenty are usual."""
 
 LOST = 1e-3
 """Relative difference of two computations of the decrement above which normal equations are not trusted."""
@@ -46,6 +46,9 @@ CENTRED = 1e-3
 
 SMALL = 0.5
 """Largest squared decrement over the barrier's weight for which it bounds the distance from the minimum."""
+
+REMEDY = "look for a wrong sign or unit of torque or gravity: no body explains such data; or ask for another prior."
+"""What to do where a search fails."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -261,7 +264,7 @@ def minimise(problem: Smooth, start: Array, *, aim: float = GAP, near: bool = Fa
         problem: What is minimised; it must have a minimum.
         start: A point strictly inside every cone and log-det term, shape (variables,).
         aim: Gap aimed at.
-        near: The start is near the minimum, and there are no cones: no path leads there.
+        near: The start is near the minimum: the search begins with the weights of the log-det terms.
 
     Raises:
         EstimationError: The start lies outside.
@@ -272,7 +275,7 @@ def minimise(problem: Smooth, start: Array, *, aim: float = GAP, near: bool = Fa
     if not barriers.inside(x):
         raise EstimationError("The start of the search is no consistent body.", remedy="start from a consistent one.")
     mu = max(1.0, _finite(barriers, x) / max(barriers.orders, 1))
-    if near and not barriers.parameters and len(barriers.weights):
+    if near and len(barriers.weights):
         mu = float(barriers.weights.min())
     trouble = UnsolvedError("The search for consistent parameters gave no answer.")
     for shrink in SHRINK[:1] if near else SHRINK:
@@ -303,7 +306,7 @@ def _follow(barriers: _Barriers, x: Array, mu: float, aim: float, shrink: float)
     if not gap <= max(ACCEPTED, 2.0 * aim):
         raise UnsolvedError(
             f"The search for consistent parameters gave no answer (gap {gap:.1e} after {taken} steps).",
-            remedy="check the size of the values: parameters of one arm should not differ by more than 1e8.",
+            remedy=REMEDY,
         )
     return SmoothSolution(x, barriers.problem.objective(x), gap, taken)
 
@@ -315,7 +318,7 @@ def _finite(barriers: _Barriers, x: Array) -> float:
     if not np.isfinite(objective):
         raise UnsolvedError(
             "The search for consistent parameters ran away.",
-            remedy="check the size of the values: parameters of one arm should not differ by more than 1e8.",
+            remedy=REMEDY,
         )
     return objective
 
