@@ -1,7 +1,7 @@
 """Which requirements contradict each other: the fewest that do, of those that were asked.
 
 Each in turn is left out, for good where the rest still leave no body. What remains is a set of which none can be
-missed [Chinneck1991].
+missed.
 """
 
 from __future__ import annotations
