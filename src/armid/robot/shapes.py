@@ -64,7 +64,7 @@ def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radi
 
 
 def rotation_with_z(direction: Array) -> Array:
-    """The least rotation (3, 3) whose z points along a direction (3,) that is not zero; about x where it is opposite."""
+    """The least rotation (3, 3) whose z points along a direction (3,) that is not zero, about x where that is -z."""
     x, y, z = direction / np.linalg.norm(direction)
     if x == y == 0.0:
         return np.diag([1.0, np.sign(z), np.sign(z)])
