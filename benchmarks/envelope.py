@@ -1,6 +1,6 @@
 """Plans inside the envelope of the thesis's executed 27-s run, beside that run: deviations, and bias by friction.
 
-    uv run python benchmarks/envelope.py --seconds 10 20 --harmonics 10 --rounds 3
+    uv run python benchmarks/envelope.py --seconds 10 20 --harmonics 15 --rounds 2
 
 Every plan may use the highest share of a velocity limit and the highest acceleration that any joint reaches in the
 run (Table A.1 over 27 s). Deviations are of one period of white noise at 100 Hz; of them and of the bias the root
@@ -69,8 +69,8 @@ def main() -> None:
     """Design, measure, print a table and one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, nargs="+", default=[10.0, 20.0])
-    parser.add_argument("--harmonics", type=int, default=10)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--harmonics", type=int, default=15)
+    parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--criterion", default="d-optimal")
     options = parser.parse_args()

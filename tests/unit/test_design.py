@@ -139,9 +139,9 @@ def test_prior_information_counts(problem):
     assert after.value(along(after, first)) == pytest.approx(goal.value(prior) - np.log(2.0))
 
 
-def test_sizes_are_of_parameters_larger_than_their_deviations():
-    sizes = known_sizes(np.array([3.0, -2.0, 0.1]), np.array([1.0, 1.0, 1.0]))
-    assert sizes is not None and sizes.tolist() == [3.0, 2.0, np.inf]
+def test_sizes_are_of_parameters_that_are_told_from_zero():
+    sizes = known_sizes(np.array([4.0, -5.0, 2.0]), np.array([1.0, 1.0, 1.0]))
+    assert sizes is not None and sizes.tolist() == [4.0, 5.0, np.inf]
     assert known_sizes(np.array([0.5]), np.array([1.0])) is None
 
 

@@ -26,8 +26,8 @@ from armid.values import Array, array
 __all__ = ["Goal", "Objective", "along", "information_along", "known_sizes"]
 
 
-TOLD = 1.0
-"""Deviations from zero from which on a parameter has a size: beyond that its relative deviation says only that."""
+TOLD = 3.0
+"""Deviations from zero from which on a parameter counts as told from it; three zeros in a thousand do by chance."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -165,15 +165,15 @@ def along(goal: Goal, motion: Motion) -> Array:
 def known_sizes(values: Array, deviations: Array) -> Array | None:
     """Sizes of parameters that deviations are put beside by the criterion `worst`, infinite where there are none.
 
-    Relative is only the deviation of a parameter that is larger than it. The others, which the arm's symmetry makes
-    vanish or noise hides, have no size that a deviation could be compared with.
+    Relative is only the deviation of a parameter that is told from zero, `TOLD` deviations away. The others, which
+    the arm's symmetry makes vanish or noise hides, have no size that a deviation could be compared with.
 
     Args:
         values: Estimates, shape (b,).
         deviations: Their standard deviations, shape (b,).
 
     Returns:
-        Shape (b,), or `None` where no parameter is larger than its deviation.
+        Shape (b,), or `None` where no parameter is told from zero.
     """
     told = np.abs(values) > TOLD * deviations
     return np.where(told, np.abs(values), np.inf) if told.any() else None
