@@ -3,8 +3,9 @@
     uv run python benchmarks/sequential.py --arm iiwa14-r820 --seeds 1 2 3 --rounds 2
 
 The first plan is D-optimal. Its run is simulated by its own deviations: estimates are the truth with noise of their
-size. What counts is the largest deviation after both runs over the estimate, among parameters that are told from zero,
-three deviations away from it.
+size. What counts is the largest deviation after both runs over the estimate, among parameters that are told from
+zero, three deviations away from it. With --free-start both plans choose their start pose, and joints may swing about
+another one.
 """
 
 from __future__ import annotations
@@ -56,10 +57,11 @@ def goal_of(name: str) -> tuple[Goal, Array]:
     return Goal(model, base, noise=NOISE_SHARE * effort), base.values_of(truth)
 
 
-def designed(goal: Goal, harmonics: int, seed: int, rounds: int) -> Array:
+def designed(goal: Goal, harmonics: int, free: bool, seed: int, rounds: int) -> Array:
     """Information of a plan inside the limits of position and velocity."""
     limits = limits_of(goal.model.robot)
-    basis = SeriesBasis(2.0 * math.pi / SECONDS, harmonics, np.clip(0.0, limits.lower + 0.1, limits.upper - 0.1))
+    start = np.clip(0.0, limits.lower + 0.1, limits.upper - 0.1)
+    basis = SeriesBasis(2.0 * math.pi / SECONDS, harmonics, start, free=free, literal=not free)
     problem = Problem(goal, basis, motion_channels(limits), float(np.median(limits.velocity)) / 1.75)
     best = search(problem, seed=seed, budget=None, rounds=rounds).best
     return information_along(goal, basis.excitation(best.x).sample(goal.rate))
@@ -71,13 +73,14 @@ def main() -> None:
     parser.add_argument("--arm", default="iiwa14-r820")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--free-start", action="store_true")
     parser.add_argument("--criteria", nargs="+", default=["worst", "d-optimal"])
     parser.add_argument("--harmonics", type=int, default=15)
     options = parser.parse_args()
     goal, truth = goal_of(options.arm)
     for seed in options.seeds:
         began = time.process_time()
-        first = designed(goal, options.harmonics, seed, options.rounds)
+        first = designed(goal, options.harmonics, options.free_start, seed, options.rounds)
         deviations = _deviations(first)
         estimates = truth + deviations * np.random.default_rng(seed).standard_normal(len(truth))
         sizes = known_sizes(estimates, deviations)
@@ -90,7 +93,7 @@ def main() -> None:
         row["repeated"] = worst(2.0 * first)
         for criterion in options.criteria:
             after = replace(goal, criterion=criterion, prior=first, scale=sizes)
-            both = first + designed(after, options.harmonics, seed + 100, options.rounds)
+            both = first + designed(after, options.harmonics, options.free_start, seed + 100, options.rounds)
             row[criterion] = {
                 "worst": worst(both),
                 "lower": 1.0 - worst(both) / worst(2.0 * first),
