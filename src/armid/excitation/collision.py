@@ -159,8 +159,8 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
         ArmidError: Bodies are too close to each other in the start pose.
     """
     distance, labels = cell.distances(start[None])[0], cell.bodies.labels
-    close = distance < cell.margin
-    wrong = np.flatnonzero(close & ~cell.constructed)
+    wrong = np.flatnonzero((distance < cell.margin) & ~cell.constructed)
+    close = (distance < cell.margin + CERTIFICATE) & cell.constructed
     if len(wrong):
         k = int(wrong[distance[wrong].argmin()])
         raise ArmidError(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.collision import Cell, kept_apart
+from armid.excitation.collision import CERTIFICATE, Cell, kept_apart
 from armid.excitation.limits import Limits
 from armid.values import Array
 
@@ -83,7 +83,7 @@ def choose_start(cell: Cell, limits: Limits) -> Start:
     free = ~cell.constructed
     distance = cell.distances(poses)[:, free].min(axis=1, initial=np.inf)
     order = np.concatenate([[0], 1 + np.argsort(-distance[1:], kind="stable")])
-    order = order[distance[order] >= cell.margin][:SHORT]
+    order = order[distance[order] >= cell.margin + CERTIFICATE][:SHORT]
     if not len(order):
         kept_apart(cell, usual)
         raise ArmidError(f"No pose of {cell.robot.name} was found in which all bodies keep apart.")
@@ -101,7 +101,7 @@ def _plain(cell: Cell, limits: Limits, pose: Array, usual: Array, enough: float)
         for value in (usual[j], *(round(pose[j] * parts) / parts for parts in (2, 10, 100))):
             trial = pose.copy()
             trial[j] = value
-            free = cell.distances(trial[None])[0, ~cell.constructed].min(initial=np.inf) >= cell.margin
+            free = cell.distances(trial[None])[0, ~cell.constructed].min(initial=np.inf) >= cell.margin + CERTIFICATE
             if free and limits.lower[j] < value < limits.upper[j] and room(cell, limits, trial) >= enough:
                 pose = trial
                 break
