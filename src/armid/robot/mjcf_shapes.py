@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError, Finding
-from armid.maths.spatial import axis_rotation, homogeneous
+from armid.maths.spatial import homogeneous
 from armid.robot.markup import numbers
 from armid.robot.mjcf_plain import Plain
-from armid.robot.shapes import Kind, Shape, capsule_between
+from armid.robot.shapes import Kind, Shape, capsule_between, rotation_with_z
 from armid.values import Array
 
 __all__ = ["carriers_of", "shapes_of_mjcf"]
@@ -140,13 +140,5 @@ def _placement(geom: ET.Element) -> Array:
         y = y - (y @ x) * x
         turned = np.column_stack([x, y / np.linalg.norm(y), np.cross(x, y / np.linalg.norm(y))])
     elif "zaxis" in geom.attrib:
-        turned = least_rotation(given("zaxis"))
+        turned = rotation_with_z(given("zaxis"))
     return homogeneous(turned, position)
-
-
-def least_rotation(direction: Array) -> Array:
-    """The least rotation (3, 3) that takes z to a direction (3,), which is what MuJoCo makes of a zaxis."""
-    axis = np.cross([0.0, 0.0, 1.0], direction)
-    sine = float(np.linalg.norm(axis))
-    axis = axis / sine if sine > 0.0 else np.array([1.0, 0.0, 0.0])
-    return axis_rotation(axis, np.arctan2(sine, direction[2]))
