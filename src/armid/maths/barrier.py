@@ -317,7 +317,7 @@ def _finite(barriers: _Barriers, x: Array) -> float:
         objective = barriers.objective(x)
     if not np.isfinite(objective):
         raise UnsolvedError(
-            "The search for consistent parameters ran away.",
+            "The search for consistent parameters ran away and has no gap.",
             remedy=REMEDY,
         )
     return objective
