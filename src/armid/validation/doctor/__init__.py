@@ -83,6 +83,7 @@ FOLLOW: dict[str, tuple[str, ...]] = {
         "channel-delay",
         "position-offset",
         "velocity-mismatch",
+        "period-misaligned",
     ),
     "joint-order": ("saturation",),
     "motor-side": ("saturation",),
