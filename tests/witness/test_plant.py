@@ -10,6 +10,7 @@ import pytest
 
 from armid import kernel
 from armid.excitation.fourier import Excitation
+from armid.excitation.plans import builtin_plan
 from armid.lab.controller import Controller, Drive
 from armid.lab.friction import Friction
 from armid.lab.plant import Plant, stable_rate, write_mjcf
@@ -38,6 +39,24 @@ def test_mujoco_asks_for_the_same_torque(seed: int):
     for k in range(5):
         for target, values in zip((data.qpos, data.qvel, data.qacc), states, strict=True):
             target[at] = values[k]
+        mujoco.mj_inverse(model, data)
+        np.testing.assert_allclose(data.qfrc_inverse[at], expected[k], atol=TOLERANCE * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["iiwa14-r820", "panda", "ur10e"])
+def test_mujoco_asks_the_built_in_truths_for_the_same_torque(name: str):
+    """Along a motion that uses half of every limit, without friction."""
+    truth = truth_of(load_robot(name))
+    model = mujoco.MjModel.from_xml_string(write_mjcf(truth.robot, truth.inertial))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    at = [int(model.joint(f"joint_{i}").dofadr[0]) for i in range(truth.robot.n)]
+    fastest = np.array([joint.velocity_limit for joint in truth.robot.joints])
+    q, dq, ddq = np.random.default_rng(0).uniform(-1.5, 1.5, (3, 20, truth.robot.n)) * [[[1.0]], [[0.5]], [[4.0]]]
+    dq *= fastest
+    expected = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, q, dq, ddq)
+    for k in range(20):
+        data.qpos[at], data.qvel[at], data.qacc[at] = q[k], dq[k], ddq[k]
         mujoco.mj_inverse(model, data)
         np.testing.assert_allclose(data.qfrc_inverse[at], expected[k], atol=TOLERANCE * np.abs(expected).max())
 
@@ -76,6 +95,20 @@ def test_energy_balance_of_a_closed_loop(effects: tuple[str, ...] | None):
     dissipated = trace.friction * trace.dq
     gained = energy(truth, trace.q, trace.dq)
     work = h * (power - dissipated).sum(axis=1)
+    balance = gained[1:] - gained[0] - np.cumsum(0.5 * (work[1:] + work[:-1]))
+    assert np.abs(balance).max() <= 1e-4 * h * np.abs(power).sum()
+
+
+def test_energy_balance_of_the_iiwa():
+    """Part of Table A.1, played eight times as fast, with friction and rotors."""
+    truth = with_effects(truth_of(load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))), ["rotor"])
+    plan = builtin_plan("thesis-a1")
+    slow = Excitation(8.0 * plan.base_frequency, plan.a[:, :1], plan.b[:, :1], plan.offset)
+    trace, _ = closed_loop(truth, slow, Controller(), Drive(), rate=8000.0, lead_in=0.25)
+    h = trace.time[1] - trace.time[0]
+    power = trace.effort * trace.dq
+    work = h * (power - trace.friction * trace.dq).sum(axis=1)
+    gained = energy(truth, trace.q, trace.dq)
     balance = gained[1:] - gained[0] - np.cumsum(0.5 * (work[1:] + work[:-1]))
     assert np.abs(balance).max() <= 1e-4 * h * np.abs(power).sum()
 
