@@ -271,3 +271,11 @@ def test_the_start_that_is_found_has_room():
 def test_a_capsule_of_no_size():
     with pytest.raises(ArmidError, match="needs positive sizes"):
         capsule_between("link", 0, [0, 0, 0], [0, 0, 1], 0.0)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, 0.0, 9.81), (9.81, 0.0, 0.0), (3.0, -4.0, 5.0)])
+def test_a_floor_is_where_things_fall(gravity: tuple[float, float, float]):
+    below = floor(-1.5, gravity)
+    down = np.array(gravity) / np.linalg.norm(gravity)
+    np.testing.assert_allclose(below.placement[:3, 2], -down, atol=1e-12)  # out of the floor
+    np.testing.assert_allclose(below.placement[:3, 3], 1.5 * down, atol=1e-12)

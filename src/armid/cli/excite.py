@@ -71,7 +71,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "torque_margin": _option(float | None, None, "Share of the torque limits kept free; 0.1 with --limits true."),
     "collision": _option(bool, False, "Keep links apart from each other and from the surroundings.", "--collision"),
     "clearance": _option(float, 0.02, "Distance that bodies keep, m."),
-    "floor": _option(float | None, None, "A floor at this height of the base frame, m; means --collision."),
+    "floor": _option(float | None, None, "A floor so high above the base, m; negative: below; means --collision."),
     "environment": _option(Path | None, None, "TOML of boxes, spheres and half-spaces; means --collision."),
     "tip": _option(
         str | None, None, "Box for the tip, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"

@@ -33,7 +33,7 @@ def preview(
             help="What it does: a plan.json or its folder, thesis-a1, a recording, a run. Of a run alone its own.",
         ),
     ] = None,
-    floor: Annotated[float | None, typer.Option(help="A floor at this height of the base frame, m.")] = None,
+    floor: Annotated[float | None, typer.Option(help="A floor so high above the base, m; negative: below.")] = None,
     environment: Annotated[
         Path | None, typer.Option(metavar="FILE", help="TOML of boxes, spheres and half-spaces.")
     ] = None,
@@ -74,7 +74,7 @@ def preview(
         other or motion or run,
         reading=_reading(known, rate),
         data=data,
-        surroundings=_surroundings(floor, environment),
+        surroundings=_surroundings(arm, floor, environment),
         estimate=None if known is None else _estimate(known, arm),
     )
     path = write_preview(made, out or folder / PAGE)
@@ -98,12 +98,12 @@ def _reading(run: Run | None, rate: float | None) -> Reading:
     return Reading(rate=rate) if run is None or rate is not None else run.reading
 
 
-def _surroundings(floor: float | None, environment: Path | None) -> tuple[Shape, ...]:
+def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> tuple[Shape, ...]:
     from armid.excitation.clearance import floor as floor_at
     from armid.excitation.collision import load_environment
 
-    around = () if environment is None else load_environment(environment)
-    return around if floor is None else (*around, floor_at(floor))
+    around = () if environment is None else load_environment(environment, arm)
+    return around if floor is None else (*around, floor_at(floor, arm.gravity))
 
 
 def _estimate(run: Run, arm: Robot) -> MassLayer | None:

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from armid.excitation.channels import States
 from armid.excitation.places import SCALE, carried_by, point_gradient
 from armid.kernel.tree import Tree
 from armid.maths.spatial import homogeneous
-from armid.robot.shapes import Shape
+from armid.robot.shapes import Shape, rotation_with_z
 from armid.values import Array
 
 __all__ = ["Bodies", "Clearance", "floor", "nearest_on_box", "nearest_on_segments"]
@@ -285,6 +285,13 @@ class Clearance:
         return states.nearest[id(self)]
 
 
-def floor(height: float = 0.0) -> Shape:
-    """Everything below a height of the base frame [m]."""
-    return Shape("floor", -1, "half-space", np.zeros(3), homogeneous(np.eye(3), [0.0, 0.0, height]))
+def floor(height: float = 0.0, gravity: ArrayLike = (0.0, 0.0, -1.0)) -> Shape:
+    """Everything further down than a height [m], counted upwards from the base.
+
+    Args:
+        height: Where it begins; negative below the base, as the floor under a hanging arm.
+        gravity: Which way is down in the base frame, shape (3,); without gravity that is -z.
+    """
+    up = -np.asarray(gravity, dtype=np.float64)
+    up = up / np.linalg.norm(up) if up.any() else np.array([0.0, 0.0, 1.0])
+    return Shape("floor", -1, "half-space", np.zeros(3), homogeneous(rotation_with_z(up), height * up))

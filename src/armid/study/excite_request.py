@@ -279,7 +279,7 @@ def _limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
 def _surroundings(options: Mapping[str, Any], robot: Robot) -> tuple[Shape, ...]:
     """Floor and environment."""
     shapes = () if options["environment"] is None else load_environment(options["environment"], robot)
-    return shapes if options["floor"] is None else (*shapes, floor(options["floor"]))
+    return shapes if options["floor"] is None else (*shapes, floor(options["floor"], robot.gravity))
 
 
 def _workspace(text: str | None) -> Workspace | None:
