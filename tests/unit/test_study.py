@@ -210,8 +210,8 @@ def test_an_unknown_key_is_answered_with_the_known_ones(tables: dict, where: str
         ({"model": {"terms": "viscous"}}, "[model] terms must be a list of names; found 'viscous'"),
         ({"model": {"terms": [1]}}, "[model] terms must be a list of names"),
         ({"model": {"coulomb": 0.02}}, "[model] coulomb must be a table of options"),
-        ({"recording": {"path": "a"}}, "Recordings stand in [[recording]] tables"),
-        ({"recording": ["a.csv"]}, "Recordings stand in [[recording]] tables"),
+        ({"recording": {"path": "a"}}, "Recordings are no list of tables"),
+        ({"recording": ["a.csv"]}, "Recordings are no list of tables"),
         ({"recording": [{"role": "train"}]}, "A recording has no path"),
         ({"recording": [{"path": 3}]}, "[[recording]] path must be text"),
         ({"recording": [{"path": "a", "part": 0.5}]}, "[[recording]] part must be two numbers"),
@@ -476,7 +476,7 @@ def test_progress_is_told_in_the_order_of_the_work(folder: Path):
     told: list[tuple[str, float]] = []
     identify(load_study(folder / "study.toml"), progress=lambda stage, share: told.append((stage, share)))
     stages = list(dict.fromkeys(stage for stage, _ in told))
-    assert stages == ["robot", "recordings", "processing", "information", "estimation", "validation"]
+    assert stages == ["robot", "recordings", "processing", "doctor", "information", "estimation", "validation"]
     assert all(0.0 <= share <= 1.0 for _, share in told) and told[-1] == ("validation", 1.0)
 
 

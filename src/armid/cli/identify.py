@@ -91,8 +91,8 @@ def identify(
         result = stage.conclude(prepared, progress=tell)
         table = compare_methods(prepared, progress=tell) if compare else None
     folder, replaced = _save(result, table, out)
-    print_findings(result.estimate.findings)
     _print(result, table, folder, replaced, json=json)
+    print_findings(result.estimate.findings)
     if not no_report:
         write_page(folder, prepared.recordings)
     if result.validation.verdict == "fail":

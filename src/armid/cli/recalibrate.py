@@ -56,7 +56,6 @@ def recalibrate(
     refuse_folder(folder)
     found = stage(earlier, recordings, changed_reading(rate, torque_sign), changed=changed, held_out=validate or [])
     save_run(found.result, folder)
-    print_findings(found.result.estimate.findings)
     if json:
         record = estimate_record(found.result.estimate)
         record["run"] = str(folder)
@@ -65,6 +64,7 @@ def recalibrate(
     else:
         _report(found, len(recordings))
         sys.stdout.write(f"\nrun written to {folder}\n")
+    print_findings(found.result.estimate.findings)
     if found.result.validation.verdict == "fail":
         raise typer.Exit(1)
 
