@@ -68,6 +68,7 @@ EXPLAINS: tuple[Explain, ...] = (
     gravity_direction.explain,
     channel_delay.explain,
     position_offset.explain,
+    contact.explain,
 )
 """What takes part in the contest."""
 

@@ -22,8 +22,8 @@ FLAT = 0.7
 more, those filtered at a tenth of the rate 0.5 and less."""
 
 ENDS = 0.9
-"""Share of the band by which a filtered spectrum has come down to a thousandth. Steps of dry friction fall over the whole
-band, but no faster than noise lets them."""
+"""Share of the band by which a filtered spectrum has come down to a thousandth. Steps of dry friction fall over all
+of it, but no faster than noise lets them."""
 
 MOTION = 8.0
 """Frequency up to which motion and friction fill the spectrum of any arm [Hz], or a fifth of the rate if less."""

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid import kernel
 from armid.information.filtering import in_band
@@ -76,6 +77,17 @@ class State:
         """The same model beside another log."""
         after = State(self.model, self.base, log)
         after.__dict__["source"] = self.source  # where `cached_property` keeps it
+        return after
+
+    def without(self, left_out: NDArray[np.bool_]) -> State:
+        """The same with some rows not counted, shape (M,)."""
+        ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
+        kept = np.split(~left_out, ends)
+        runs = tuple(
+            replace(run, mask=run.mask & rows[:, None]) for run, rows in zip(self.log.runs, kept, strict=True)
+        )
+        after = self.on(replace(self.log, runs=runs))
+        after.__dict__["rows"] = replace(self.rows, mask=self.rows.mask & ~left_out[:, None])
         return after
 
     @cached_property
