@@ -145,3 +145,29 @@ def test_what_could_not_be_looked_at_is_said():
     (found,) = diagnose_recording(sound(4).robot, short, Reading())
     assert "not looked at" in found.evidence
     assert codes(diagnose_recording(sound(4).robot, replace(log, effort=None), Reading())) == {"channel-dead"}
+
+
+@pytest.mark.parametrize("pushes", [1, 2, 3])
+def test_pushes_are_found_however_many_they_are(pushes: int):
+    case = sound(4)
+    assert case.recording.effort is not None
+    time = case.motion.time
+    limits = np.array([joint.effort_limit for joint in case.robot.joints])
+    places = np.linspace(0.2, 0.8, pushes) * time[-1]
+    push = sum(np.exp(-0.5 * ((time - at) / 0.25) ** 2)[:, None] for at in places)
+    found = examined(case.logged(effort=case.recording.effort + 0.2 * limits * push))
+    (contact,) = [each for each in found if each.code == "contact"]
+    assert contact.remedy.count("], [") == pushes - 1
+    assert codes(found, "error") == set()
+
+
+def test_what_is_left_out_already_is_no_push():
+    case = sound(4)
+    assert case.recording.effort is not None and case.recording.time is not None
+    time = case.recording.time
+    bad = (time > 8.0) & (time < 8.5)
+    effort = case.recording.effort + 200.0 * bad[:, None]
+    valid = case.recording.valid & ~bad[:, None]
+    assert "contact" not in codes(
+        examined(replace(case, recording=replace(case.recording, effort=effort, valid=valid)))
+    )

@@ -44,7 +44,8 @@ STEPS = 8
 def check(evidence: Evidence) -> list[Finding]:
     """The finding, if another gravity explains the log, or the parameters that follow from it are suspicious."""
     found, state = evidence.explained(CODE), evidence.understood
-    if found or evidence.explanations or state is None or state.nominal is not None:
+    geometry = any(each.code != "contact" for each in evidence.explanations)
+    if found or geometry or state is None or state.nominal is not None:
         return found
     suspicion = gravity_sign_finding(state.base, state.fit.values[: state.base.count])
     return [] if suspicion is None or suspicion.code != CODE else [suspicion]
