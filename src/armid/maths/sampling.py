@@ -9,6 +9,7 @@ import numpy as np
 
 from armid.errors import ArmidError
 from armid.maths.spectrum import frequencies, inverse, spectrum
+from armid.maths.spline import spline
 from armid.values import Array
 
 __all__ = ["automatic_cutoff", "periodic_delay", "periodic_shift", "resample"]
@@ -63,9 +64,7 @@ def resample(time: Array, x: Array, grid: Array, *, longest: float = np.inf) -> 
     margin = 1e-9 * (time[-1] - time[0])  # rounding of the caller's grid
     if len(grid) and (grid[0] < time[0] - margin or grid[-1] > time[-1] + margin):
         raise ArmidError(f"The grid {grid[0]:g} … {grid[-1]:g} s leaves the clock {time[0]:g} … {time[-1]:g} s.")
-    from scipy.interpolate import CubicSpline  # half a second to import; most clocks are even
-
-    return CubicSpline(time, x, axis=0)(np.clip(grid, time[0], time[-1]))
+    return spline(time, x, np.clip(grid, time[0], time[-1]))
 
 
 def automatic_cutoff(q: Array, rate: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from armid.errors import Finding
 from armid.information.observations import ObservedRun
 from armid.maths.spectrum import frequencies, inverse, spectrum
+from armid.maths.spline import spline_slopes
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.rows import solve
 from armid.validation.doctor.state import Explanation, State
@@ -91,8 +92,6 @@ def _friction_alone(state: State) -> float:
     Where a joint sticks or its gear has slack, friction does so; that is no delay of the log, and weights and
     inertias do not take part in it.
     """
-    from scipy.interpolate import CubicSpline
-
     rows = state.rows
     extra = np.zeros((rows.n, *rows.torque.shape))
     for j in range(rows.n):
@@ -102,7 +101,7 @@ def _friction_alone(state: State) -> float:
             for run in np.unique(rows.run):
                 inside = rows.run == run
                 time = np.arange(inside.sum()) / rows.rate
-                extra[j, inside, j] = CubicSpline(time, column[inside])(time, 1)
+                extra[j, inside, j] = spline_slopes(time, column[inside])
     return solve(rows, extra=extra).cost
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.errors import Finding
+from armid.maths.spectrum import power_spectrum
 from armid.measurement.clock import evened, stretches
 from armid.validation.doctor.evidence import Evidence
 from armid.values import Array
@@ -65,16 +66,14 @@ def check(evidence: Evidence) -> list[Finding]:
 
 
 def _spectrum(x: Array, rate: float) -> tuple[Array, Array]:
-    """Frequencies (F,) above zero [Hz] and power (F, n), by Welch's method.
+    """Frequencies (F,) above zero [Hz] and power (F, n).
 
     Second differences are looked at and weighed out again: the motion is a million times stronger than a sensor's
     noise, and would leak over all frequencies.
     """
-    from scipy.signal import welch
-
-    frequency, power = welch(np.diff(x, n=2, axis=0), rate, window="blackmanharris", nperseg=SEGMENT, axis=0)
-    weight = (2.0 * np.sin(np.pi * np.asarray(frequency[1:]) / rate)) ** 4
-    return np.asarray(frequency[1:]), np.asarray(power[1:]) / weight[:, None]
+    frequency, power = power_spectrum(np.diff(x, n=2, axis=0), rate, SEGMENT)
+    weight = (2.0 * np.sin(np.pi * frequency[1:] / rate)) ** 4
+    return frequency[1:], power[1:] / weight[:, None]
 
 
 def _smooth(x: Array) -> Array:
