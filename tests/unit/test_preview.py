@@ -217,6 +217,23 @@ def test_a_mesh_that_cannot_be_read_is_named(iiwa: Robot, tmp_path: Path):
     assert {body["link"] for body in bodies} == {-1, 0, 1, 3, 4, 5, 6}  # the others keep their capsules
 
 
+def test_a_visual_that_makes_no_sense_costs_no_other(tmp_path: Path):
+    visuals = {"a": '<sphere radius="-1"/>', "b": '<box size="0.1 0.2 0.3"/>'}
+    text = "".join(
+        f'<link name="{name}"><visual><geometry>{shape}</geometry></visual></link><joint name="to-{name}" type="revolute">'
+        f'<parent link="{parent}"/><child link="{name}"/><axis xyz="0 0 1"/></joint>'
+        for (name, shape), parent in zip(visuals.items(), ("base", "a"), strict=True)
+    )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm"><link name="base"/>{text}</robot>')
+    robot = load_robot(tmp_path / "arm.urdf")
+    assert [shape.name for shape in robot.visuals] == ["b"]
+    (finding,) = [each for each in robot.findings if each.code == "visual-left-out"]
+    assert finding.channel == "a" and "positive sizes" in finding.evidence
+    bodies, _, missing = bodies_of(robot)
+    assert [body["name"] for body in bodies] == ["b"]
+    assert missing == [f"a: {finding.evidence}"]
+
+
 # The page -------------------------------------------------------------------------------------------------------
 
 

@@ -109,6 +109,38 @@ def test_every_way_to_write_an_orientation(tmp_path, orientation, eulerseq):
     check_against_mujoco(chain(orientation, eulerseq), tmp_path / "chain.xml")
 
 
+SITES = """
+<mujoco model="sites"><compiler angle="radian"/><worldbody>
+  <body name="a" pos="0 0 0.1"><joint name="j" axis="0 0 1" pos="0.03 0.02 0.01"/><geom size="0.1" mass="1"/>
+    <site name="on-a" pos="0.1 0.2 0.3"/>
+    <body name="fixed" pos="0.2 0 0" quat="0.9 0.1 0.2 0.3"><geom size="0.05" mass="0.5" pos="0.01 0 0"/>
+      <site name="on-fixed" pos="0.01 0.02 0.03" euler="0.1 0.2 0.3"/>
+      <body name="b" pos="0 0.3 0"><joint name="k" axis="0 1 0" pos="-0.05 0.07 0.02"/><geom size="0.05" mass="1"/>
+        <site name="on-b" pos="0.1 0 0.05" zaxis="1 2 3"/>
+        <body name="g" pos="0.1 0.1 0.1" quat="0.8 0.2 -0.2 0.3"><geom size="0.02" mass="0.2"/>
+          <site name="on-g" pos="0.03 0.01 0" xyaxes="0 2 0.1 1 0 0"/>
+          <body name="h" pos="0.05 0 0.02" euler="1 0 0"><geom size="0.02" mass="0.2"/>
+            <site name="on-h" pos="0.01 0.01 0.3"/></body></body></body></body></body>
+</worldbody></mujoco>
+"""
+"""Joints off their body's origin, fixed bodies on them, and sites everywhere: Pinocchio misplaces some of these."""
+
+
+@pytest.mark.parametrize("site", ["on-a", "on-fixed", "on-b", "on-g", "on-h"])
+def test_a_tip_is_where_mujoco_has_the_site(site, tmp_path):
+    path = tmp_path / "sites.xml"
+    path.write_text(SITES)
+    robot = load_robot(path, tip=site)
+    model = mujoco.MjModel.from_xml_string(SITES)
+    data = mujoco.MjData(model)
+    for q in np.random.default_rng(0).uniform(-1, 1, (3, robot.n)):
+        data.qpos = q
+        mujoco.mj_kinematics(model, data)
+        R, p = frame_pose(robot, q[None])
+        np.testing.assert_allclose(p[0], data.site(site).xpos, rtol=0, atol=TOLERANCE)
+        np.testing.assert_allclose(R[0].ravel(), data.site(site).xmat, rtol=0, atol=TOLERANCE)
+
+
 def test_bodies_are_where_mujoco_has_them(tmp_path):
     """Every geom's place, and its axis z, in random poses; what touches nothing is seen only."""
     text = EVERYTHING.replace(

@@ -48,6 +48,7 @@ class Plain:
         findings: What was noticed.
         geoms: Every geom with its defaults and a pose that Pinocchio reads right, and the body that it is of; the
             world's have an empty name.
+        sites: Named sites in the same way. They are not in the text, since Pinocchio misplaces those of a fixed body.
     """
 
     text: str
@@ -55,6 +56,7 @@ class Plain:
     gravity: tuple[float, ...]
     findings: tuple[Finding, ...]
     geoms: tuple[tuple[str, ET.Element], ...] = ()
+    sites: tuple[tuple[str, ET.Element], ...] = ()
 
 
 def flatten(root: ET.Element, source: str) -> ET.Element:
@@ -131,7 +133,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
         if finding is not None:
             writer.findings.append(finding)
     text = ET.tostring(plain, encoding="unicode")
-    return Plain(text, limits, gravity, tuple(writer.findings), tuple(writer.geoms))
+    return Plain(text, limits, gravity, tuple(writer.findings), tuple(writer.geoms), tuple(writer.sites))
 
 
 def joint_names(root: ET.Element) -> list[str]:
@@ -182,6 +184,7 @@ class _Writer:
     defaults: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
     bodies: set[str] = field(default_factory=lambda: {"world"})
     geoms: list[tuple[str, ET.Element]] = field(default_factory=list[tuple[str, ET.Element]])
+    sites: list[tuple[str, ET.Element]] = field(default_factory=list[tuple[str, ET.Element]])
 
     def __post_init__(self) -> None:
         for compiler in self.root.findall("compiler"):
@@ -244,7 +247,8 @@ class _Writer:
         for site in body.findall("site"):
             site = self.resolved(site, childclass)
             if site.get("name"):
-                ET.SubElement(inner, "site", {"name": site.get("name", ""), **self._pose(site, "a site")})
+                pose = self._pose(site, "a site")
+                self.sites.append((name, ET.Element("site", {"name": site.get("name", ""), **pose})))
         for child in body.findall("body"):
             inner.append(self.body(child, childclass))
         return outer

@@ -1,4 +1,4 @@
-"""Bodies of an MJCF for pictures and for collisions, each on the link that carries it.
+"""Bodies of an MJCF for pictures and for collisions, and its sites, each on the link that carries it.
 
 A geom that touches nothing (contype and conaffinity of zero) is there to be seen; by MuJoCo's habit, groups from 3 on
 are not shown. Meshes are looked for in the compiler's folders; files are not opened here.
@@ -17,10 +17,11 @@ from armid.errors import ArmidError, Finding
 from armid.maths.spatial import homogeneous
 from armid.robot.markup import numbers
 from armid.robot.mjcf_plain import Plain
+from armid.robot.pinocchio_model import pinocchio
 from armid.robot.shapes import Kind, Shape, capsule_between, rotation_with_z
 from armid.values import Array
 
-__all__ = ["carriers_of", "shapes_of_mjcf"]
+__all__ = ["add_sites", "carriers_of", "shapes_of_mjcf"]
 
 FIRST_HIDDEN = 3.0
 """First of the groups of geoms that MuJoCo's viewer does not show unless asked."""
@@ -33,6 +34,17 @@ def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
         for frame in model.frames
         if frame.type.name == "BODY"
     }
+
+
+def add_sites(model: Any, plain: Plain) -> None:
+    """Give a `pinocchio.Model` a frame for each site, on the frame of its body."""
+    pin = pinocchio()
+    bodies = {frame.name: k for k, frame in enumerate(model.frames) if frame.type.name == "BODY"}
+    for body, site in plain.sites:
+        k = bodies[body]
+        on = model.frames[k]
+        place = on.placement * pin.SE3(_placement(site))
+        model.addFrame(pin.Frame(site.get("name"), on.parentJoint, k, place, pin.FrameType.OP_FRAME))
 
 
 def shapes_of_mjcf(
@@ -118,7 +130,7 @@ def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]])
 
 
 def _placement(geom: ET.Element) -> Array:
-    """The geom's frame in its body's, from a position and one of three ways to say an orientation."""
+    """The frame of a geom or site in its body's, from a position and one of three ways to say an orientation."""
 
     def given(key: str) -> Array:
         return np.array([float(x) for x in geom.get(key, "").split()])

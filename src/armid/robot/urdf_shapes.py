@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armid.errors import Finding
+from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous, rpy_rotation
 from armid.robot.markup import numbers
 from armid.robot.robot import Robot
@@ -32,6 +32,9 @@ def shapes_of_urdf(
         locked: Joints that the reader has fixed, with their positions.
         source: Path of the description.
         kind: `collision` or `visual`.
+
+    Raises:
+        RobotError: A collision that makes no sense; a visual of that kind is left out, and a finding says so.
     """
     above = {joint.find("child").get("link"): joint for joint in root.findall("joint")}  # pyright: ignore
     shapes: list[Shape] = []
@@ -44,15 +47,23 @@ def shapes_of_urdf(
                 continue
             joint, placement = _carrier(name, above, robot, locked, source)
             label = name if number == 0 else f"{name} ({number + 1})"
-            form, size, path = _geometry(geometry[0], source, label)
-            if form == "mesh" and not path:
-                missing = geometry[0].get("filename", "")
+            try:
+                form, size, path = _geometry(geometry[0], source, f"the {kind} of {label!r}")
+                if form == "mesh" and not path:
+                    missing = geometry[0].get("filename", "")
+                    findings.append(
+                        Finding("mesh-missing", "warning", label, f"the {kind} mesh {missing} is not there; the link "
+                                "takes no space in a check of collisions", "put the mesh beside the description.")
+                    )  # fmt: skip
+                    continue
+                shapes.append(Shape(label, joint, form, size, placement @ _pose(body, source), path))
+            except RobotError as error:
+                if kind == "collision":
+                    raise
+                # Nothing but a picture rests on it.
                 findings.append(
-                    Finding("mesh-missing", "warning", label, f"the {kind} mesh {missing} is not there; the link "
-                            "takes no space in a check of collisions", "put the mesh beside the description.")
-                )  # fmt: skip
-                continue
-            shapes.append(Shape(label, joint, form, size, placement @ _pose(body, source), path))
+                    Finding("visual-left-out", "info", label, error.problem, "correct it to see the link.")
+                )
     return tuple(shapes), tuple(findings)
 
 
@@ -90,9 +101,8 @@ def _pose(element: ET.Element, source: str) -> Array:
     return homogeneous(rpy_rotation(rpy), xyz)
 
 
-def _geometry(shape: ET.Element, source: str, name: str) -> tuple[Kind, Array, str]:
+def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, str]:
     """Kind, size and file of a <geometry>'s content."""
-    where = f"the collision of {name!r}"
 
     def value(key: str, count: int, default: float) -> list[float]:
         return numbers(shape, key, count, source, where) or [default] * count

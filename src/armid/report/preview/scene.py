@@ -47,7 +47,7 @@ def bodies_of(robot: Robot) -> Bodies:
     seen = {shape.link for shape in robot.visuals}
     shapes = (*robot.visuals, *(shape for shape in robot.shapes if shape.link not in seen))
     drawn: list[dict[str, Any]] = []
-    missing: list[str] = []
+    missing = [f"{each.channel}: {each.evidence}" for each in robot.findings if each.code == "visual-left-out"]
     loaded: dict[tuple[str, tuple[float, ...]], Any] = {}
     for shape in shapes:
         if shape.kind == "half-space":

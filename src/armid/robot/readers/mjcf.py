@@ -16,7 +16,7 @@ from pathlib import Path
 from armid.errors import RobotError
 from armid.robot.markup import check_locked, parse_xml, root_tag
 from armid.robot.mjcf_plain import flatten, joint_names, plain_mjcf
-from armid.robot.mjcf_shapes import carriers_of, shapes_of_mjcf
+from armid.robot.mjcf_shapes import add_sites, carriers_of, shapes_of_mjcf
 from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 
@@ -61,6 +61,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
             return pinocchio().buildModelFromMJCF(str(path))
 
     model = build(make, source)
+    add_sites(model, plain)
     shapes, visuals, missing = shapes_of_mjcf(root, plain, carriers_of(model), source)
     robot = robot_from_model(
         model,

@@ -77,11 +77,9 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         findings=tuple(findings),
     )
     shapes, missing = shapes_of_urdf(root, robot, locked, source)
-    try:
-        visuals, _ = shapes_of_urdf(root, robot, locked, source, "visual")
-    except RobotError:  # nothing but a picture rests on them
-        visuals = ()
-    return replace(robot, shapes=shapes, visuals=visuals, findings=(*robot.findings, *missing))
+    visuals, unseen = shapes_of_urdf(root, robot, locked, source, "visual")
+    left_out = tuple(finding for finding in unseen if finding.code == "visual-left-out")
+    return replace(robot, shapes=shapes, visuals=visuals, findings=(*robot.findings, *missing, *left_out))
 
 
 def _joints(root: ET.Element) -> list[ET.Element]:
