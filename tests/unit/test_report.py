@@ -272,7 +272,7 @@ def test_separate_rows_are_shown_without_a_clock(tmp_path: Path):
     study = STUDY.replace(".csv", ".npz").replace('path = "run', 'consecutive = false\npath = "run')
     run = load_run(save_run(identify(load_study(write_study(tmp_path, study))), tmp_path / "run"))
     page = Page(render(gather(run)))
-    titles = {plot["x"] for plot in page.data["plots"].values()}
+    titles = {plot["layout"]["xaxis"]["title"]["text"] for plot in page.data["plots"].values()}
     assert titles == {"row", "velocity [rad/s]", "position [rad]"}
 
 

@@ -14,7 +14,9 @@ import pytest
 from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
 from armid.report.evidence import Evidence, Spectrum, amplitude_density
+from armid.report.look import CLOUDS, LINES, colours, resolved, trace_look
 from armid.report.numbers import decimals_of, fixed, percent, share, short
+from armid.report.packing import packed
 from armid.report.plots import binned, crest, envelope, line, points, spread
 from armid.report.remains import classes, explained, find_remains
 from armid.report.reversals import HALF_WINDOW, find_reversals, since_reversal
@@ -94,10 +96,27 @@ def test_clouds_drop_what_is_not_finite():
 
 
 def test_a_trace_is_packed_as_four_byte_numbers():
-    record = line("measured", np.arange(3.0), np.array([1.0, np.nan, -2.5]), "measured").record()
+    record = trace_look(line("measured", np.arange(3.0), np.array([1.0, np.nan, -2.5]), "measured"), packed)
     values = np.frombuffer(base64.b64decode(record["y"]["bdata"]), dtype="<f4")
     assert record["y"]["dtype"] == "f4"
     np.testing.assert_array_equal(values, [1.0, np.nan, -2.5])
+
+
+def test_every_role_has_a_look_of_its_own_in_colours_of_the_theme():
+    for looks in (LINES, CLOUDS):
+        assert len(set(looks.values())) == len(looks)
+    names = {look[0] for looks in (LINES, CLOUDS) for look in looks.values()}
+    for theme in ("light", "dark"):
+        palette = colours(theme)
+        assert names <= set(palette) and palette["paper"].startswith("#")
+    assert colours("light")["ink"] != colours("dark")["ink"]
+    nested = {"line": {"color": "--ink"}, "shapes": [{"color": "--soft"}], "width": 1, "name": "-- no colour"[3:]}
+    assert resolved(nested, {"ink": "black", "soft": "grey"}) == {
+        "line": {"color": "black"},
+        "shapes": [{"color": "grey"}],
+        "width": 1,
+        "name": "no colour",
+    }
 
 
 def test_a_logarithmic_line_keeps_its_peaks():

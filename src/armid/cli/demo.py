@@ -34,7 +34,7 @@ def demo(
     """
     from armid.cli.console import output_console, progress
     from armid.measurement.processing import Processing
-    from armid.study.demo import demo_study, run_demo, thesis_processing
+    from armid.study.demo import RECORD, demo_study, run_demo, thesis_processing
     from armid.study.records import estimate_record, to_json, validation_record
     from armid.study.run import refuse_folder, save_run
 
@@ -44,7 +44,7 @@ def demo(
     study = demo_study(default) if preset is None else demo_study(thesis_processing(edges), "ols")
     with progress(quiet=json) as tell:
         done = run_demo(study, seed=seed, threads=threads, progress=tell)
-    save_run(done.result, folder)
+    save_run(done.result, folder, beside={RECORD: {"seed": seed}})
     if json:
         record = estimate_record(done.result.estimate)
         record["run"] = str(folder)

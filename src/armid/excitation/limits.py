@@ -17,7 +17,7 @@ from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.values import Array, array
 
-__all__ = ["KINDS", "Limits", "limits_of", "motion_channels", "thesis_channels", "torque_channel"]
+__all__ = ["KINDS", "Limits", "described_limits", "limits_of", "motion_channels", "thesis_channels", "torque_channel"]
 
 KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
 """What a joint may have a limit of."""
@@ -81,6 +81,15 @@ class Limits:
         )
 
 
+def described_limits(robot: Robot) -> Limits:
+    """What the description says; nothing is known there of acceleration and jerk."""
+    lower, upper = np.array([joint.position_limits for joint in robot.joints]).T
+    velocity = np.array([joint.velocity_limit for joint in robot.joints])
+    effort = np.array([joint.effort_limit for joint in robot.joints])
+    unknown = np.full(robot.n, np.inf)
+    return Limits(robot.joint_names, lower, upper, velocity, unknown, unknown, effort)
+
+
 def limits_of(
     robot: Robot,
     given: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
@@ -100,14 +109,14 @@ def limits_of(
         ArmidError: A joint or kind that is not there, or a joint without a limit of position or velocity; a
             continuous joint needs none of position.
     """
-    n = robot.n
+    described = described_limits(robot)
     values = {
-        "lower": np.array([joint.position_limits[0] for joint in robot.joints]),
-        "upper": np.array([joint.position_limits[1] for joint in robot.joints]),
-        "velocity": np.array([joint.velocity_limit for joint in robot.joints]),
-        "acceleration": np.full(n, np.inf if acceleration is None else acceleration),
-        "jerk": np.full(n, np.inf if jerk is None else jerk),
-        "effort": np.array([joint.effort_limit for joint in robot.joints]),
+        "lower": described.lower.copy(),
+        "upper": described.upper.copy(),
+        "velocity": described.velocity.copy(),
+        "acceleration": np.full(robot.n, np.inf if acceleration is None else acceleration),
+        "jerk": np.full(robot.n, np.inf if jerk is None else jerk),
+        "effort": described.effort.copy(),
     }
     for (name, kind), value in (given or {}).items():
         j = robot.joint_index(name)

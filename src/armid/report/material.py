@@ -16,12 +16,13 @@ from armid.measurement.recording import Recording
 from armid.report.evidence import Evidence, look_at
 from armid.robot import Joint
 from armid.study.certify import Verdict, certify_run
+from armid.study.demo import MOTIONS, demo_recordings
 from armid.study.identify import read_recording
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.values import Array
 
-__all__ = ["Material", "choices_of", "gather", "read_again", "records_of", "velocity_unit"]
+__all__ = ["Material", "choices_of", "gather", "read_again", "records_of", "velocity_unit", "with_evidence"]
 
 MOST_OF_A_ROLE = 3
 """Recordings of each role that are drawn; every one is in the tables."""
@@ -97,6 +98,26 @@ def gather(
     Raises:
         ArmidError: A record of the run is damaged.
     """
+    material = with_evidence(run, recordings=recordings, data=data)
+    return replace(material, verdict=certify_run(run) if run.model.has_rigid_bodies else None)
+
+
+def with_evidence(
+    run: Run,
+    *,
+    recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
+    data: Path | str | None = None,
+) -> Material:
+    """A run's records and recordings without its certificate, which pictures do not need.
+
+    Args:
+        run: The run.
+        recordings: What the run was made from, where it is at hand and need not be read again.
+        data: Folder in which recordings are looked for first, by their path in the study or by their name.
+
+    Raises:
+        ArmidError: A record of the run is damaged.
+    """
     material = records_of(run)
     evidence: list[Evidence] = []
     missing: list[str] = []
@@ -107,8 +128,7 @@ def gather(
             missing.append(error.problem)
     for choice, recording in recordings or ():
         evidence.append(look_at(run, choice, recording))
-    verdict = certify_run(run) if run.model.has_rigid_bodies else None
-    return replace(material, evidence=tuple(evidence), missing=tuple(missing), verdict=verdict)
+    return replace(material, evidence=tuple(evidence), missing=tuple(missing))
 
 
 def records_of(run: Run) -> Material:
@@ -158,8 +178,11 @@ def read_again(
     Raises:
         ArmidError: It is gone, or has changed.
     """
-    place = _found(choice.path, str(study["folder"]), data)
-    recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
+    if choice.path in MOTIONS:
+        recording, _ = read_recording(choice, ".", run.robot, demo_recordings(run.folder))
+    else:
+        place = _found(choice.path, str(study["folder"]), data)
+        recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
     if recording.sha256 != sha256:
         raise ArmidError(f"{choice.path} has changed since the run was made (sha256 {recording.sha256[:12]}…).")
     return recording

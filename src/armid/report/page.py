@@ -13,6 +13,7 @@ from typing import Any
 
 from armid.measurement.recording import Recording
 from armid.report.comparison import COMPARISON, pair_of
+from armid.report.look import plot_record
 from armid.report.material import Material, gather, records_of
 from armid.report.packing import compressed, embedded
 from armid.report.rendering import environment, require_extra, text_of
@@ -107,7 +108,7 @@ def assemble(title: str, subtitle: str, sections: Mapping[str, Section], *, with
 def _data(sections: Iterable[Section]) -> dict[str, Any]:
     """What the page's script needs: plots and copies of the tables."""
     sections = list(sections)
-    plots = {plot.key: plot.record() for section in sections for _, row in section.plots for plot in row}
+    plots = {plot.key: plot_record(plot) for section in sections for _, row in section.plots for plot in row}
     tables = {t.key: {"csv": t.csv(), "latex": t.latex()} for section in sections for t in section.tables}
     return {"plots": plots, "tables": tables}
 

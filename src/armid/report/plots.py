@@ -1,7 +1,7 @@
-"""Plots as plain data: traces with a role, which the page's script draws in the colours of the theme.
+"""Plots as plain data: traces with a role.
 
-A role says what a trace is, never how it looks: colour, dash and symbol stand in the page's style sheet and script,
-so that light, dark and paper show the same plot.
+A role says what a trace is, never how it looks: that stands in `armid.report.look`, and colours in the style sheet,
+so that light, dark and paper, a page and a notebook show the same plot.
 """
 
 from __future__ import annotations
@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.report.packing import packed
 from armid.values import Array
 
 __all__ = ["MOST_POINTS", "Plot", "Trace", "binned", "crest", "envelope", "every", "line", "points", "spread"]
@@ -31,7 +29,7 @@ class Trace:
     """One line or cloud.
 
     Attributes:
-        role: What it is, for instance `measured`; the page gives the role its look.
+        role: What it is, for instance `measured`; the role has its look.
         x: Abscissas (K,).
         y: Ordinates (K,); NaN is a gap.
         name: What a pointer resting on it is told.
@@ -43,11 +41,6 @@ class Trace:
     y: Array
     name: str
     cloud: bool = False
-
-    def record(self) -> dict[str, Any]:
-        """The trace for the page's script."""
-        x, y = packed(self.x), packed(self.y)
-        return {"role": self.role, "x": x, "y": y, "name": self.name, "cloud": self.cloud}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -77,18 +70,6 @@ class Plot:
     logarithmic: bool = False
     levels: Sequence[float] = ()
     marks: Sequence[float] = ()
-
-    def record(self) -> dict[str, Any]:
-        """The plot for the page's script."""
-        return {
-            "x": self.x,
-            "y": self.y,
-            "traces": [trace.record() for trace in self.traces],
-            "group": self.group,
-            "log": self.logarithmic,
-            "levels": [float(level) for level in self.levels],
-            "marks": [float(mark) for mark in self.marks],
-        }
 
 
 def line(role: str, x: Array, y: Array, name: str) -> Trace:

@@ -9,8 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from armid.excitation.finish import Margin
+from armid.excitation.limits import Limits
 from armid.excitation.places import SCALE
+from armid.excitation.plan import Plan
 from armid.excitation.preflight import worst
+from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.report.numbers import fixed, share, short
 from armid.report.page import assemble
@@ -18,10 +21,11 @@ from armid.report.plots import Plot, Trace, line
 from armid.report.rendering import require_extra
 from armid.report.section import Section, one_of
 from armid.report.tables import Cell, Column, Table
+from armid.robot import Joint
 from armid.study.excite import Designed
 from armid.values import Array, replace_file
 
-__all__ = ["PREFLIGHT", "render_preflight", "write_preflight"]
+__all__ = ["PREFLIGHT", "motion_section", "render_preflight", "write_preflight"]
 
 DRAWN = 100.0
 """Samples a second of the pictures [Hz]; forty a period of the highest harmonics that arms follow."""
@@ -191,20 +195,33 @@ def _cell(value: float) -> Cell:
 
 def show_motion(designed: Designed) -> Section:
     """Position, velocity, acceleration and torque over time against their limits."""
-    plan, model = designed.plan, designed.problem.goal.model
+    model = designed.problem.goal.model
+    content = {"torque": model.nominal_parameters() is not None}
+    return motion_section(designed.plan, model, designed.limits, content)
+
+
+def motion_section(
+    plan: Plan, model: DynamicsModel, limits: Limits, content: Mapping[str, object] | None = None
+) -> Section:
+    """A plan against limits, torque as well where the description says enough.
+
+    Args:
+        plan: The motion.
+        model: Whose torque is shown.
+        limits: Of the joints.
+        content: What else the template asks for.
+    """
     motion = plan.sample(DRAWN)
     nominal = model.nominal_parameters()
     torque = None if nominal is None else model.torque(motion, nominal)
     rows = tuple(
-        (joint.name, tuple(_plots(designed, motion, torque, j))) for j, joint in enumerate(model.robot.joints)
+        (joint.name, tuple(_plots(motion, torque, joint, limits, j))) for j, joint in enumerate(model.robot.joints)
     )
-    legend = (("measured", "plan"), ("limit", "limit"))
-    return Section("Motion", {"torque": torque is not None}, (), rows, legend)
+    return Section("Motion", content or {}, (), rows, (("measured", "plan"), ("limit", "limit")))
 
 
-def _plots(designed: Designed, motion: Motion, torque: Array | None, j: int) -> list[Plot]:
+def _plots(motion: Motion, torque: Array | None, joint: Joint, limits: Limits, j: int) -> list[Plot]:
     """The pictures of one joint."""
-    joint, limits = designed.problem.goal.model.robot.joints[j], designed.limits
     unit = joint.unit
     shown: list[tuple[str, str, Array, tuple[float, float]]] = [
         ("position", f"q [{unit}]", motion.q[:, j], (float(limits.lower[j]), float(limits.upper[j]))),

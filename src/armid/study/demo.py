@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -13,17 +15,22 @@ from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
 from armid.robot import load_robot
 from armid.study.identify import Progress, Result, conclude, prepare
 from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.values import Array
 
-__all__ = ["Demo", "demo_study", "run_demo", "thesis_processing"]
+__all__ = ["MOTIONS", "RECORD", "Demo", "demo_recordings", "demo_study", "run_demo", "thesis_processing"]
 
 HANGING = (0.0, 0.0, 9.81)
 SECONDS = 27.0
 REPETITIONS = 5
 TRAIN, UNSEEN = "virtual A.1", "virtual A.2"
+MOTIONS = {TRAIN: "thesis-a1", UNSEEN: "thesis-a2"}
+SEED = 1
+RECORD = "demo.json"
+"""What a demo's run keeps beside the rest: the seed of its recordings."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,7 +72,7 @@ def thesis_processing(edges: str = "periodic") -> Processing:
 
 
 def run_demo(
-    study: Study | None = None, *, seed: int = 1, threads: int = 1, progress: Progress | None = None
+    study: Study | None = None, *, seed: int = SEED, threads: int = 1, progress: Progress | None = None
 ) -> Demo:
     """Record the virtual arm, identify it, validate it on Table A.2, and compare with the truth.
 
@@ -81,14 +88,8 @@ def run_demo(
     robot = load_robot(study.robot.description, gravity=study.robot.gravity)
     model: DynamicsModel = build_model(robot, study.model)
     truth = thesis_truth(model)
-    rng = np.random.default_rng(seed)
-    train, _, _ = record(
-        model, truth, builtin_plan("thesis-a1").stretched(SECONDS), Sensors(), rng, repetitions=REPETITIONS
-    )
-    unseen, motion, torque = record(
-        model, truth, builtin_plan("thesis-a2").stretched(SECONDS), Sensors(), rng, repetitions=REPETITIONS
-    )
-    prepared = prepare(study, given={TRAIN: train, UNSEEN: unseen}, threads=threads, progress=progress)
+    recordings, motion, torque = _record(model, truth, seed)
+    prepared = prepare(study, given=recordings, threads=threads, progress=progress)
     result = conclude(prepared, progress=progress)
     base = find_base_parameters(model)
     values, true_values = result.estimate.fit.values, base.values_of(truth)
@@ -102,3 +103,24 @@ def run_demo(
         float(np.sqrt(np.mean(error**2))),
         prepared.recordings,
     )
+
+
+def demo_recordings(folder: Path | str) -> dict[str, Recording]:
+    """What the virtual arm recorded for the demo in a folder, made once more; by the names that its study has.
+
+    A hundred megabytes that a seed can make again are not kept.
+    """
+    path = Path(folder) / RECORD
+    seed = json.loads(path.read_text(encoding="utf-8"))["seed"] if path.is_file() else SEED
+    study = demo_study()
+    model = build_model(load_robot(study.robot.description, gravity=study.robot.gravity), study.model)
+    return _record(model, thesis_truth(model), seed)[0]
+
+
+def _record(model: DynamicsModel, truth: Array, seed: int) -> tuple[dict[str, Recording], Motion, Array]:
+    """Both recordings, and the unseen one's true motion and torque."""
+    rng = np.random.default_rng(seed)
+    plans = {name: builtin_plan(plan).stretched(SECONDS) for name, plan in MOTIONS.items()}
+    made = {name: record(model, truth, plan, Sensors(), rng, repetitions=REPETITIONS) for name, plan in plans.items()}
+    _, motion, torque = made[UNSEEN]
+    return {name: recording for name, (recording, _, _) in made.items()}, motion, torque
