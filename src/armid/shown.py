@@ -9,7 +9,10 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from html import escape
 
-__all__ = ["Shown", "Summary", "html_of"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Shown", "Summary", "html_of", "spans"]
 
 MOST_ROWS = 200
 """Rows that are shown; a notebook becomes slow with more, and nobody reads them."""
@@ -43,6 +46,20 @@ class Shown:
 
     def _repr_html_(self) -> str:
         return html_of(self.summary())
+
+
+def spans(*channels: NDArray[np.float64]) -> tuple[tuple[str, ...], ...]:
+    """From where to where each joint goes, a row a joint and a cell a quantity.
+
+    Args:
+        channels: Quantities, each of shape (N, n); what is not finite is passed over.
+    """
+
+    def span(values: NDArray[np.float64]) -> str:
+        known = values[np.isfinite(values)]
+        return f"{known.min():.4g} … {known.max():.4g}" if len(known) else "–"
+
+    return tuple(zip(*([span(column) for column in values.T] for values in channels), strict=True))
 
 
 def html_of(summary: Summary) -> str:

@@ -35,6 +35,21 @@ def test_a_shell_completes_commands(tmp_path: Path):
     assert done.stdout.split() == ["recalibrate", "report"]
 
 
+def test_a_shell_completes_arms(tmp_path: Path):
+    write_arm(tmp_path)
+    (tmp_path / "run1.csv").write_text("t,q1,tau1\n")
+    for words, found in (
+        ("base ", {"iiwa14-r820", "iiwa7-r800", "panda", "small.urdf", "ur10e", "ur5e"}),
+        ("excite ur", {"ur10e", "ur5e"}),
+        ("identify s", {"small.urdf"}),
+        ("doctor pa", {"panda"}),
+        ("preview i", {"iiwa14-r820", "iiwa7-r800"}),
+        ("base run", set[str]()),  # then the shell goes on with files
+    ):
+        asked = {"_ARMID_COMPLETE": "complete_bash", "COMP_WORDS": f"armid {words}", "COMP_CWORD": "2"}
+        assert set(program(cwd=tmp_path, **asked).stdout.split()) == found, words
+
+
 def test_colours_and_bars_vanish_in_a_pipe(tmp_path: Path):
     write_arm(tmp_path)
     options = ("--duration", "4", "--harmonics", "3", "--budget", "0.5", "--workers", "0")

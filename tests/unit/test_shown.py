@@ -8,9 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from armid import find_base_parameters, identify, load_robot, load_study
+from armid import find_base_parameters, identify, load_robot, load_run, load_study, save_run
+from armid.excitation.objective import Goal
+from armid.excitation.plan import Plan
 from armid.shown import MOST_ROWS, Shown, Summary, html_of
-from labs import small_model, write_recordings, write_study
+from armid.study.certify import certify_run
+from armid.study.excite import Effort, Rules, Wish, design_plan
+from labs import small_model, small_plan, small_recording, write_recordings, write_study
 
 
 class Tags(HTMLParser):
@@ -37,22 +41,65 @@ class Tags(HTMLParser):
 def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Shown]:
     folder = tmp_path_factory.mktemp("small")
     write_recordings(folder)
-    result = identify(load_study(write_study(folder)))
-    model = small_model()
+    study = write_study(folder).read_text() + '[estimation]\nmethod = "physical"\n'
+    (folder / "study.toml").write_text(study)
+    result = identify(load_study(folder / "study.toml"))
+    run = load_run(save_run(result, folder / "run"))
+    model, motion = small_model(), small_plan(1)
+    goal = Goal(model, find_base_parameters(model), rate=20.0)
+    designed = design_plan(Wish(goal, 6.0, 3), Rules(acceleration=5.0), Effort(None, 1, 0, 1))
+    assert result.estimate.fit.standard is not None
     return {
-        "FV_2": result.estimate,
-        "run2.csv, RMS": result.validation,
-        "joint_3": model.robot,
-        "ZZR_1": find_base_parameters(model),
+        "Estimate": result.estimate,
+        "Fit": result.estimate.fit,
+        "StandardFit": result.estimate.fit.standard,
+        "Validation": result.validation,
+        "Result": result,
+        "Run": run,
+        "Robot": model.robot,
+        "DynamicsModel": model,
+        "BaseParameters": find_base_parameters(model),
+        "Excitation": motion,
+        "Plan": Plan(motion, 3),
+        "Motion": motion.sample(50.0),
+        "Recording": small_recording(1),
+        "Verdict": certify_run(run),
+        "Designed": designed,
     }
 
 
-@pytest.mark.parametrize("holds", ["FV_2", "run2.csv, RMS", "joint_3", "ZZR_1"])
-def test_a_value_shows_itself_as_a_table(holds: str, values: dict[str, Shown]):
-    summary = values[holds].summary()
-    assert all(len(row) == len(summary.columns) for row in summary.rows)
-    page = Tags(values[holds]._repr_html_())
-    assert page.open == [] and holds in page.cells
+HOLDS = {
+    "Estimate": "FV_2",
+    "Fit": "FV_2",
+    "StandardFit": "XX_1",
+    "Validation": "run2.csv, RMS",
+    "Result": "run2.csv, RMS",
+    "Run": "physical",
+    "Robot": "joint_3",
+    "DynamicsModel": "viscous",
+    "BaseParameters": "ZZR_1",
+    "Excitation": "dq",
+    "Plan": "dq",
+    "Motion": "ddq",
+    "Recording": "effort",
+    "Verdict": "masses of that body",
+    "Designed": "velocity",
+}
+"""A cell of each value's table."""
+
+
+@pytest.mark.parametrize("kind", HOLDS)
+def test_a_value_shows_itself_as_a_table(kind: str, values: dict[str, Shown]):
+    value = values[kind]
+    assert type(value).__name__ == kind
+    summary = value.summary()
+    assert summary.rows and all(len(row) == len(summary.columns) for row in summary.rows)
+    page = Tags(value._repr_html_())
+    assert page.open == [] and HOLDS[kind] in page.cells
+
+
+def test_every_value_that_shows_itself_is_looked_at():
+    assert {kind.__name__ for kind in Shown.__subclasses__()} == set(HOLDS)
 
 
 def test_names_are_text_and_nothing_else():
@@ -66,7 +113,8 @@ def test_long_tables_end_and_say_so():
 
 
 def test_pages_do_not_promise_more(values: dict[str, Shown]):
-    """The first page says that these two show themselves."""
+    """What the first page names shows itself."""
     text = (Path(__file__).parents[2] / "docs" / "start.md").read_text(encoding="utf-8")
-    assert "`run.estimate` and `run.validation` show themselves as tables" in text
-    assert {"Estimate", "Validation"} <= {type(value).__name__ for value in values.values()}
+    assert "a run and its `run.estimate`, robots, models, plans, recordings" in text
+    named = {"Run", "Estimate", "Robot", "DynamicsModel", "Plan", "Recording"}
+    assert named <= {type(value).__name__ for value in values.values()}

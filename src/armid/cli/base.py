@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, Terms, model_choice, robot_choice
+from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, RobotName, Terms, model_choice, robot_choice
 
 __all__ = ["base"]
 
@@ -21,7 +21,7 @@ class Style(StrEnum):
 
 
 def base(
-    robot: Annotated[str, typer.Argument(help="Built-in name or path to a URDF, xacro, MJCF or DH table.")],
+    robot: RobotName,
     gravity: Gravity = None,
     lock: Lock = None,
     terms: Terms = None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, Terms, model_choice, robot_choice
+from armid.cli.options import Gravity, Json, Lock, Terms, known_arms, model_choice, robot_choice
 from armid.errors import ArmidError
 
 if TYPE_CHECKING:
@@ -18,7 +18,10 @@ __all__ = ["doctor"]
 
 
 def doctor(
-    subject: Annotated[str, typer.Argument(metavar="STUDY | ROBOT", help="A study.toml, or an arm.")],
+    subject: Annotated[
+        str,
+        typer.Argument(metavar="STUDY | ROBOT", help="A study.toml, or an arm.", autocompletion=known_arms),
+    ],
     recordings: Annotated[
         list[str] | None, typer.Argument(metavar="[RECORDING…]", help="Recordings of the arm.")
     ] = None,

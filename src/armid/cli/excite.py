@@ -13,7 +13,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, Out, Terms, model_choice, robot_choice, run_folder
+from armid.cli.options import (
+    BASE_TERMS,
+    Gravity,
+    Json,
+    Lock,
+    Out,
+    RobotName,
+    Terms,
+    model_choice,
+    robot_choice,
+    run_folder,
+)
 from armid.cli.preview import PAGE as PREVIEW
 from armid.cli.report import attempt
 
@@ -199,7 +210,7 @@ def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats:
 
 def _signature() -> inspect.Signature:
     """What the parser is to see of `excite`."""
-    robot = Annotated[str, typer.Argument(help="Built-in name or path to a URDF, xacro, MJCF or DH table.")]
+    robot = RobotName
     kind = inspect.Parameter.KEYWORD_ONLY
     parameters = [inspect.Parameter("robot", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=robot)]
     parameters += [inspect.Parameter(name, kind, default=d, annotation=a) for name, (a, d) in OPTIONS.items()]

@@ -18,6 +18,7 @@ from armid.cli.options import (
     Out,
     Terms,
     Threads,
+    known_arms,
     model_choice,
     robot_choice,
     run_folder,
@@ -40,7 +41,12 @@ class Preset(StrEnum):
 
 def identify(
     inputs: Annotated[
-        list[str], typer.Argument(metavar="STUDY | ROBOT RECORDING…", help="A study.toml, or an arm and recordings.")
+        list[str],
+        typer.Argument(
+            metavar="STUDY | ROBOT RECORDING…",
+            help="A study.toml, or an arm and recordings.",
+            autocompletion=known_arms,
+        ),
     ],
     validate: Annotated[
         list[str] | None, typer.Option("--validate", metavar="RECORDING…", help="Recordings to check the model on.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["next_step"]
+__all__ = ["DESCRIPTIONS", "next_step"]
 
 DESCRIPTIONS = (".urdf", ".xacro", ".xml", ".mjcf")
 RECORDINGS = (".csv", ".parquet", ".npz", ".mat", ".mcap", ".db3", ".bag")

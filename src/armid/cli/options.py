@@ -9,13 +9,41 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import armid
+from armid.cli.next_step import DESCRIPTIONS
 from armid.errors import ArmidError, StudyError
 
 if TYPE_CHECKING:
     from armid.study.study import ModelChoice, RobotChoice
 
-__all__ = ["Gravity", "Json", "Lock", "Out", "Terms", "Threads", "model_choice", "robot_choice", "run_folder"]
+__all__ = [
+    "Gravity",
+    "Json",
+    "Lock",
+    "Out",
+    "RobotName",
+    "Terms",
+    "Threads",
+    "known_arms",
+    "model_choice",
+    "robot_choice",
+    "run_folder",
+]
 
+
+def known_arms(incomplete: str) -> list[str]:
+    """Built-in arms and descriptions in the working folder that begin so; where none does, shells go on with files."""
+    arms = (path.stem for path in (Path(armid.__file__).parent / "robot" / "arms").glob("*.toml"))
+    files = (path.name for path in Path().iterdir() if path.suffix in DESCRIPTIONS)
+    return sorted(name for name in chain(arms, files) if name.startswith(incomplete))
+
+
+RobotName = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT", help="Built-in name or path to a URDF, xacro, MJCF or DH table.", autocompletion=known_arms
+    ),
+]
 Gravity = Annotated[
     tuple[float, float, float] | None,
     typer.Option("--gravity", metavar="X Y Z", help="Gravity in the base frame in m/s²; a hanging arm is 0 0 9.81."),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, robot_choice
+from armid.cli.options import Gravity, Json, Lock, known_arms, robot_choice
 
 if TYPE_CHECKING:
     from armid.measurement.reading import Reading
@@ -24,7 +24,10 @@ PAGE = "preview.html"
 
 def preview(
     robot: Annotated[
-        str, typer.Argument(metavar="ROBOT | RUN", help="The arm, or a folder that armid identify made.")
+        str,
+        typer.Argument(
+            metavar="ROBOT | RUN", help="The arm, or a folder that armid identify made.", autocompletion=known_arms
+        ),
     ],
     motion: Annotated[
         str | None,

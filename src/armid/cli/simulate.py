@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, Out, robot_choice, run_folder
+from armid.cli.options import Gravity, Json, Lock, Out, RobotName, robot_choice, run_folder
 
 if TYPE_CHECKING:
     from armid.lab.options import LabOptions
@@ -18,7 +18,7 @@ __all__ = ["simulate"]
 
 
 def simulate(
-    robot: Annotated[str, typer.Argument(help="Built-in name or path to a URDF, xacro, MJCF or DH table.")],
+    robot: RobotName,
     plan: Annotated[str, typer.Argument(metavar="PLAN", help="A plan.json, thesis-a1 or thesis-a2.")],
     options: Annotated[Path | None, typer.Option(metavar="FILE", help="A lab.toml with everything else.")] = None,
     mode: Annotated[

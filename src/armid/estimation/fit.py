@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from armid.errors import Finding
 from armid.estimation.standard_fit import StandardFit
 from armid.information.information import Information
+from armid.shown import Shown, Summary
 from armid.values import Array, array
 
 __all__ = ["POORLY_IDENTIFIED", "CovarianceReport", "Fit"]
@@ -40,7 +41,7 @@ class CovarianceReport:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Fit:
+class Fit(Shown):
     """An estimate of b parameters from the rows of n joints.
 
     Attributes:
@@ -96,6 +97,17 @@ class Fit:
         object.__setattr__(self, "residual_rms", array(self.residual_rms, (n,), "residual_rms"))
         if self.prior_precision is not None:
             object.__setattr__(self, "prior_precision", array(self.prior_precision, (b, b), "prior_precision"))
+
+    def summary(self) -> Summary:
+        """Parameters with deviations and intervals."""
+        rows = tuple(
+            (name, f"{value:.5g}", f"{relative:.2g} %", f"{low:.5g} … {high:.5g}")
+            for name, value, relative, (low, high) in zip(
+                self.names, self.values, self.relative_deviation, self.intervals, strict=True
+            )
+        )
+        note = f"intervals: {self.covariance_kind}, {self.report.why}; condition number {self.condition:.4g}"
+        return Summary(f"{len(rows)} parameters", ("parameter", "value", "σ", "95 % interval"), rows, note)
 
     @property
     def intervals(self) -> Array:

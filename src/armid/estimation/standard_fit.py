@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from armid.shown import Shown, Summary
 from armid.values import Array, array
 
 __all__ = [
@@ -127,7 +128,7 @@ class Lift:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class StandardFit:
+class StandardFit(Shown):
     """Estimate of p standard parameters.
 
     Attributes:
@@ -161,6 +162,16 @@ class StandardFit:
         for name in ("values", "deviation", "resolution"):
             object.__setattr__(self, name, array(getattr(self, name), (p,), name))
         object.__setattr__(self, "intervals", array(self.intervals, (p, 2), "intervals"))
+
+    def summary(self) -> Summary:
+        """Parameters with intervals, and what the data say of each."""
+        rows = tuple(
+            (name, f"{value:.5g}", unit, f"{low:.5g} … {high:.5g}", said)
+            for name, value, unit, (low, high), said in zip(
+                self.names, self.values, self.units, self.intervals, self.status, strict=True
+            )
+        )
+        return Summary(f"{len(rows)} standard parameters", ("parameter", "value", "unit", "95 % interval", ""), rows)
 
 
 def status_of(resolution: Array, told: bool, given: Array, held: Array) -> tuple[Status, ...]:

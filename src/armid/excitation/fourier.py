@@ -18,15 +18,19 @@ from numpy.typing import ArrayLike
 
 from armid.errors import ArmidError
 from armid.model.motion import Motion
+from armid.shown import Shown, Summary
 from armid.values import Array, array, replace_file
 
 __all__ = ["Excitation", "load_plan", "save_plan"]
+
+SHOWN = 40
+"""Samples of a period of the highest harmonic from which a summary is made."""
 
 PLAN_KEYS = ("robot", "base_frequency", "offset", "a", "b")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Excitation:
+class Excitation(Shown):
     """A periodic motion of n joints with L harmonics.
 
     Attributes:
@@ -51,6 +55,12 @@ class Excitation:
         object.__setattr__(self, "a", a)
         object.__setattr__(self, "b", array(self.b, a.shape, "b"))
         object.__setattr__(self, "offset", array(self.offset, (len(a),), "offset"))
+
+    def summary(self) -> Summary:
+        """How far and how fast each joint goes in a period."""
+        found = self.sample(SHOWN * self.harmonics / self.period).summary()
+        title = f"{self.robot or 'motion'}: {self.harmonics} harmonics over {self.period:.4g} s"
+        return replace(found, title=title)
 
     @property
     def n(self) -> int:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation
 from armid.model.motion import Motion
+from armid.shown import Shown, Summary
 from armid.values import Array, array
 
 __all__ = ["Plan", "seconds_for"]
@@ -33,7 +34,7 @@ def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLik
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Plan:
+class Plan(Shown):
     """What the arm does from leaving one pose to reaching another.
 
     Attributes:
@@ -64,6 +65,12 @@ class Plan:
                     f"A way from or to a pose needs the pose and a time above zero; found {seconds} s.",
                     remedy=f"give both for {name}, or neither.",
                 )
+
+    def summary(self) -> Summary:
+        """The motion that it repeats, how often, and how long all of it takes."""
+        found = self.excitation.summary()
+        often = "once" if self.repetitions == 1 else f"{self.repetitions} times"
+        return replace(found, title=f"{found.title}, {often}; {self.duration:.4g} s in all")
 
     @property
     def duration(self) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import RecordingError
+from armid.shown import Shown, Summary, spans
 from armid.values import Array, array
 
 __all__ = ["Recording"]
@@ -19,7 +20,7 @@ def _all_valid() -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Recording:
+class Recording(Shown):
     """Measured motion and effort, N samples of n channels.
 
     A reader fills it with what the file says; `interpret` gives the same type back in the robot's joint order,
@@ -83,6 +84,16 @@ class Recording:
                 remedy="give every quantity one row a sample and one column a joint.",
             )
         return array(values, shape, name, finite=False)
+
+    def summary(self) -> Summary:
+        """From where to where each channel goes."""
+        effort = "current" if self.effort_is_current else "effort"
+        named = {"q": self.q, "dq": self.dq, "ddq": self.ddq, effort: self.effort}
+        known = {name: values for name, values in named.items() if values is not None}
+        rows = tuple((name, *row) for name, row in zip(self.channels, spans(*known.values()), strict=True))
+        long = "no clock" if self.time is None else f"{float(np.ptp(self.time)):.4g} s"
+        title = f"{self.source or 'recording'}: {self.samples} samples, {long}"
+        return Summary(title, ("joint", *known), rows, f"{self.valid.mean():.1%} of the samples count")
 
     @property
     def samples(self) -> int:

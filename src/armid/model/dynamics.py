@@ -8,6 +8,7 @@ memory need what happened before: `remember` follows their states along a contig
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,12 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 from armid import kernel
 from armid.errors import ModelError
 from armid.kernel.tree import Tree
-from armid.model.expression import derivative, evaluate, number, symbols
+from armid.model.expression import derivative, evaluate, number, symbols, text
 from armid.model.memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.terms import Law, RigidBody, Term
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
 from armid.robot.robot import Robot
+from armid.shown import Shown, Summary
 from armid.values import Array, array
 
 __all__ = ["DynamicsModel", "Parameter", "TermColumns"]
@@ -70,7 +72,7 @@ class TermColumns:
 
 
 @dataclass(frozen=True, eq=False)
-class DynamicsModel:
+class DynamicsModel(Shown):
     """An arm with its torque terms.
 
     Attributes:
@@ -99,6 +101,14 @@ class DynamicsModel:
                 f"Two terms bring the same parameters: {', '.join(twice)}.",
                 remedy="name each term once and restrict terms to different joints.",
             )
+
+    def summary(self) -> Summary:
+        """The terms, how many parameters each brings, and its law."""
+        counts = Counter(parameter.kind for parameter in self.parameters)
+        laws = {name: f"{law.symbol} · {text(law.expression)}" for name, law in reversed(self.laws)}
+        rows = tuple((name, str(count), laws.get(name, "links as rigid bodies")) for name, count in counts.items())
+        title = f"{self.robot.name}: {len(self.parameters)} parameters of {self.n} joints"
+        return Summary(title, ("term", "parameters", "law of the first joint"), rows)
 
     @property
     def n(self) -> int:

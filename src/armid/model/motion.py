@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armid.errors import ArmidError
+from armid.shown import Shown, Summary, spans
 from armid.values import Array, array
 
 __all__ = ["Motion"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Motion:
+class Motion(Shown):
     """Positions, velocities and accelerations of n joints at N samples.
 
     Attributes:
@@ -40,6 +41,12 @@ class Motion:
         object.__setattr__(self, "ddq", array(self.ddq, q.shape, "ddq"))
         if self.memory is not None:
             object.__setattr__(self, "memory", array(self.memory, (len(q), None), "memory"))
+
+    def summary(self) -> Summary:
+        """How far and how fast each joint goes."""
+        rows = tuple((str(j), *row) for j, row in enumerate(spans(self.q, self.dq, self.ddq), 1))
+        seconds = float(np.ptp(self.time)) if self.samples else 0.0
+        return Summary(f"{self.samples} samples over {seconds:.4g} s", ("joint", "q", "dq", "ddq"), rows, "SI units")
 
     @classmethod
     def of_states(cls, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Motion:

@@ -21,6 +21,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.robot import Robot
+from armid.shown import Shown, Summary
 from armid.study.run import Run
 from armid.validation.consistency import Certificate, certify_values
 from armid.validation.gravity_sign import gravity_sign_finding
@@ -39,7 +40,7 @@ PLAN_RATE = 100.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Verdict:
+class Verdict(Shown):
     """What is certified of a set of parameters.
 
     Attributes:
@@ -61,6 +62,18 @@ class Verdict:
     along: Pose | None
     constraints: tuple[Constraint, ...]
     findings: tuple[Finding, ...]
+
+    def summary(self) -> Summary:
+        """Whether a real body can have the parameters, and how far the nearest is."""
+        nearest = self.certificate
+        rows = (
+            ("distance to the nearest real body", f"{nearest.distance:.4g} ({nearest.relative_distance:.3%})"),
+            ("masses of that body", ", ".join(f"{mass:.4g}" for mass in nearest.masses) + " kg"),
+            ("mass matrix, worst pose", f"{self.pose.min_eigenvalue:.5g} kg·m²"),
+        )
+        said = "feasible" if nearest.feasible else "infeasible"
+        note = " ".join(part for each in self.findings for part in (each.evidence, each.remedy) if part)
+        return Summary(f"{self.kind} parameters: {said}", ("", ""), rows, note)
 
 
 def read_values(path: Path | str) -> dict[str, float]:

@@ -20,7 +20,7 @@ from armid.excitation.limits import Limits, limits_of, motion_channels, thesis_c
 from armid.excitation.objective import Goal
 from armid.excitation.places import Workspace
 from armid.excitation.plan import Plan, seconds_for
-from armid.excitation.preflight import Preflight, preflight
+from armid.excitation.preflight import Preflight, preflight, worst
 from armid.excitation.series import SeriesBasis
 from armid.excitation.solver import Problem
 from armid.excitation.start import choose_start, usual_pose
@@ -28,6 +28,7 @@ from armid.model.motion import Motion
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
+from armid.shown import Shown, Summary
 from armid.values import Array
 
 __all__ = ["LIMIT_KINDS", "Designed", "Effort", "Rules", "Wish", "design_plan", "place"]
@@ -119,7 +120,7 @@ class Effort:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Designed:
+class Designed(Shown):
     """What has come of it.
 
     Attributes:
@@ -141,6 +142,15 @@ class Designed:
     preflight: Preflight
     findings: tuple[Finding, ...]
     collision: Collision | None = None
+
+    def summary(self) -> Summary:
+        """The nearest that the plan comes to each kind of limit."""
+        rows = tuple(
+            (each.limit, each.label, f"{each.value:.4g} of {each.bound:.4g} {each.unit}", f"{each.certified:.1%}")
+            for each in worst(self.preflight.margins)
+        )
+        note = f"expected condition number {self.preflight.expected.condition:.4g}; {len(self.findings)} findings"
+        return Summary(self.plan.summary().title, ("limit", "of", "nearest", "certified"), rows, note)
 
 
 def design_plan(

@@ -32,6 +32,7 @@ from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.robot import Robot
+from armid.shown import Shown, Summary
 from armid.study.cut import cut, refuse_shared
 from armid.study.doctor import watch
 from armid.study.plausibility import (
@@ -72,7 +73,7 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Result:
+class Result(Shown):
     """What an identification gives.
 
     Attributes:
@@ -94,6 +95,10 @@ class Result:
     validation: Validation
     training: tuple[Score, ...]
     ladder: Ladder | None = None
+
+    def summary(self) -> Summary:
+        """What came of it on unseen motion; values are in `estimate`."""
+        return self.validation.summary()
 
 
 @dataclass(frozen=True, eq=False, slots=True)

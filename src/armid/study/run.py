@@ -20,6 +20,7 @@ from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
+from armid.shown import Shown, Summary
 from armid.study.folder import refuse, whole_folder
 from armid.study.identify import Result
 from armid.study.records import estimate_record, ladder_record, to_json, validation_record
@@ -32,7 +33,7 @@ MARKER = "estimate.json"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Run:
+class Run(Shown):
     """What a run's folder holds, as far as prediction needs it.
 
     Attributes:
@@ -54,6 +55,19 @@ class Run:
     reading: Reading
     trained_on: tuple[str, ...]
     verdict: str = "not judged"
+
+    def summary(self) -> Summary:
+        """What was identified, how, and what came of it."""
+        fit = self.estimate.fit
+        rows = (
+            ("arm", self.estimate.robot),
+            ("joints", ", ".join(self.robot.joint_names)),
+            ("terms", ", ".join(dict.fromkeys(term.name for term in self.model.terms))),
+            ("method", self.estimate.method),
+            ("parameters", str(len(fit.names))),
+            ("verdict on unseen motion", self.verdict),
+        )
+        return Summary(f"run {self.folder}", ("", ""), rows, "values: run.estimate")
 
 
 def save_run(result: Result, folder: Path | str, *, beside: Mapping[str, Any] | None = None) -> Path:
