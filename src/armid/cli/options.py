@@ -32,7 +32,7 @@ __all__ = [
 
 
 def known_arms(incomplete: str) -> list[str]:
-    """Built-in arms and descriptions in the working folder that begin so; where none does, shells go on with files."""
+    """Built-in arms and descriptions in this folder that begin so; where none does, shells go on with files."""
     arms = (path.stem for path in (Path(armid.__file__).parent / "robot" / "arms").glob("*.toml"))
     files = (path.name for path in Path().iterdir() if path.suffix in DESCRIPTIONS)
     return sorted(name for name in chain(arms, files) if name.startswith(incomplete))
