@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -138,12 +138,29 @@ def certify_named(
 
 
 def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float = HEAVIEST) -> Verdict:
-    """Certify the base parameters of a run."""
+    """Certify the base parameters of a run; where no real body has them, a finding says what that means here."""
     base = run.estimate.base
     values = collapse(base.names, run.estimate.fit)
     theta = np.zeros(len(base.standard_names))
     theta[base.kept] = values
-    return _verdict("base", run.model, base.names, values, base.regrouping, theta, motion, heaviest)
+    found = _verdict("base", run.model, base.names, values, base.regrouping, theta, motion, heaviest)
+    return found if found.certificate.feasible else replace(found, findings=(*found.findings, _meaning(run, found)))
+
+
+def _meaning(run: Run, verdict: Verdict) -> Finding:
+    """What it means that a run's values belong to no real body, and what to do."""
+    fit = run.estimate.fit
+    half = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
+    beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
+    why = "the nearest real body lies within the 95 % intervals, so noise explains it"
+    remedy = "trust torques along such motions and nothing else"
+    if beyond:
+        why = f"a real body would have {', '.join(beyond[:4])} outside the 95 % intervals, so noise is not all of it"
+        remedy = "see what armid doctor says of the recordings and what the report says of the residuals; " + remedy
+    if fit.standard is None:
+        remedy += "; identify with --method physical, which keeps to real bodies"
+    evidence = f"{run.estimate.method} looks at torque and not at bodies" if fit.standard is None else "Rounding"
+    return Finding("what-it-means", "info", "", f"{evidence}; {why}.", f"{remedy}.")
 
 
 def verdict_record(verdict: Verdict) -> dict[str, Any]:
