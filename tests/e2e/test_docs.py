@@ -46,7 +46,7 @@ def test_tutorials_that_go_on(page: str, arm: Path, tmp_path: Path, monkeypatch:
 
 def test_the_first_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     monkeypatch.chdir(tmp_path)
-    assert follow(PAGES["start.md"]) == 3
+    assert follow(PAGES["start.md"]) == 4
     out = capsys.readouterr().out
     assert "verdict on unseen motion: pass" in out and "torque that holds this pose" in out
 
