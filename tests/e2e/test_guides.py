@@ -34,7 +34,7 @@ PAGES = pages()
 GUIDES = {"code.md": 4, "doctor.md": 1, "export.md": 2, "payload.md": 3, "recursive.md": 2, "report.md": 3}
 """Pages that are followed as they stand, and how many blocks that is."""
 
-LONG = {"excitation.md": 2, "lab.md": 2, "thesis.md": 1}
+LONG = {"excitation.md": 2, "lab.md": 3, "thesis.md": 1}
 
 STUDY = """
 [robot]
@@ -50,6 +50,9 @@ role = "validate"
 [estimation]
 method = "physical"
 """
+
+SPACE = '<collision><origin xyz="0 0 0.12"/><geometry><cylinder radius="0.04" length="0.1"/></geometry></collision>'
+"""What each link takes."""
 
 GAIN = 10.0
 """Torque over current of the drives [N·m/A]."""
@@ -67,7 +70,8 @@ drive_gain = [{GAIN}, {GAIN}, {GAIN}]
 def arm_of(folder: Path, load: float = 0.0) -> DynamicsModel:
     """The small arm as `arm.urdf` in a folder; its middle joint is the elbow, its last link may carry a load [kg]."""
     path = folder / "arm.urdf"
-    path.write_text(URDF.replace('"joint_2"', '"elbow"'), encoding="utf-8")
+    text = URDF.replace('"joint_2"', '"elbow"').replace("</inertial></link>", f"</inertial>{SPACE}</link>")
+    path.write_text(text, encoding="utf-8")
     robot = load_robot(path)
     last = robot.links[-1]
     assert last.inertial is not None

@@ -71,7 +71,8 @@ def print_findings(findings: Sequence[Finding]) -> None:
     colours = {"error": "red", "warning": "yellow", "info": "dim"}
     for finding in findings:
         where = f"{finding.channel}: " if finding.channel else ""
-        text = " ".join(part for part in (where + finding.evidence, finding.remedy) if part)
+        stop = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
+        text = stop.join(part for part in (where + finding.evidence, finding.remedy) if part)
         console.print(f"[{colours[finding.severity]}]{finding.code}[/] {escape(text)}")
 
 

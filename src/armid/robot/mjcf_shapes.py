@@ -18,7 +18,7 @@ from armid.maths.spatial import homogeneous
 from armid.robot.markup import numbers
 from armid.robot.mjcf_plain import Plain
 from armid.robot.pinocchio_model import pinocchio
-from armid.robot.shapes import Kind, Shape, capsule_between, rotation_with_z
+from armid.robot.shapes import Kind, Shape, capsule_between, meshes_missing, rotation_with_z
 from armid.values import Array
 
 __all__ = ["add_sites", "carriers_of", "shapes_of_mjcf"]
@@ -61,7 +61,7 @@ def shapes_of_mjcf(
     meshes = _meshes(root, source)
     shapes: list[Shape] = []
     visuals: list[Shape] = []
-    findings: list[Finding] = []
+    missing: dict[str, str] = {}
     count: dict[str, int] = {}
     for body, geom in plain.geoms:
         link, placement = carriers.get(body, (-1, np.eye(4)))
@@ -71,15 +71,14 @@ def shapes_of_mjcf(
         shape = _shape(name, geom, meshes)
         if shape is None:
             if touches:
-                said = f"the mesh {geom.get('mesh')} is not there; it takes no space in a check of collisions"
-                findings.append(Finding("mesh-missing", "warning", name, said, "put it beside the description."))
+                missing[name] = geom.get("mesh", "")
             continue
         shape = shape.on(link, placement)
         if touches:
             shapes.append(shape)
         if float(geom.get("group", "0")) < FIRST_HIDDEN:
             visuals.append(shape)
-    return tuple(shapes), tuple(visuals), tuple(findings)
+    return tuple(shapes), tuple(visuals), meshes_missing(missing)
 
 
 def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:

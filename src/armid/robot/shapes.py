@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armid.errors import RobotError
+from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous
 from armid.values import Array, array
 
-__all__ = ["Shape", "capsule_between", "rotation_with_z"]
+__all__ = ["Shape", "capsule_between", "meshes_missing", "rotation_with_z"]
 
 Kind = Literal["capsule", "sphere", "cylinder", "box", "mesh", "half-space"]
 
@@ -61,6 +62,21 @@ def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radi
     length = float(np.linalg.norm(b - a))
     turned = rotation_with_z(b - a if length else np.array([0.0, 0.0, 1.0]))
     return Shape(name, link, "capsule", np.array([radius, length]), homogeneous(turned, 0.5 * (a + b)))
+
+
+def meshes_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
+    """One finding for all collision meshes that are not there; none where none is missing.
+
+    Args:
+        files: The file by the body that it is of.
+    """
+    if not files:
+        return ()
+    bodies, (first, file) = ", ".join(files), next(iter(files.items()))
+    what = f"the collision mesh {file} is" if len(files) == 1 else f"{len(files)} collision meshes ({file}, …) are"
+    evidence = f"{what} not there; {bodies} will take no space in a check of collisions"
+    remedy = "put the meshes beside the description if collisions matter; an identification does not need them."
+    return (Finding("mesh-missing", "warning", first if len(files) == 1 else "", evidence, remedy),)
 
 
 def rotation_with_z(direction: Array) -> Array:

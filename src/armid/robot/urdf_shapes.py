@@ -15,7 +15,7 @@ from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous, rpy_rotation
 from armid.robot.markup import numbers
 from armid.robot.robot import Robot
-from armid.robot.shapes import Kind, Shape
+from armid.robot.shapes import Kind, Shape, meshes_missing
 from armid.values import Array
 
 __all__ = ["shapes_of_urdf"]
@@ -39,6 +39,7 @@ def shapes_of_urdf(
     above = {joint.find("child").get("link"): joint for joint in root.findall("joint")}  # pyright: ignore
     shapes: list[Shape] = []
     findings: list[Finding] = []
+    missing: dict[str, str] = {}
     for link in root.iter("link"):
         name = link.get("name", "")
         for number, body in enumerate(link.findall(kind)):
@@ -50,11 +51,7 @@ def shapes_of_urdf(
             try:
                 form, size, path = _geometry(geometry[0], source, f"the {kind} of {label!r}")
                 if form == "mesh" and not path:
-                    missing = geometry[0].get("filename", "")
-                    findings.append(
-                        Finding("mesh-missing", "warning", label, f"the {kind} mesh {missing} is not there; the link "
-                                "takes no space in a check of collisions", "put the mesh beside the description.")
-                    )  # fmt: skip
+                    missing[label] = geometry[0].get("filename", "")
                     continue
                 shapes.append(Shape(label, joint, form, size, placement @ _pose(body, source), path))
             except RobotError as error:
@@ -64,7 +61,7 @@ def shapes_of_urdf(
                 findings.append(
                     Finding("visual-left-out", "info", label, error.problem, "correct it to see the link.")
                 )
-    return tuple(shapes), tuple(findings)
+    return tuple(shapes), (*findings, *(meshes_missing(missing) if kind == "collision" else ()))
 
 
 def _carrier(

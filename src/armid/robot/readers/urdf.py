@@ -77,8 +77,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         findings=tuple(findings),
     )
     shapes, missing = shapes_of_urdf(root, robot, locked, source)
-    visuals, unseen = shapes_of_urdf(root, robot, locked, source, "visual")
-    left_out = tuple(finding for finding in unseen if finding.code == "visual-left-out")
+    visuals, left_out = shapes_of_urdf(root, robot, locked, source, "visual")
     return replace(robot, shapes=shapes, visuals=visuals, findings=(*robot.findings, *missing, *left_out))
 
 
