@@ -166,9 +166,13 @@ def _bodies(material: Material) -> Words:
     return [], bad, []
 
 
+BESIDE = ("mesh-missing",)
+"""Findings that say nothing of the model; the provenance lists them all."""
+
+
 def _findings(material: Material) -> Words:
     """What was noticed on the way."""
-    serious = [f for f in material.run.estimate.findings if f.severity != "info"]
+    serious = [f for f in material.run.estimate.findings if f.severity != "info" and f.code not in BESIDE]
     bad = list(dict.fromkeys(f"{f.channel}: {f.evidence}" if f.channel else f.evidence for f in serious))
     remedies = [f.remedy for f in serious if f.remedy]
     return [], bad, [text[:1].upper() + text[1:] for text in remedies]

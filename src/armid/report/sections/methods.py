@@ -46,7 +46,9 @@ def _row(record: Mapping[str, Any], own: str) -> list[Cell]:
     consistent = {True: "yes", False: "no", None: "–"}[record["consistent"]]
     remark = record["failure"] or ("this run" if record["name"] == own else "")
     numbers = [np.nan if record[key] is None else float(record[key]) for key in ("training_total", "unseen_total")]
-    distance = np.nan if record["distance"] is None else float(record["distance"])
+    # What is left where a real body has the values is the solver's tolerance.
+    apart = record["distance"] is not None and not record["consistent"]
+    distance = float(record["distance"]) if apart else np.nan
     return [
         Cell(record["name"], kind="name"),
         *(Cell(short(x), x) for x in numbers),
