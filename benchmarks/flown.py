@@ -24,6 +24,10 @@ ROUNDING = 1e-9
 NEIGHBOURS, CONSTRUCTION = 2, 0.5
 """Links so many joints apart touch by construction if they do in more than this share of random poses."""
 
+ALWAYS, LOOKED = 0.99, 1000
+"""Links any number of joints apart do if they touch in this share of so many random poses. The floor is touched by
+construction by the first link only."""
+
 THICK = 1.0
 """Of the slab that stands for a floor [m]."""
 
@@ -212,14 +216,14 @@ class _Watch:
         self.geometry.removeAllCollisionPairs()
         pairs = [pin.CollisionPair(j, i) for i in range(len(self.bodies)) for j in range(i)]
         for pair in pairs:
-            if self.between(pair) > 1:
+            if self.between(pair) > 1 or (self.floor(pair) and self.between(pair) == 1):
                 self.geometry.addCollisionPair(pair)
         self.data, self.gaps = self.model.createData(), self.geometry.createData()
         for request in self.gaps.collisionRequests:
             request.security_margin = clearance - ROUNDING
         rng = np.random.default_rng(0)
         low, high = np.maximum(arm.lower, -math.pi), np.minimum(arm.upper, math.pi)
-        usual = np.mean([self.touching(pose) for pose in rng.uniform(low, high, (200, self.model.nv))], axis=0)
+        usual = np.mean([self.touching(pose) for pose in rng.uniform(low, high, (LOOKED, self.model.nv))], axis=0)
         self.skipped: list[str] = []
         for k, pair in enumerate(self.geometry.collisionPairs):
             if self.between(pair) <= NEIGHBOURS and usual[k] > CONSTRUCTION:
@@ -230,6 +234,10 @@ class _Watch:
         """Joints between the bodies of a pair."""
         one, two = (self.bodies[i].parentJoint for i in (pair.first, pair.second))
         return len(self.above[one] ^ self.above[two])
+
+    def floor(self, pair: pin.CollisionPair) -> bool:
+        """Whether one of a pair is the floor."""
+        return "floor" in (self.bodies[pair.first].name, self.bodies[pair.second].name)
 
     def name(self, k: int) -> str:
         """Of a pair."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -172,6 +174,61 @@ def test_neighbours_are_skipped_and_others_refused():
             robot.name, robot.joints, robot.links, robot.tip), limits, np.zeros(7))  # fmt: skip
 
 
+def ball(name, link, radius):
+    return Shape(name, link, "sphere", np.array([radius]), np.eye(4))
+
+
+def test_what_touches_in_every_pose_is_left_out_and_told():
+    """However many joints apart; what touches in most poses only has to be near, and is told apart from that."""
+    iiwa = load_robot("iiwa14-r820")
+    limits = limits_of(iiwa)
+    # Elbow and flange are 0.4 m apart and a little more; elbow and base between 0.3 and 0.8 m.
+    robot = replace(iiwa, shapes=(ball("foot", -1, 0.3), ball("elbow", 3, 0.3), ball("flange", 6, 0.3)))
+    bent = np.array([0.0, 0.4, 0.0, -1.5, 0.0, 0.0, 0.0])
+    made = collision_of(robot, limits, bent, margin=0.01)
+    assert [(each.pair, each.share, each.always) for each in made.skipped] == [("elbow - flange", 1.0, True)]
+    assert made.every.labels == ("foot - elbow", "foot - flange")
+    robot = replace(iiwa, shapes=(ball("foot", -1, 0.36), ball("elbow", 3, 0.35)))
+    cell = cell_of(robot, limits, margin=0.01)
+    assert 0.5 < cell.touching[0] < 0.98 and not cell.constructed.any()
+    near = load_robot("panda")
+    tight = cell_of(near, limits_of(near))
+    k = tight.bodies.labels.index("link_5 - link_7")
+    assert 0.5 < tight.touching[k] < 0.99 and tight.constructed[k]
+
+
+def test_the_floor_is_touched_by_construction_by_the_first_link_alone():
+    """An upper arm whose shoulder is always near the floor still could go through it."""
+    iiwa = load_robot("iiwa14-r820")
+    limits = limits_of(iiwa)
+    robot = replace(iiwa, shapes=(ball("shoulder", 0, 0.4), ball("upper arm", 1, 0.4)))
+    cell = cell_of(robot, limits, [floor()])
+    assert dict(zip(cell.bodies.labels, cell.constructed, strict=True)) == {
+        "shoulder - floor": True,
+        "upper arm - floor": False,
+    }
+    with pytest.raises(ArmidError, match="In the start pose upper arm - floor are 0 mm apart"):
+        collision_of(robot, limits, np.zeros(7), [floor()])
+
+
+def test_a_carriage_keeps_away_from_the_end_of_its_rail(tmp_path):
+    """A first joint that slides brings its link to what stands around."""
+    path = tmp_path / "rail.urdf"
+    path.write_text(RAIL)
+    robot = load_robot(str(path))
+    stop = Shape("stop", -1, "box", np.array([0.1, 0.5, 0.5]), homogeneous(np.eye(3), [1.0, 0.0, 0.0]))
+    made = collision_of(robot, limits_of(robot), np.zeros(2), [stop])
+    assert "carriage - stop" in made.every.labels
+
+
+RAIL = """<robot name="rail"><link name="base"/>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="carriage"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" velocity="1" effort="5"/></joint>
+<link name="carriage"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="carriage"/><child link="arm"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" velocity="1" effort="5"/></joint><link name="arm"/></robot>"""
+
+
 def test_shapes_follow_links_when_joints_are_locked():
     robot = load_robot("panda")
     q = np.array([[0.3, -0.2, 0.5, -1.4, 0.2, 1.1, 0.4]])
@@ -263,6 +320,11 @@ def test_the_start_that_is_found_has_room():
     assert (cell.distances(found.pose[None])[0][~cell.constructed] > cell.margin).all()
     upright = load_robot("iiwa14-r820")
     assert choose_start(cell_of(upright, limits_of(upright), [floor()]), limits_of(upright)).usual
+    # Where gravity asks too much of poses that are bent, one that stands is chosen.
+    held = choose_start(cell, limits, lambda q: np.abs(q[:, 1] + 1.5) < 0.3)
+    assert abs(held.pose[1] + 1.5) < 0.3
+    with pytest.raises(ArmidError, match="which its torques can hold"):
+        choose_start(cell, limits, lambda q: np.zeros(len(q), dtype=np.bool_))
     full = Shape("block", -1, "box", np.array([3.0, 3.0, 3.0]), homogeneous(np.eye(3), [0.0, 0.0, 1.0]))
     with pytest.raises(ArmidError, match=r"In the start pose link_\d - block"):
         choose_start(cell_of(upright, limits_of(upright), [floor(), full]), limits_of(upright))

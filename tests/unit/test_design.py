@@ -9,12 +9,12 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.excitation.channels import States
-from armid.excitation.design import search, single_threaded_pool
+from armid.excitation.design import random_start, search, single_threaded_pool
 from armid.excitation.limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
 from armid.excitation.objective import Goal, along, information_along, known_sizes
 from armid.excitation.plans import builtin_plan
 from armid.excitation.series import SeriesBasis
-from armid.excitation.solver import Problem, drawn_together, highest, utilisation
+from armid.excitation.solver import Problem, drawn_together, from_pose, highest, utilisation
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
@@ -107,6 +107,18 @@ def test_free_start_and_offset_are_worth_something(problem, found):
     goal, basis = two_joints(free=True, literal=False)
     free = search(Problem(goal, basis, problem.channels), seed=3, budget=None, rounds=1)
     assert free.best.value < found.best.value
+
+
+def test_a_free_start_begins_where_the_arm_can_be():
+    """Random coefficients may start anywhere; beside a limit a search begins at the pose that is given."""
+    goal, _ = two_joints()
+    basis = SeriesBasis(1.2, 4, np.array([-0.95, 0.0]), free=True, literal=False)
+    made = Problem(goal, basis, motion_channels(limits()))
+    for seed in range(20):
+        x = random_start(made, made.fine, np.random.default_rng(seed))
+        assert highest(made, made.fine, x) <= 1.0 + 1e-9
+        moved = basis.excitation(from_pose(basis, 3.0 * x)).at([0.0])
+        assert np.abs(moved.q - basis.start).max() < 1e-12 and np.abs(moved.dq).max() < 1e-12
 
 
 def test_torque_and_what_cannot_be_kept():

@@ -26,6 +26,7 @@ __all__ = [
     "NEIGHBOURS",
     "Cell",
     "Collision",
+    "LeftOut",
     "cell_of",
     "collision_of",
     "joints_between",
@@ -45,10 +46,32 @@ CERTIFICATE = 0.003
 at the speeds of both bodies, need not draw the plan together."""
 
 NEIGHBOURS = 2
-"""Links so many joints apart may touch by construction; further apart they may not."""
+"""Links so many joints apart may touch by construction."""
 
 CONSTRUCTION = 0.5
 """Such links do so if they touch in more than this share of random poses; else they would touch by accident."""
+
+ALWAYS = 0.99
+"""Links any number of joints apart do so if they touch in this share of random poses or more: one lies within the
+other, as a description with an elbow of two pieces has it, and a motion can do nothing about it."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """Two bodies that touch by construction and are not looked at.
+
+    Attributes:
+        pair: Their names.
+        share: Of many random poses in which they are closer than what is asked, 0 to 1.
+    """
+
+    pair: str
+    share: float
+
+    @property
+    def always(self) -> bool:
+        """Whether no motion keeps them apart; of others that is a guess from how near the links are."""
+        return self.share >= ALWAYS
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,7 +81,7 @@ class Collision:
     Attributes:
         searched: Pairs that could come near each other, for the search.
         every: All pairs, for the last word.
-        skipped: Pairs that touch by construction and are not looked at.
+        skipped: Pairs that are not looked at.
         shapes: The bodies as they are, the surroundings last.
         pairs: Indices into `shapes` of the pairs of `every`, shape (m, 2).
         own: How many of the shapes are the arm's.
@@ -66,7 +89,7 @@ class Collision:
 
     searched: Clearance | None
     every: Clearance
-    skipped: tuple[str, ...]
+    skipped: tuple[LeftOut, ...]
     shapes: tuple[Shape, ...]
     pairs: NDArray[np.intp]
     own: int
@@ -79,7 +102,7 @@ class Collision:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Cell:
-    """An arm and its surroundings, with all pairs of bodies that are not next to each other.
+    """An arm and its surroundings, with all pairs of bodies that a motion could bring together.
 
     Attributes:
         robot: The arm.
@@ -89,6 +112,7 @@ class Cell:
         margin: Distance that stays between bodies [m].
         nearest: Least distance of each pair in many random poses, shape (m,) [m].
         touching: Share of these poses in which each pair is closer than the margin, shape (m,).
+        constructed: Which pairs may touch by construction, shape (m,).
     """
 
     robot: Robot
@@ -98,17 +122,7 @@ class Cell:
     margin: float
     nearest: Array
     touching: Array
-
-    @property
-    def constructed(self) -> NDArray[np.bool_]:
-        """Which pairs may touch by construction, shape (m,)."""
-        result = np.zeros(len(self.pairs), dtype=np.bool_)
-        for k, pair in enumerate(self.pairs):
-            a, b = (self.shapes[i].link for i in pair)
-            stands = pair[1] >= len(self.robot.shapes) and a <= 0 and b < 0  # what the arm stands on
-            apart = joints_between(self.robot, a, b)
-            result[k] = stands or (apart <= NEIGHBOURS and self.touching[k] > CONSTRUCTION)
-        return result
+    constructed: NDArray[np.bool_]
 
     def distances(self, q: Array) -> Array:
         """Distance of each pair in poses (N, n), shape (N, m) [m]."""
@@ -135,7 +149,23 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
     q = np.random.default_rng(0).uniform(low, high, (LOOKED, robot.n))
     distance = bodies.nearest(forward_kinematics(robot, q))[0]
     touching = (distance < margin).mean(axis=0)
-    return Cell(robot, shapes, bodies, pairs, margin, distance.min(axis=0, initial=np.inf), touching)
+    constructed = _constructed(robot, shapes, pairs, touching)
+    return Cell(robot, shapes, bodies, pairs, margin, distance.min(axis=0, initial=np.inf), touching, constructed)
+
+
+def _constructed(
+    robot: Robot, shapes: Sequence[Shape], pairs: NDArray[np.intp], touching: Array
+) -> NDArray[np.bool_]:
+    """Which pairs (m, 2) may touch by construction, shape (m,), from the share of poses (m,) in which they do.
+
+    Links two joints apart do where they touch in most poses, and any links where they touch in all. Nothing touches
+    its surroundings by construction but the first link, which turns on what the arm is mounted on.
+    """
+    apart = np.array([joints_between(robot, *(shapes[i].link for i in pair)) for pair in pairs], dtype=np.intp)
+    stands = np.array([_stands(robot, shapes, pair.max()) for pair in pairs], dtype=np.bool_)
+    most = touching > CONSTRUCTION
+    links = (touching >= ALWAYS) | (most & (apart <= NEIGHBOURS))
+    return np.where(stands, most & (apart == 1), links)
 
 
 def collision_of(
@@ -149,7 +179,8 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
     """Pairs of bodies that a plan from a start pose must keep apart.
 
     Links next to each other are no pair. Links two joints apart that are closer than the margin in the start pose,
-    and in most other poses too, touch by construction, as a ball-shaped shoulder does, and are listed as skipped.
+    and in most other poses too, touch by construction, as a ball-shaped shoulder does, and so do links that touch in
+    all other poses, however many joints apart. They are listed as skipped.
 
     Args:
         cell: The arm and its surroundings.
@@ -166,7 +197,7 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
         raise ArmidError(
             f"In the start pose {labels[k]} are {1000 * max(distance[k], 0.0):.0f} mm apart, less than the "
             f"{1000 * cell.margin:.0f} mm that are asked.",
-            remedy="choose another start pose with --start, or a smaller --clearance.",
+            remedy="choose another start pose with --start, a smaller --clearance, or move what is around.",
         )
     kept = np.flatnonzero(~close)
     every = cell.bodies.only(kept)
@@ -174,7 +205,7 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
     return Collision(
         Clearance("collision", every.only(near), cell.margin + CERTIFICATE) if len(near) else None,
         Clearance("collision", every, cell.margin),
-        tuple(labels[k] for k in np.flatnonzero(close)),
+        tuple(LeftOut(labels[k], float(cell.touching[k])) for k in np.flatnonzero(close)),
         cell.shapes,
         cell.pairs[kept],
         len(cell.robot.shapes),
@@ -196,12 +227,19 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDAr
     chosen: list[tuple[int, int]] = []
     for a in range(len(shapes)):
         for b in range(a + 1, len(shapes)):
-            if joints_between(robot, shapes[a].link, shapes[b].link) > 1 and not (solid[a] and solid[b]):
+            nearest = 1 if _stands(robot, shapes, b) else 2
+            apart = joints_between(robot, shapes[a].link, shapes[b].link)
+            if apart >= nearest and not (solid[a] and solid[b]):
                 chosen.append((b, a) if solid[a] else (a, b))
     own = [(i, j, group) for group, (a, b) in enumerate(chosen) for i in places[a] for j in places[b]]
     index = np.array(own, dtype=np.intp).reshape(-1, 3)
     bodies = Bodies(tuple(capsules), tuple(solids), index[:, :2], index[:, 2])
     return bodies, np.array(chosen, dtype=np.intp).reshape(-1, 2)
+
+
+def _stands(robot: Robot, shapes: Sequence[Shape], k: int) -> bool:
+    """Whether a body is one of the surroundings that no link carries."""
+    return k >= len(robot.shapes) and shapes[k].link < 0
 
 
 def joints_between(robot: Robot, a: int, b: int) -> int:

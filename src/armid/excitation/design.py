@@ -28,7 +28,7 @@ from armid.excitation.clearance import Clearance
 from armid.excitation.interior import descend_inside
 from armid.excitation.objective import Objective
 from armid.excitation.places import Workspace
-from armid.excitation.solver import STAGES, Problem, descend, drawn_together, highest, utilisation
+from armid.excitation.solver import STAGES, Problem, descend, drawn_together, from_pose, highest, utilisation
 from armid.values import Array
 
 __all__ = ["Candidate", "Progress", "Search", "search", "single_threaded_pool"]
@@ -127,6 +127,8 @@ def random_start(problem: Problem, grid: Objective, rng: np.random.Generator) ->
                 share[by_name[label]] = max(share[by_name[label]], peak)
     x *= (FIRST_SCALE / np.where(share > 0.0, share, FIRST_SCALE))[:, None]
     inside = drawn_together(problem, grid, x.ravel())
+    if inside is None and basis.free:  # random coefficients may begin in a pose that is none
+        inside = drawn_together(problem, grid, from_pose(basis, x.ravel()))
     return x.ravel() if inside is None else inside
 
 

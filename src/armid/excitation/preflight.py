@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.excitation import coal
-from armid.excitation.collision import Collision
+from armid.excitation.collision import Collision, LeftOut
 from armid.excitation.finish import Margin, fine_grid, margins
 from armid.excitation.objective import Goal, Objective
 from armid.excitation.sensitivity import Columns
@@ -66,13 +66,13 @@ class Preflight:
     Attributes:
         margins: Every limit, joint by joint.
         approaches: Every pair of bodies, nearest first.
-        skipped: Pairs that touch by construction.
+        skipped: Pairs that touch by construction and are not looked at.
         expected: Deviations.
     """
 
     margins: tuple[Margin, ...]
     approaches: tuple[Approach, ...]
-    skipped: tuple[str, ...]
+    skipped: tuple[LeftOut, ...]
     expected: Expectation
 
 

@@ -21,7 +21,17 @@ from armid.excitation.objective import Goal, Objective
 from armid.excitation.series import SeriesBasis
 from armid.values import Array
 
-__all__ = ["STAGES", "Problem", "Stage", "about_start", "descend", "drawn_together", "highest", "utilisation"]
+__all__ = [
+    "STAGES",
+    "Problem",
+    "Stage",
+    "about_start",
+    "descend",
+    "drawn_together",
+    "from_pose",
+    "highest",
+    "utilisation",
+]
 
 CHECKED = 80.0
 """Points of the grid on which candidates are compared, per period of the highest harmonic: a peak between two of them
@@ -237,3 +247,10 @@ def about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:
     scaled = factor * c
     scaled[:, -1] = begin + factor * (c[:, -1] - begin)
     return basis.project(scaled)
+
+
+def from_pose(basis: SeriesBasis, x: Array) -> Array:
+    """The same motion moved to where it begins in the pose of its basis."""
+    c, L = basis.coefficients(x), basis.harmonics
+    c[:, -1] = basis.start + c[:, L : 2 * L] @ (1.0 / (basis.base_frequency * np.arange(1, L + 1)))
+    return basis.project(c)

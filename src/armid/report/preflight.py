@@ -152,7 +152,12 @@ def show_approaches(designed: Designed) -> Section | None:
         "kept apart, on a grid of 1 kHz; certified is what they keep between its points as well."
     )
     table = Table("approaches", "Closest approach of each pair", columns, rows, note)
-    return Section("Closest approaches", {"skipped": report.skipped}, (table,))
+    always, often = (
+        [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped if each.always == kind]
+        for kind in (True, False)
+    )
+    skipped = [(said, pairs) for said, pairs in (("every pose", always), ("most poses", often)) if pairs]
+    return Section("Closest approaches", {"skipped": skipped}, (table,))
 
 
 def show_expected(designed: Designed) -> Section:

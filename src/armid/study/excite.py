@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.channels import Channel
@@ -17,13 +18,15 @@ from armid.excitation.collision import Collision, cell_of, kept_apart
 from armid.excitation.design import Progress, Search, search, single_threaded_pool
 from armid.excitation.finish import certified, fine_grid
 from armid.excitation.limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
+from armid.excitation.loads import Torque
 from armid.excitation.objective import Goal
 from armid.excitation.places import Workspace
 from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.preflight import Preflight, preflight, worst
+from armid.excitation.sensitivity import Columns
 from armid.excitation.series import SeriesBasis
 from armid.excitation.solver import Problem
-from armid.excitation.start import choose_start, usual_pose
+from armid.excitation.start import Holds, anywhere, choose_start, usual_pose
 from armid.model.motion import Motion
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
@@ -41,6 +44,9 @@ LEAD_SHARE = 0.5
 
 LEAD_CHECKS = 200.0
 """Poses a second of these ways in which bodies are looked at [Hz]."""
+
+HELD = 0.9
+"""Share of the torque limits that holding a start pose may take where the pose is chosen here."""
 
 LEAD_ACCELERATION = 2.0
 """Acceleration of these ways where no limit is given [rad/s² or m/s²]."""
@@ -81,7 +87,7 @@ class Rules:
         acceleration: Of every joint [rad/s² or m/s²]; none where not given.
         jerk: Of every joint [rad/s³ or m/s³]; none where not given.
         torque_margin: Share of the torque limits that is kept free; `None` leaves torque out.
-        parameters: Base parameters for torque, shape (b,); those of the description where not given.
+        parameters: Base parameters for torque, of an identification, shape (b,); the description's where not given.
         clearance: Distance that bodies keep [m]; `None` leaves collisions out.
         surroundings: Bodies that do not move.
         workspace: Where the tip may be.
@@ -177,11 +183,13 @@ def design_plan(
     limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
     if rules.envelope is not None:
         limits = limits.narrowed(rules.envelope, by_joint=rules.envelope_by_joint)
-    start, collision, findings = place(robot, limits, rules, wish.start)
+    torque, said = _torque(goal, limits, rules)
+    start, collision, findings = place(robot, limits, rules, wish.start, _holds(goal, torque))
     basis = SeriesBasis(
         2.0 * math.pi / wish.duration, wish.harmonics, start, free=wish.free_start, literal=not wish.free_centre
     )
-    channels, more = _channels(goal, limits, basis, rules)
+    channels = (*_motion(limits, basis, rules), *([] if torque is None else [torque]))
+    channels = channels if rules.workspace is None else (*channels, rules.workspace)
     near = () if collision is None or collision.searched is None else (collision.searched,)
     every = () if collision is None or not len(collision.pairs) else (collision.every,)
     scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
@@ -200,16 +208,23 @@ def design_plan(
     x = certified(whole, fine_grid(whole), found.best.x)
     plan = _with_leads(basis, x, wish, limits, robot.name)
     _check_leads(plan, robot, collision)
-    return Designed(plan, whole, x, limits, found, preflight(whole, x, collision), (*findings, *more), collision)
+    return Designed(plan, whole, x, limits, found, preflight(whole, x, collision), (*findings, *said), collision)
 
 
 def place(
-    robot: Robot, limits: Limits, rules: Rules, given: Array | None
+    robot: Robot, limits: Limits, rules: Rules, given: Array | None, holds: Holds = anywhere
 ) -> tuple[Array, Collision | None, tuple[Finding, ...]]:
     """The start pose that is given, or one with room around it, and what keeps apart from there.
 
     Without collisions it is zero where joints can be there, else the middle of their range; where bodies must keep
     apart, see `armid.excitation.start`.
+
+    Args:
+        robot: The arm.
+        limits: Of its joints.
+        rules: What keeps apart.
+        given: The pose, shape (n,) [rad or m], where one is given.
+        holds: Which poses the joints can hold.
 
     Raises:
         ArmidError: The pose breaks a limit, or bodies are too close in it.
@@ -223,7 +238,7 @@ def place(
     elif cell is None:
         start = usual_pose(limits)
     else:
-        chosen = choose_start(cell, limits)
+        chosen = choose_start(cell, limits, holds)
         start = chosen.pose
         if not chosen.usual:
             said = (
@@ -231,7 +246,28 @@ def place(
                 f"about which {100 * chosen.room:.0f} % of the swings that were tried are free"
             )
             findings = (Finding("start-chosen", "info", "", said, "choose another with --start."),)
-    return start, None if cell is None else kept_apart(cell, start), findings
+    if cell is None:
+        return start, None, findings
+    collision = kept_apart(cell, start)
+    return start, collision, (*findings, *_left_out(collision))
+
+
+def _left_out(collision: Collision) -> tuple[Finding, ...]:
+    """Pairs of bodies that nobody looks at: for some of them that is the description's doing, for others a guess."""
+    always = [each.pair for each in collision.skipped if each.always]
+    often = [f"{each.pair} ({100 * each.share:.0f} %)" for each in collision.skipped if not each.always]
+    result: list[Finding] = []
+    if always:
+        said = f"{len(always)} pairs of bodies touch in every pose and are not looked at: {'; '.join(always)}"
+        result.append(Finding("pairs-touching-always", "info", "", said))
+    if often:
+        said = (
+            "bodies of links near each other that touch in most poses, and in the start pose, are taken to do so by "
+            f"construction and are not looked at: {'; '.join(often)}"
+        )
+        remedy = "look at these in the preview, or choose a start pose in which they are apart with --start."
+        result.append(Finding("pairs-touching-often", "warning", "", said, remedy))
+    return tuple(result)
 
 
 def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
@@ -248,10 +284,12 @@ def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
     return start
 
 
-def _channels(
-    goal: Goal, limits: Limits, basis: SeriesBasis, rules: Rules
-) -> tuple[tuple[Channel, ...], tuple[Finding, ...]]:
-    """Limits of motion, torque and tip."""
+def _motion(limits: Limits, basis: SeriesBasis, rules: Rules) -> tuple[Channel, ...]:
+    """Limits of the motion itself, or of sums of its amplitudes.
+
+    Raises:
+        ArmidError: There are no limits of that kind.
+    """
     if rules.limits not in LIMIT_KINDS:
         raise ArmidError(
             f"There are no limits of kind {rules.limits!r}.",
@@ -259,30 +297,42 @@ def _channels(
             remedy=did_you_mean(rules.limits, LIMIT_KINDS),
         )
     motion = motion_channels(limits)
-    result: list[Channel] = list(motion)
-    if rules.limits != "true":
-        form: Literal["thesis", "thesis-literal"] = "thesis" if rules.limits == "thesis" else "thesis-literal"
-        kept = [channel for channel in motion if channel.name not in ("position", "velocity")]
-        result = [*thesis_channels(limits, basis, form=form), *kept]
-    findings: list[Finding] = []
-    if rules.torque_margin is not None and np.isfinite(limits.effort).any():
-        values = rules.parameters
-        if values is None:
-            nominal = goal.model.nominal_parameters()
-            values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
-            if values is not None:
-                said = "torque is that of the description's links; friction is not known to it"
-                findings.append(Finding("torque-nominal", "info", "", said))
-        if values is None:
-            said = f"{goal.model.robot.name} gives no masses, so torque is not limited"
-            remedy = "give a run of an identification with --after or --torque-from."
-            findings.append(Finding("torque-unknown", "warning", "", said, remedy))
-        else:
-            channel = torque_channel(limits, values, rules.torque_margin)
-            result += [] if channel is None else [channel]
-    if rules.workspace is not None:
-        result.append(rules.workspace)
-    return tuple(result), tuple(findings)
+    if rules.limits == "true":
+        return motion
+    form: Literal["thesis", "thesis-literal"] = "thesis" if rules.limits == "thesis" else "thesis-literal"
+    kept = [channel for channel in motion if channel.name not in ("position", "velocity")]
+    return (*thesis_channels(limits, basis, form=form), *kept)
+
+
+def _torque(goal: Goal, limits: Limits, rules: Rules) -> tuple[Torque | None, tuple[Finding, ...]]:
+    """Limits of torque, and which masses they are told with."""
+    if rules.torque_margin is None or not np.isfinite(limits.effort).any():
+        return None, ()
+    values, findings = rules.parameters, ()
+    if values is None:
+        nominal = goal.model.nominal_parameters()
+        values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
+        said = "torque is that of the description's links; friction is not known to it"
+        findings = (Finding("torque-nominal", "info", "", said),)
+    if values is None:
+        said = f"{goal.model.robot.name} gives no masses, so torque is not limited"
+        remedy = "give a run of an identification with --after."
+        return None, (Finding("torque-unknown", "warning", "", said, remedy),)
+    return torque_channel(limits, values, rules.torque_margin), findings
+
+
+def _holds(goal: Goal, torque: Torque | None) -> Holds:
+    """Which poses the joints can hold, with something left to move."""
+    if torque is None:
+        return anywhere
+
+    def holds(q: Array) -> NDArray[np.bool_]:
+        columns = Columns(goal.source, len(q))
+        columns.fill(q, np.zeros_like(q), np.zeros_like(q))
+        share = np.abs(columns.torque(torque.base)[:, torque.joints]) / torque.limit
+        return np.asarray((share <= HELD).all(axis=1), dtype=np.bool_)
+
+    return holds
 
 
 def _with_leads(basis: SeriesBasis, x: Array, wish: Wish, limits: Limits, name: str) -> Plan:

@@ -107,7 +107,7 @@ def _report_record(report: Preflight) -> dict[str, Any]:
             for m in report.margins
         ],
         "approaches": [{"pair": a.pair, "distance": a.distance, "time": a.time} for a in report.approaches],
-        "skipped_pairs": report.skipped,
+        "skipped_pairs": [{"pair": each.pair, "touching": each.share} for each in report.skipped],
         "condition": expected.condition,
         "log_det": expected.log_det,
         "base_parameters": [
@@ -141,8 +141,9 @@ def report_text(designed: Designed) -> str:
         lines += [
             f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s" for a in report.approaches[:MOST_LINES]
         ]
-    if report.skipped:
-        lines += ["", f"not looked at, because they touch by construction: {'; '.join(report.skipped)}"]
+    for said, always in (("in every pose", True), ("in most poses", False)):
+        left = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped if each.always == always]
+        lines += ["", f"not looked at, because they touch {said} that was tried: {'; '.join(left)}"] if left else []
     noise = ", ".join(f"{x:g}" for x in goal.noise)
     lines += [
         "",

@@ -25,7 +25,7 @@ from armid.information.information import Information
 from armid.measurement.process import observe
 from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
-from armid.model.base import find_base_parameters
+from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot.kinematics import forward_kinematics
@@ -76,7 +76,8 @@ def run_request(
         numbers(options["end"], "--end", n),
     )
     effort = Effort(options["budget"], options["seed"], 0)
-    return design_plan(wish, rules_of(options, model.robot), effort, progress=progress, executor=executor)
+    rules = replace(rules_of(options, model.robot), parameters=_identified(options["after"] or (), goal))
+    return design_plan(wish, rules, effort, progress=progress, executor=executor)
 
 
 def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
@@ -171,15 +172,35 @@ def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> Goal:
         known = prior_of_run(path, plain) if (Path(path) / MARKER).is_file() else _of_motion(path, plain)
         prior = known if prior is None else prior + known
         if (Path(path) / MARKER).is_file():
-            fit = load_run(path).estimate.fit
-            where = [fit.names.index(name) for name in base.names]
-            scale = known_sizes(fit.values[where], fit.deviation[where])
+            values, deviations = _estimates(path, base)
+            scale = known_sizes(values, deviations)
     prediction: Array | None = None
     for path in options["predict"] or ():
         wanted = _of_motion(path, plain)
         prediction = wanted if prediction is None else prediction + wanted
     usual = "d-optimal" if scale is None else "worst"
     return replace(plain, criterion=options["criterion"] or usual, prior=prior, prediction=prediction, scale=scale)
+
+
+def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
+    """Base parameters (b,) of a run and their deviations (b,); zero and infinite for those that it lacks."""
+    fit = load_run(path).estimate.fit
+    where = {name: k for k, name in enumerate(fit.names)}
+    known = np.array([name in where for name in base.names])
+    at = [where[name] for name in base.names if name in where]
+    values, deviations = np.zeros(base.count), np.full(base.count, np.inf)
+    values[known], deviations[known] = fit.values[at], fit.deviation[at]
+    return values, deviations
+
+
+def _identified(paths: Sequence[str], goal: Goal) -> Array | None:
+    """Base parameters (b,) for limits of torque, of the last run that knows all of them."""
+    for path in reversed(paths):
+        if (Path(path) / MARKER).is_file():
+            values, deviations = _estimates(path, goal.base)
+            if np.isfinite(deviations).all():
+                return values
+    return None
 
 
 def _of_motion(path: str, goal: Goal) -> Array:
@@ -199,7 +220,7 @@ def prior_of_run(folder: str, goal: Goal) -> Array:
     Raises:
         ArmidError: The run is about other parameters.
     """
-    load_run(folder)
+    terms = ",".join(term.name for term in load_run(folder).model.terms)
     information = load(Information, Path(folder) / "information.npz")
     where = {name: k for k, name in enumerate(goal.base.names)}
     place = np.array([where.get(name, -1) for name in information.names])
@@ -207,6 +228,7 @@ def prior_of_run(folder: str, goal: Goal) -> Array:
         raise ArmidError(
             f"The run {folder} is about other parameters than {goal.model.robot.name} with these terms.",
             possible=", ".join(information.names[:8]) + ", …",
+            remedy=f"for the same arm give that run's terms: --terms {terms}.",
         )
     result = np.zeros((goal.base.count, goal.base.count))
     for joint, noise in zip(information.joints, goal.noise, strict=True):
