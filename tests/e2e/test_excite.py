@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -16,6 +17,7 @@ from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import load_plan
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
+from armid.study.plan_files import read_whole_plan
 from labs import write_recordings, write_study
 
 QUICK = ["--budget", "1", "--workers", "0", "--harmonics", "4", "--duration", "8"]
@@ -87,6 +89,30 @@ def test_what_is_written(small, tmp_path, capsys):
     report = json.loads((out / "preflight.json").read_text())
     assert all(entry["certified_share"] <= 1.0 for entry in report["limits"])
     assert all(entry["deviation"] > 0.0 for entry in report["base_parameters"])
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "excitation.md"
+
+
+def test_the_page_tells_every_key_of_a_plan(small, tmp_path, capsys):
+    """Of a series and of poses, no more and no fewer; the example on the page is a plan at rest where it begins."""
+    page = PAGE.read_text(encoding="utf-8").split("## plan.json")[1].split("\n## ")[0]
+    tables = [re.findall(r"^\| (`[^|]*`) \|", part, re.MULTILINE) for part in page.split("Poses and sweeps")]
+    series, moves = ({key for cell in table for key in re.findall(r"`(\w+)`", cell)} for table in tables)
+    run([small, *QUICK, "--out", tmp_path / "series"], capsys)
+    run([small, "--experiment", "sweeps", "--out", tmp_path / "moves"], capsys)
+    written = [json.loads((tmp_path / name / "plan.json").read_text()) for name in ("series", "moves")]
+    assert series == set(written[0])
+    assert moves | {"robot"} == set(written[1])
+    assert written[0]["joints"] == written[1]["joints"] == ["first", "second"]
+    example = tmp_path / "example.json"
+    example.write_text(re.findall(r"```json\n(.*?)```", page, re.DOTALL)[0])
+    plan, around = read_whole_plan(str(example))
+    begin = plan.at([0.0])
+    assert not around and np.abs(begin.dq).max() < 1e-15 and np.abs(begin.ddq).max() < 1e-15
+    needed = {key: json.loads(example.read_text())[key] for key in ("robot", "base_frequency", "offset", "a", "b")}
+    example.write_text(json.dumps(needed))
+    assert read_whole_plan(str(example))[0].repetitions == 1
 
 
 def test_collisions_and_a_second_plan_after_the_first(tmp_path, capsys):

@@ -66,6 +66,7 @@ def design_record(designed: Designed) -> dict[str, Any]:
     }
     return {
         "robot": series.robot,
+        "joints": goal.model.robot.joint_names,
         "base_frequency": series.base_frequency,
         "offset": series.offset,
         "a": series.a,
