@@ -4,8 +4,8 @@
 
 The first plan is D-optimal. Its run is simulated by its own deviations: estimates are the truth with noise of their
 size. What counts is the largest deviation after both runs over the estimate, among parameters that are told from
-zero, three deviations away from it. With --free-start both plans choose their start pose, and joints may swing about
-another one.
+zero, three deviations away from it. With --free second the second plan chooses its start pose, which a lead-in joins
+to that of the first, and its joints may swing about another one; with --free both the first one does so, too.
 """
 
 from __future__ import annotations
@@ -73,14 +73,14 @@ def main() -> None:
     parser.add_argument("--arm", default="iiwa14-r820")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--rounds", type=int, default=2)
-    parser.add_argument("--free-start", action="store_true")
+    parser.add_argument("--free", choices=("none", "second", "both"), default="second")
     parser.add_argument("--criteria", nargs="+", default=["worst", "d-optimal"])
     parser.add_argument("--harmonics", type=int, default=15)
     options = parser.parse_args()
     goal, truth = goal_of(options.arm)
     for seed in options.seeds:
         began = time.process_time()
-        first = designed(goal, options.harmonics, options.free_start, seed, options.rounds)
+        first = designed(goal, options.harmonics, options.free == "both", seed, options.rounds)
         deviations = _deviations(first)
         estimates = truth + deviations * np.random.default_rng(seed).standard_normal(len(truth))
         sizes = known_sizes(estimates, deviations)
@@ -89,11 +89,16 @@ def main() -> None:
         def worst(G: Array, sizes: Array = sizes) -> float:
             return float((_deviations(G) / sizes).max())
 
-        row: dict[str, object] = {"arm": options.arm, "seed": seed, "counted": int(np.isfinite(sizes).sum())}
+        row: dict[str, object] = {
+            "arm": options.arm,
+            "free": options.free,
+            "seed": seed,
+            "counted": int(np.isfinite(sizes).sum()),
+        }
         row["repeated"] = worst(2.0 * first)
         for criterion in options.criteria:
             after = replace(goal, criterion=criterion, prior=first, scale=sizes)
-            both = first + designed(after, options.harmonics, options.free_start, seed + 100, options.rounds)
+            both = first + designed(after, options.harmonics, options.free != "none", seed + 100, options.rounds)
             row[criterion] = {
                 "worst": worst(both),
                 "lower": 1.0 - worst(both) / worst(2.0 * first),
