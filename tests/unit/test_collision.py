@@ -211,6 +211,26 @@ def test_the_floor_is_touched_by_construction_by_the_first_link_alone():
         collision_of(robot, limits, np.zeros(7), [floor()])
 
 
+def test_of_many_pairs_a_stage_looks_at_those_that_come_near():
+    """All where they are few; a ball far away is out, one within reach of the motion stays."""
+    robot = load_robot("iiwa14-r820")
+    model = DynamicsModel(robot, (RigidBody(),))
+    basis = SeriesBasis(1.0, 3, np.zeros(7))
+    objective = Objective(Goal(model, find_base_parameters(model)), basis, 64)
+    states = States(objective, np.zeros(basis.unknowns))
+    balls = [
+        Shape(f"ball {k}", -1, "sphere", np.array([0.05]), homogeneous(np.eye(3), [x, 0.0, 0.8]))
+        for k, x in enumerate((0.25, *range(2, 15)))
+    ]
+    few = collision_of(robot, limits_of(robot), np.zeros(7), balls[:3]).every
+    assert few.near(states) is few
+    many = collision_of(robot, limits_of(robot), np.zeros(7), balls).every
+    distance = many.bodies.nearest(states.poses)[0].min(axis=0)
+    near = [label for label, gap in zip(many.labels, distance, strict=True) if gap < many.margin + 0.15]
+    assert many.near(states).labels == tuple(near)
+    assert any("ball 0" in label for label in near) and not any("ball 9" in label for label in near)
+
+
 def test_a_carriage_keeps_away_from_the_end_of_its_rail(tmp_path):
     """A first joint that slides brings its link to what stands around."""
     path = tmp_path / "rail.urdf"

@@ -8,7 +8,7 @@ are exact. `armid.excitation.coal` measures bodies as they are, when a plan is d
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +25,10 @@ __all__ = ["Bodies", "Clearance", "floor", "nearest_on_box", "nearest_on_segment
 
 TINY = 1e-12
 """Squared length [m²] below which a line is a point."""
+
+FEW, REACH = 80, 0.15
+"""Of more pairs than so many, a stage of a search looks at those that come as near to each other as this [m]: two
+arms of seven joints have seven hundred pairs."""
 
 SECTIONS = 40
 """Steps of the golden section along a capsule beside a box: 4e-9 of its length."""
@@ -223,6 +227,13 @@ class Clearance:
     def labels(self) -> tuple[str, ...]:
         """Names of the pairs."""
         return self.bodies.labels
+
+    def near(self, states: States) -> Clearance:
+        """Pairs that matter to a motion and to others like it: all where they are few, else those within reach."""
+        if len(self.labels) <= FEW:
+            return self
+        distance = self._nearest(states)[0].min(axis=0)
+        return replace(self, bodies=self.bodies.only(np.flatnonzero(distance < self.margin + REACH)))
 
     def values(self, states: States) -> Array:
         """One less the room that is left over a tenth of a metre, shape (N, m)."""

@@ -18,7 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from armid.excitation.channels import States, soft_maximum
+from armid.excitation.channels import Channel, States, soft_maximum
 from armid.excitation.solver import Problem, Stage, drawn_together
 from armid.values import Array
 
@@ -67,17 +67,20 @@ def descend_inside(problem: Problem, x: Array, stage: Stage, deadline: float = n
     objective, sharpness = problem.objective(stage), stage.limit_sharpness
     for weight, iterations in WEIGHTS:
         states, between = States(objective, x), States(problem.fine, x)
+        channels = problem.near(between)
         excess = [
             soft_maximum(channel.values(states), sharpness)[0] - channel.values(between).max(axis=0)
-            for channel in problem.channels
+            for channel in channels
         ]
 
-        def barrier(x: Array, weight: float = weight, excess: list[Array] = excess) -> tuple[float, Array]:
+        def barrier(
+            x: Array, weight: float = weight, channels: list[Channel] = channels, excess: list[Array] = excess
+        ) -> tuple[float, Array]:
             if time.time() > deadline:
                 return math.inf, np.zeros_like(x)
             states = States(objective, x)
             parts: list[tuple[Array, Array]] = []
-            for channel, more in zip(problem.channels, excess, strict=True):
+            for channel, more in zip(channels, excess, strict=True):
                 soft, weights = soft_maximum(channel.values(states), sharpness)
                 room = 1.0 - (soft - more)
                 if not (room > 0.0).all():
@@ -86,12 +89,15 @@ def descend_inside(problem: Problem, x: Array, stage: Stage, deadline: float = n
             value, gradient = objective(x)
             filled = States(objective, x, filled=True)
             filled.nearest = states.nearest
-            for channel, (room, weights) in zip(problem.channels, parts, strict=True):
+            for channel, (room, weights) in zip(channels, parts, strict=True):
                 value -= weight * float(np.log(room).sum())
                 gradient = gradient + weight * channel.pull(filled, weights / room).sum(axis=0)
             return value, gradient
 
         x = quasi_newton(barrier, x, iterations)
+        if channels != list(problem.channels):  # a pair that was far away may have come near
+            inside = drawn_together(problem, problem.fine, x)
+            x = x if inside is None else inside
     return x
 
 

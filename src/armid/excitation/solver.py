@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from armid.excitation.channels import Channel, States, soft_maximum
+from armid.excitation.clearance import Clearance
 from armid.excitation.objective import Goal, Objective
 from armid.excitation.series import SeriesBasis
 from armid.values import Array
@@ -98,6 +99,10 @@ class Problem:
         samples = max(64, round(stage.density * self.basis.harmonics))
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
+    def near(self, states: States) -> list[Channel]:
+        """What motions like the one at hand must not exceed; of many pairs of bodies, those that come near."""
+        return [channel.near(states) if isinstance(channel, Clearance) else channel for channel in self.channels]
+
     @cached_property
     def fine(self) -> Objective:
         """The grid on which plans are compared and drawn together."""
@@ -116,7 +121,6 @@ class _Evaluation:
     """Value, limits and their gradients of a stage; SLSQP asks for them one after the other at the same point."""
 
     def __init__(self, problem: Problem, stage: Stage, x: Array, deadline: float) -> None:
-        self._problem = problem
         self._objective = problem.objective(stage)
         self._sharpness = stage.limit_sharpness
         self._deadline = deadline
@@ -125,10 +129,11 @@ class _Evaluation:
         self._slopes: list[Array] = []
         self.x = x.copy()
         states, between = States(self._objective, x), States(problem.fine, x)
+        self._channels = problem.near(between)
         # What the soft maximum lies above the highest, which is sought between the points of the grid, too.
         self._excess = [
             soft_maximum(channel.values(states), self._sharpness)[0] - channel.values(between).max(axis=0)
-            for channel in problem.channels
+            for channel in self._channels
         ]
 
     def objective(self, x: Array) -> tuple[float, Array]:
@@ -157,7 +162,7 @@ class _Evaluation:
         self._value, self._gradient = self._objective(x)
         states = States(self._objective, self.x, filled=True)
         self._values, self._slopes = [], []
-        for channel, excess in zip(self._problem.channels, self._excess, strict=True):
+        for channel, excess in zip(self._channels, self._excess, strict=True):
             soft, weights = soft_maximum(channel.values(states), self._sharpness)
             self._values.append(soft - excess)
             self._slopes.append(channel.pull(states, weights))
