@@ -150,6 +150,8 @@ def test_a_plan_after_a_run(identified, tmp_path, capsys):
     run([*common, "--after", identified / "run", "--criterion", "a-optimal", "--out", tmp_path / "third"], capsys)
     plans = [json.loads((tmp_path / name / "plan.json").read_text()) for name in ("first", "second", "third")]
     assert [plan["criterion"] for plan in plans] == ["d-optimal", "worst", "a-optimal"]
+    told = [{finding["code"] for finding in plan["findings"]} for plan in plans]
+    assert "torque-nominal" in told[0] and "torque-nominal" not in told[1]  # but of what the run has identified
     alone, after = (
         np.array([p["deviation"] for p in json.loads((each / "preflight.json").read_text())["base_parameters"]])
         for each in (tmp_path / "first", tmp_path / "second")
@@ -160,6 +162,7 @@ def test_a_plan_after_a_run(identified, tmp_path, capsys):
 def test_a_run_about_another_arm_is_refused(identified, small, tmp_path, capsys):
     error = stopped([small, *QUICK, "--after", identified / "run", "--out", tmp_path / "none"], capsys)
     assert "is about other parameters than pendulum" in error and not (tmp_path / "none").exists()
+    assert "--terms rigid-body,viscous,coulomb" in error
 
 
 def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, capsys):
