@@ -19,6 +19,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import AsymmetricCoulomb, Coulomb, Offset, RigidBody, RotorInertia, Stribeck, Viscous
 from armid.robot import Robot, load_robot
+from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.values import Array
 
 ARMS = ("iiwa14-r820", "iiwa7-r800", "panda", "ur5e", "ur10e")
@@ -27,6 +28,7 @@ DESCRIBED = ("iiwa14-r820", "ur5e", "ur10e")
 
 RATES = (100.0, 125.0, 200.0, 500.0, 1000.0)
 HARMONICS = 5
+PATTERNS = {"q": "q{}", "dq": "dq{}", "ddq": "ddq{}", "effort": "tau{}"}
 GRAVITY = 9.81
 
 MASSES = {"panda": (3.0, 3.0, 2.8, 2.6, 2.9, 1.5, 0.8), "iiwa7-r800": (3.5, 3.5, 2.5, 2.6, 1.9, 1.8, 0.6)}
@@ -64,7 +66,8 @@ class Case:
 
     def logged(self, **changed: Any) -> Case:
         """The case with other channels of its recording."""
-        return replace(self, recording=replace(self.recording, **changed))
+        log = replace(self.recording, **changed)
+        return replace(self, recording=replace(log, columns=columns_of(log)))
 
 
 @cache
@@ -120,11 +123,17 @@ def random_plan(robot: Robot, rng: np.random.Generator) -> Excitation:
 
 
 def sound(
-    seed: int, *, name: str | None = None, rotor: bool = False, gravity: Array | None = None, plan: Any = None
+    seed: int,
+    *,
+    name: str | None = None,
+    robot: Robot | None = None,
+    rotor: bool = False,
+    gravity: Array | None = None,
+    plan: Any = None,
 ) -> Case:
     """A log without a fault."""
     rng = np.random.default_rng((17, seed))
-    robot = arm(name or ARMS[int(rng.integers(len(ARMS)))])
+    robot = robot or arm(name or ARMS[int(rng.integers(len(ARMS)))])
     there = robot if gravity is None else robot.with_gravity(tuple(gravity))
     speed = float(rng.uniform(0.05, 0.15))
     terms = (RigidBody(), Viscous(), Coulomb(width=0.02), Offset(), RotorInertia())
@@ -147,8 +156,18 @@ def sound(
         joint_names=(),
         consecutive=None,
     )
+    log = replace(log, columns=columns_of(log))
     reading = Reading(period=excitation.period, start=0.0) if rng.random() < 0.5 else Reading()
     return Case(robot, log, reading, motion, torque, model, theta)
+
+
+def columns_of(log: Recording) -> dict[str, tuple[str, ...]]:
+    """Names that a table of the log would have."""
+    found = {} if log.time is None else {"time": ("t",)}
+    for name, pattern in PATTERNS.items():
+        if getattr(log, name) is not None:
+            found[name] = tuple(pattern.format(j + 1) for j in range(log.n))
+    return found
 
 
 # Faults ---------------------------------------------------------------------------------------------------------
@@ -170,8 +189,18 @@ def torque_sign(seed: int) -> Case:
     return replace(case.logged(effort=case.recording.effort * sign), truth={"sign": sign})
 
 
+def position_sign(seed: int) -> Case:
+    """One joint counts against the description; not the last, where a turned torque looks the same."""
+    case, rng = sound(seed), _rng(seed)
+    sign = np.ones(case.robot.n)
+    sign[rng.integers(case.robot.n - 1)] = -1.0
+    log = case.recording
+    dq = None if log.dq is None else log.dq * sign
+    return replace(case.logged(q=log.q * sign, dq=dq), truth={"sign": sign})
+
+
 def joint_order(seed: int) -> Case:
-    """Two channels exchanged, or all in reverse; of all quantities or of the torque alone."""
+    """Two channels exchanged, or all in reverse; of all quantities, of the torque or of the positions alone."""
     case, rng = sound(seed), _rng(seed)
     n = case.robot.n
     order = np.arange(n)
@@ -182,19 +211,24 @@ def joint_order(seed: int) -> Case:
         order[[i, j]] = order[[j, i]]
     log = case.recording
     assert log.effort is not None
-    if rng.random() < 0.5:
+    which = int(rng.integers(3))
+    if which == 0:
         return replace(case.logged(effort=log.effort[:, order]), truth={"order": order})
     dq = None if log.dq is None else log.dq[:, order]
-    return replace(case.logged(q=log.q[:, order], dq=dq, effort=log.effort[:, order]), truth={"order": order})
+    effort = log.effort if which == 1 else log.effort[:, order]
+    return replace(case.logged(q=log.q[:, order], dq=dq, effort=effort), truth={"order": order})
 
 
 def degrees(seed: int) -> Case:
-    """Degrees that are read as radians, or radians that are read as degrees."""
+    """Degrees that are read as radians, of all joints or of one, or radians that are read as degrees."""
     case, rng = sound(seed), _rng(seed)
     log = case.recording
-    if rng.random() < 0.5:
+    kind = int(rng.integers(3))
+    if kind == 0:
         return replace(case, reading=replace(case.reading, units="deg"))
-    return case.logged(q=np.degrees(log.q), dq=None if log.dq is None else np.degrees(log.dq))
+    unit = np.ones(case.robot.n)
+    unit[slice(None) if kind == 1 else int(rng.integers(case.robot.n))] = 180.0 / np.pi
+    return replace(case.logged(q=log.q * unit, dq=None if log.dq is None else log.dq * unit), truth={"unit": unit})
 
 
 def position_offset(seed: int) -> Case:
@@ -248,6 +282,14 @@ def current_without_gain(seed: int) -> Case:
 
 def clock_missing(seed: int) -> Case:
     return sound(seed).logged(time=None)
+
+
+def clock_unit(seed: int) -> Case:
+    """Time stamps in milliseconds, or in nanoseconds."""
+    case, rng = sound(seed), _rng(seed)
+    assert case.recording.time is not None
+    unit = float(rng.choice([1e-3, 1e-9]))
+    return replace(case.logged(time=case.recording.time / unit), truth={"unit": unit})
 
 
 def clock_jitter(seed: int) -> Case:
@@ -346,6 +388,20 @@ def channel_dead(seed: int) -> Case:
     return replace(case.logged(**{name: values}), truth={"kind": kind, "joint": j})
 
 
+def value_missing(seed: int) -> Case:
+    """Numbers that are none, in one channel: a row, some stretches, or all of it."""
+    case, rng = sound(seed), _rng(seed)
+    name = str(rng.choice(["q", "effort"]))
+    values = np.array(getattr(case.recording, name))
+    j, kind = int(rng.integers(case.robot.n)), int(rng.integers(3))
+    if kind == 2:
+        values[:, j] = np.nan
+    else:
+        for first in rng.integers(0, len(values) - 20, 1 + 2 * kind):
+            values[first : first + 1 + 10 * kind, j] = np.nan
+    return replace(case.logged(**{name: values}), truth={"kind": kind, "joint": j})
+
+
 def filtered_before_logging(seed: int) -> Case:
     case, rng = sound(seed), _rng(seed)
     assert case.recording.effort is not None
@@ -406,17 +462,31 @@ def contact(seed: int) -> Case:
     at, wide = rng.uniform(0.25, 0.75) * time[-1], rng.uniform(0.15, 0.4)
     push = np.exp(-0.5 * ((time - at) / wide) ** 2)[:, None]
     limits = np.array([joint.effort_limit for joint in case.robot.joints])
-    force = rng.choice([-1.0, 1.0], case.robot.n) * rng.uniform(0.1, 0.3, case.robot.n) * limits
-    return case.logged(effort=case.recording.effort + push * force)
+    direction = rng.standard_normal(3)
+    felt = felt_at_tip(case.robot, case.motion.q, direction / np.linalg.norm(direction)) * push
+    share = float(np.abs(felt / limits).max())
+    return case.logged(effort=case.recording.effort + rng.uniform(0.15, 0.4) / share * felt)
+
+
+def felt_at_tip(robot: Robot, q: Array, force: Array) -> Array:
+    """Torque (N, n) that joints need against a force at the tip, in the base frame: Jᵀ f with the other sign."""
+    R, p = forward_kinematics(robot, q)
+    tip = frame_pose(robot, q)[1]
+    torque = np.empty_like(q)
+    for j, joint in enumerate(robot.joints):
+        axis = R[:, j] @ joint.axis
+        arm = axis if joint.is_prismatic else np.cross(axis, tip - p[:, j])
+        torque[:, j] = -arm @ force
+    return torque
 
 
 FAULTS: dict[str, Fault] = {
     fault.__name__.replace("_", "-"): fault
     for fault in (
-        torque_sign, joint_order, degrees, position_offset, position_wrapped, gravity_direction, motor_side,
-        rotor_inertia_missing, current_without_gain, clock_missing, clock_jitter, clock_gap, rows_repeated,
-        rows_not_consecutive, channel_delay, velocity_mismatch, saturation, channel_dead, filtered_before_logging,
-        period_misaligned, excitation_weak, temperature_drift, contact,
+        torque_sign, position_sign, joint_order, degrees, position_offset, position_wrapped, gravity_direction,
+        motor_side, rotor_inertia_missing, current_without_gain, clock_missing, clock_unit, clock_jitter, clock_gap,
+        rows_repeated, rows_not_consecutive, channel_delay, velocity_mismatch, saturation, channel_dead,
+        value_missing, filtered_before_logging, period_misaligned, excitation_weak, temperature_drift, contact,
     )
 }  # fmt: skip
 """Faults by the code of the finding that names each."""

@@ -47,7 +47,10 @@ def test_a_gap_in_the_numbers_is_refused(tmp_path):
 
 def test_a_missing_channel_is_refused(tmp_path):
     short = {name: column for name, column in TABLE.items() if name != "tau3"}
-    refused(r"effort has shape \(25, 2\) where q with shape \(25, 3\)", write_csv(tmp_path / "short.csv", short))
+    refused(
+        r"3 of q \(q1 … q3\), but 2 of effort \(tau1 … tau2\): 1 of effort missing",
+        write_csv(tmp_path / "short.csv", short),
+    )
 
 
 def test_currents_are_known_by_their_names(tmp_path):

@@ -240,9 +240,11 @@ def spoiled(name, row, joint, value):
 
 def test_nan_is_refused_with_channel_and_row():
     error = refused(r"effort of shoulder is nan in row 18 \(and in 0 more\)", spoiled("effort", 17, 1, np.nan))
-    assert "0.17 s" in error.remedy
+    assert error.remedy == "exclude = [[0.17, 0.17]]"
     error = refused("dq of shoulder is inf in row 1 ", spoiled("dq", 0, 1, np.inf))
-    assert "leave dq out" in error.remedy
+    assert error.remedy == "exclude = [[0.0, 0.0]]"
+    gone = refused("dq of shoulder is nan", spoiled("dq", slice(None), 1, np.nan))
+    assert gone.remedy.startswith('columns = { dq = "" }')
     time = TIME.copy()
     time[4] = np.nan
     refused("time is nan in row 5", recorded(time=time))

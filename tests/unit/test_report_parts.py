@@ -21,8 +21,8 @@ from armid.report.plots import binned, crest, envelope, line, points, spread
 from armid.report.remains import classes, explained, find_remains
 from armid.report.reversals import HALF_WINDOW, find_reversals, since_reversal
 from armid.report.tables import Cell, Column, Table, latex_text
-from armid.report.toml import to_toml
 from armid.study.study import RecordingChoice
+from armid.toml import to_toml
 
 
 @pytest.mark.parametrize(

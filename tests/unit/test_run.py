@@ -89,8 +89,9 @@ def test_the_kept_study_is_the_resolved_one(result: Result, tmp_path: Path):
 def test_everything_of_a_reading_survives(result: Result, tmp_path: Path):
     reading = Reading(
         rate=100.0, torque_sign=[1, -1, 1], drive_gain=[2.0, 3.0, 4.0], drive_gain_deviation=0.1,
+        position_sign=[1, 1, -1], time_unit=0.001,
         transmission=2.0 * np.eye(3), joint_offset=[0.1, 0.2, 0.3], columns={"q": "q{}"}, joints=["a", "b", "c"],
-        exclude=[[1.0, 2.0]], period=8.0, start=0.5, consecutive=True, units="deg", preset="ur-rtde",
+        exclude=[[1.0, 2.0]], period=8.0, start=0.5, consecutive=True, units=["deg", "rad", "deg"], preset="ur-rtde",
     )  # fmt: skip
     choices = (replace(result.study.recordings[0], reading=reading), *result.study.recordings[1:])
     changed = replace(result, study=replace(result.study, recordings=choices))

@@ -93,3 +93,20 @@ def test_what_is_wrong_with_one_log_alone_is_told_with_its_name():
     found = findings(case, replace(other.recording, effort=effort, dq=None, sha256="another"))
     (dead,) = (f for f in found if f.code == "channel-dead")
     assert dead.evidence.startswith("run1.csv: effort stays") and np.isfinite(len(found))
+
+
+def pushed(case: Case, share: float) -> Recording:
+    """The case's recording with a push in it, at a share of its length."""
+    time, log = case.motion.time, case.recording
+    assert log.effort is not None
+    limits = np.array([joint.effort_limit for joint in case.robot.joints])
+    push = np.exp(-0.5 * ((time - share * time[-1]) / 0.25) ** 2)[:, None]
+    return replace(log, effort=log.effort + 0.2 * limits * push, dq=None, sha256=f"pushed at {share}")
+
+
+def test_what_happens_to_each_recording_is_told_of_each():
+    case, other = described(), described(SEED + 1)
+    sound_one = replace(case, recording=replace(case.recording, dq=None))
+    found = findings(sound_one, pushed(case, 0.4), pushed(other, 0.6))
+    told = sorted(f.evidence.split(":")[0] for f in found if f.code == "contact")
+    assert told == ["run1.csv", "run2.csv"]

@@ -73,7 +73,8 @@ def print_findings(findings: Sequence[Finding]) -> None:
         where = f"{finding.channel}: " if finding.channel else ""
         stop = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
         text = stop.join(part for part in (where + finding.evidence, finding.remedy) if part)
-        console.print(f"[{colours[finding.severity]}]{finding.code}[/] {escape(text)}")
+        colour = colours[finding.severity]
+        console.print(f"[{colour}]{finding.severity}[/] [{colour}]{finding.code}[/] {escape(text)}")
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,7 @@ from armid.errors import ArmidError
 
 if TYPE_CHECKING:
     from armid.study.doctor import Diagnosis
+    from armid.study.study import Study
 
 __all__ = ["doctor"]
 
@@ -27,6 +28,7 @@ def doctor(
     ] = None,
     rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
     torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    units: Annotated[str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles.")] = None,
     period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
     gravity: Gravity = None,
     lock: Lock = None,
@@ -35,8 +37,8 @@ def doctor(
 ) -> None:
     """Examine recordings: signs, order, units, zeros, gravity, clock, delays, channels, motion.
 
-    Nothing is repaired. Each finding has its evidence and the line of a study that takes care of it. Exit code 1
-    says that there is an error among them.
+    Nothing is repaired. Each finding has its evidence and the line of a study that takes care of it; without a
+    study, the option that does, or a study to write. Exit code 1 says that there is an error among them.
 
     Examples:
         armid doctor study.toml
@@ -48,22 +50,43 @@ def doctor(
     from armid.study.records import to_json
     from armid.study.study import RecordingChoice, Study, load_study
 
+    given = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
+    said: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     if not recordings:
         if Path(subject).suffix != ".toml":
             raise ArmidError(f"{subject} is no study, and no recording is given.", remedy="give a recording of it.")
         study = load_study(subject)
     else:
-        said = {"rate": rate, "torque_sign": torque_sign, "period": period}
-        reading = Reading(**{key: value for key, value in said.items() if value is not None})  # pyright: ignore[reportArgumentType]
+        reading = Reading(**said)
         choices = tuple(RecordingChoice(path, reading=reading) for path in recordings)
         study = Study(robot_choice(subject, gravity, lock), model_choice(terms), choices)
     found = diagnose(study)
+    if recordings:
+        found = _without_study(found, study, said)
     if json:
         sys.stdout.write(to_json(diagnosis_record(found)) + "\n")
     else:
         _report(found)
     if is_ill(found):
         raise typer.Exit(1)
+
+
+def _without_study(found: tuple[Diagnosis, ...], study: Study, said: dict[str, Any]) -> tuple[Diagnosis, ...]:
+    """The findings with remedies for somebody who has no study: an option, or the study that is needed."""
+    from dataclasses import replace
+
+    from armid.study.remedies import as_option, as_study, tables_of
+
+    def told(remedy: str, path: str) -> str:
+        if not tables_of(remedy):
+            return remedy
+        option = as_option(remedy)
+        return option or f"in a study.toml:\n{as_study(remedy, study.robot, path, said)}"
+
+    return tuple(
+        replace(each, findings=tuple(replace(f, remedy=told(f.remedy, each.path)) for f in each.findings))
+        for each in found
+    )
 
 
 def _report(found: tuple[Diagnosis, ...]) -> None:

@@ -111,19 +111,44 @@ def assemble(
         path: The file.
         joint_names: Names of the channels, where the file has them.
     """
-    preset = PRESETS.get(reading.preset or "")
     q = _matrix(selection.q, column, path)
+    effort = _matrix(selection.effort, column, path) if selection.effort else None
+    if effort is not None and effort.ndim == q.ndim == 2 and effort.shape[1] != q.shape[1]:
+        raise _uneven(selection, q.shape[1], effort.shape[1], path)
     return Recording(
-        time=_time(selection.time, column, 1.0 if preset is None or "time" in reading.columns else preset.time_unit),
+        time=_time(selection.time, column, _time_unit(reading)),
         q=q,
         dq=_matrix(selection.dq, column, path) if selection.dq else None,
         ddq=_matrix(selection.ddq, column, path) if selection.ddq else None,
-        effort=_matrix(selection.effort, column, path) if selection.effort else None,
+        effort=effort,
         joint_names=tuple(joint_names),
         rate=reading.rate,
         consecutive=reading.consecutive,
         effort_is_current=any(CURRENT.fullmatch(name) for name in selection.effort),
+        columns={name: found for name in QUANTITIES if (found := getattr(selection, name))},
         source=str(path),
+    )
+
+
+def _time_unit(reading: Reading) -> float:
+    """Length of one unit of the time column [s]: what the reading says, else what its preset does."""
+    if reading.time_unit is not None:
+        return reading.time_unit
+    preset = PRESETS.get(reading.preset or "")
+    return 1.0 if preset is None or "time" in reading.columns else preset.time_unit
+
+
+def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingError:
+    """More channels of one quantity than of another."""
+    listed = [
+        f"{count} of {name} ({' … '.join(dict.fromkeys((*names[:1], *names[-1:])))})"
+        for name, names, count in (("q", selection.q, q), ("effort", selection.effort, effort))
+    ]
+    fewer = "effort" if effort < q else "q"
+    return RecordingError(
+        f"{path} has {listed[0]}, but {listed[1]}: {abs(q - effort)} of {fewer} missing.",
+        remedy=f"add what is missing of {fewer}; or name as many of each in columns, and lock the joints that were "
+        "not recorded.",
     )
 
 

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RecordingError
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
+from armid.measurement.remedy import lines, naming
 from armid.measurement.settle import fault, settle
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["Interpreted", "interpret"]
+__all__ = ["Interpreted", "channels_of_joints", "interpret"]
 
 WRAP_TOLERANCE = 0.5
 """How far a jump may be from whole turns to count as wrapping [rad]: what a joint turns from sample to sample,
@@ -22,6 +23,10 @@ also over a short gap. Where a channel's typical step is larger than this, jumps
 
 FAR = 0.5
 """How far outside its limits a joint must be, relative to their span, to show more than a loose limit."""
+
+
+SIGNS = ("torque_sign", "position_sign")
+"""What may be one number for all joints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +57,7 @@ def interpret(recording: Recording, reading: Reading, robot: Robot) -> Interpret
     _check_lengths(reading, robot)
     recording = _in_joint_order(recording, reading, robot)
     recording, findings = settle(recording, reading)
-    standing = _check_channels(recording)
+    standing = _check_channels(recording, reading)
     _check_gains(recording, reading)
     recording, wrapped = _on_joint_side(recording, reading, robot)
     offset = _check_limits(recording, reading, robot)
@@ -60,10 +65,10 @@ def interpret(recording: Recording, reading: Reading, robot: Robot) -> Interpret
 
 
 def _check_lengths(reading: Reading, robot: Robot) -> None:
-    for name in ("torque_sign", "drive_gain", "drive_gain_deviation", "transmission", "joint_offset"):
+    for name in (*SIGNS, "units", "drive_gain", "drive_gain_deviation", "transmission", "joint_offset"):
         shape = np.shape(getattr(reading, name))
         fits = shape in ((), (robot.n,), (robot.n, robot.n))
-        if not fits and not (shape == (1,) and name in ("torque_sign", "drive_gain_deviation")):
+        if not fits and not (shape == (1,) and name in (*SIGNS, "drive_gain_deviation")):
             raise RecordingError(
                 f"{name} has {shape[0]} entries; {robot.name} has {robot.n} joints.",
                 possible=", ".join(robot.joint_names),
@@ -73,6 +78,28 @@ def _check_lengths(reading: Reading, robot: Robot) -> None:
 
 def _in_joint_order(recording: Recording, reading: Reading, robot: Robot) -> Recording:
     """Channels renamed, unwanted ones left out, the rest in the robot's order."""
+    order = channels_of_joints(recording, reading, robot)
+
+    def ordered(values: Array | None) -> Array | None:
+        return None if values is None else values[:, order]
+
+    return replace(
+        recording,
+        q=recording.q[:, order],
+        dq=ordered(recording.dq),
+        ddq=ordered(recording.ddq),
+        effort=ordered(recording.effort),
+        valid=recording.valid[:, order],
+        joint_names=robot.joint_names,
+    )
+
+
+def channels_of_joints(recording: Recording, reading: Reading, robot: Robot) -> list[int]:
+    """Which channel of a recording is each joint's, counted from 0.
+
+    Raises:
+        RecordingError: Joints and channels that do not match.
+    """
     given = reading.joint_map
     channels = recording.channels
     unknown = [name for name in given if name not in channels]
@@ -105,23 +132,10 @@ def _in_joint_order(recording: Recording, reading: Reading, robot: Robot) -> Rec
             remedy="rename with joints = { file name = robot joint }, give a channel to leave out the empty name, "
             "and lock joints that were not recorded.",
         )
-    order = [targets.index(name) for name in robot.joint_names]
-
-    def ordered(values: Array | None) -> Array | None:
-        return None if values is None else values[:, order]
-
-    return replace(
-        recording,
-        q=recording.q[:, order],
-        dq=ordered(recording.dq),
-        ddq=ordered(recording.ddq),
-        effort=ordered(recording.effort),
-        valid=recording.valid[:, order],
-        joint_names=robot.joint_names,
-    )
+    return [targets.index(name) for name in robot.joint_names]
 
 
-def _check_channels(recording: Recording) -> tuple[Finding, ...]:
+def _check_channels(recording: Recording, reading: Reading) -> tuple[Finding, ...]:
     """Refuse channels that carry no signal; note joints that stand still."""
     still = np.ptp(recording.q, axis=0) == 0
     if still.all():
@@ -145,7 +159,7 @@ def _check_channels(recording: Recording) -> tuple[Finding, ...]:
                 "channel-dead",
                 recording,
                 f"{name} of {recording.channels[joint]} is {values[0, joint]:g} in all {recording.samples} rows.",
-                f'leave it out: columns = {{ {name} = "" }}.'
+                naming(reading, {name: ""}, "leave it out")
                 if optional
                 else "record it again, or lock that joint and leave its channel out.",
             )
@@ -155,7 +169,7 @@ def _check_channels(recording: Recording) -> tuple[Finding, ...]:
             "warning",
             recording.channels[i],
             f"The joint stays at {recording.q[0, i]:g} throughout; what only its motion shows stays unknown.",
-            "Move the joint, or lock it.",
+            "record it while it moves, or lock it.",
         )
         for i in np.flatnonzero(still)
     )
@@ -169,14 +183,15 @@ def _check_gains(recording: Recording, reading: Reading) -> None:
             "current-without-gain",
             recording,
             "the effort is a motor current [A], and no drive gain says how much torque an ampere makes.",
-            "give drive_gain = […] in N·m/A at the joint, one for each joint, or name a torque in columns.",
+            "find out the drive_gain in N·m/A at the joint, one for each joint, or name a torque in columns.",
         )
 
 
 def _on_joint_side(recording: Recording, reading: Reading, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
     """Angles in radians without wrapping, motor to joint, current to torque, the URDF's sign."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
-    unit = np.where(turns, np.pi / 180, 1.0) if reading.units == "deg" else np.ones(robot.n)
+    sign = np.asarray(reading.position_sign)
+    unit = sign * np.where(turns & reading.degrees(robot.n), np.pi / 180, 1.0)
     q, findings = _unwrapped(
         recording.q * unit, turns if recording.consecutive else np.zeros(robot.n, dtype=np.bool_), robot
     )
@@ -236,18 +251,22 @@ def _check_limits(recording: Recording, reading: Reading, robot: Robot) -> tuple
     if not far.any():
         return ()
     scaled_low, scaled_high = np.radians(low), np.radians(high)
-    fits = ((scaled_low >= limits[:, 0]) & (scaled_high <= limits[:, 1]))[turns].all()
+    as_degrees = turns & (scaled_low >= limits[:, 0]) & (scaled_high <= limits[:, 1])
+    plain = ~reading.degrees(robot.n)
     worst = int(np.argmax(np.where(far, beyond, -np.inf)))
     evidence = (
         f"{robot.joint_names[worst]} goes from {low[worst]:.4g} to {high[worst]:.4g} {robot.joints[worst].unit}, "
         f"far outside its limits [{limits[worst, 0]:.4g}, {limits[worst, 1]:.4g}]"
     )
-    if reading.units == "rad" and turns[worst] and fits:
+    if (far & turns & plain & as_degrees).sum() == far.sum():
+        several = 2 * far.sum() > turns.sum() and plain.all() and as_degrees[turns].all()
+        units = "deg" if several else ["deg" if each else "rad" for each in far | ~plain]
+        others = "all joints stay inside" if several else f"{_listed(robot, far)} stay inside, the others as they are"
         raise fault(
             "degrees",
             recording,
-            f"{evidence}; taken as degrees, all joints stay inside.",
-            'say units = "deg", or give transmission and joint_offset if the log is motor-side.',
+            f"{evidence}; taken as degrees, {others}.",
+            lines("or transmission and joint_offset, where the log is motor-side", units=units),
         )
     return (
         Finding(
@@ -255,6 +274,10 @@ def _check_limits(recording: Recording, reading: Reading, robot: Robot) -> tuple
             "warning",
             robot.joint_names[worst],
             f"{evidence[0].upper()}{evidence[1:]}.",
-            "Check units, joint_offset, transmission, the order of the channels and the limits.",
+            "find out units, joint_offset, transmission, the order of the channels and the limits.",
         ),
     )
+
+
+def _listed(robot: Robot, which: NDArray[np.bool_]) -> str:
+    return ", ".join(name for name, one in zip(robot.joint_names, which, strict=True) if one)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import ArmidError, RecordingError
 from armid.values import Array, array
@@ -74,6 +74,7 @@ class Reading:
         rate: Samples a second [Hz]; only where there is no clock.
         consecutive: Whether rows follow each other in time; found out when `None`.
         torque_sign: +1 or -1, one for all joints or one each: measured = sign · (URDF convention).
+        position_sign: The same of positions, velocities and accelerations.
         drive_gain: Where the effort is a current: torque for each ampere, shape (n,) [N·m/A].
         drive_gain_deviation: Relative standard deviation of the gains, one or shape (n,).
         transmission: Where the log is motor-side: N, shape (n, n), with q_motor = N (q - joint_offset) and
@@ -81,7 +82,9 @@ class Reading:
         joint_offset: Joint position where the logged one is zero, shape (n,) [rad or m].
         columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
             the name of one column or matrix, or a list of names. An empty name leaves the quantity out.
-        units: Unit of the logged angles, `rad` or `deg` (velocities and accelerations alike).
+        units: Unit of the logged angles, `rad` or `deg` (velocities and accelerations alike), one for all joints or
+            one each.
+        time_unit: Length of one unit of the time column [s], as 0.001 where it counts milliseconds.
         joints: Robot joint for each channel name of the file, or a list of robot joints in the order of a file
             that only numbers its channels. An empty name leaves the channel out.
         topic: ROS topic; needed where a bag has several with joint states.
@@ -94,12 +97,14 @@ class Reading:
     rate: float | None = None
     consecutive: bool | None = None
     torque_sign: ArrayLike = 1.0
+    position_sign: ArrayLike = 1.0
     drive_gain: ArrayLike | None = None
     drive_gain_deviation: ArrayLike | None = None
     transmission: ArrayLike | None = None
     joint_offset: ArrayLike | None = None
     columns: Mapping[str, str | Sequence[str]] = field(default_factory=dict[str, "str | Sequence[str]"])
-    units: Literal["rad", "deg"] = "rad"
+    units: Literal["rad", "deg"] | Sequence[str] = "rad"
+    time_unit: float | None = None
     joints: Mapping[str, str] | Sequence[str] = field(default_factory=dict[str, str])
     topic: str | None = None
     preset: str | None = None
@@ -108,14 +113,13 @@ class Reading:
     start: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("rate", "period"):
+        for name in ("rate", "period", "time_unit"):
             _set(self, name, _positive(getattr(self, name), name))
         if self.start is not None:
             _set(self, "start", float(_numbers(self.start, (), "start")))
         if self.consecutive not in (None, True, False):
             raise _wrong("consecutive", self.consecutive, "true, false, or nothing to find it out")
-        if self.units not in ("rad", "deg"):
-            raise _wrong("units", self.units, "rad, deg")
+        _set(self, "units", _units(self.units))
         if self.preset is not None and self.preset not in PRESETS:
             raise _wrong("preset", self.preset, ", ".join(PRESETS))
         if self.start is not None and self.period is None:
@@ -130,13 +134,18 @@ class Reading:
         """Robot joint of each channel; channels without names are called 1, 2, …."""
         return _joints(self.joints)
 
+    def degrees(self, n: int) -> NDArray[np.bool_]:
+        """Which of n joints are logged in degrees, shape (n,)."""
+        units = (self.units,) * n if isinstance(self.units, str) else self.units
+        return np.array([unit == "deg" for unit in units], dtype=np.bool_)
+
     def _check_joint_side(self) -> None:
         """Check what is listed joint by joint."""
-        sign = np.atleast_1d(_numbers(self.torque_sign, None, "torque_sign"))
-        if sign.ndim != 1 or not np.isin(sign, (-1.0, 1.0)).all():
-            raise _wrong("torque_sign", self.torque_sign, "1, -1, or a list of these")
-        _set(self, "torque_sign", array(sign, (None,), "torque_sign"))
-        lengths = {"torque_sign": sign.size} if sign.size > 1 else {}
+        lengths: dict[str, int] = {} if isinstance(self.units, str) else {"units": len(self.units)}
+        for name in ("torque_sign", "position_sign"):
+            sign = _signs(getattr(self, name), name)
+            _set(self, name, sign)
+            lengths |= {name: sign.size} if sign.size > 1 else {}
         for name in ("drive_gain", "joint_offset"):
             if getattr(self, name) is not None:
                 value = _numbers(getattr(self, name), (None,), name)
@@ -204,6 +213,21 @@ def _transmission(value: ArrayLike) -> Array:
             remedy="check its rows; N[i, j] is what joint j adds to motor i.",
         )
     return matrix
+
+
+def _signs(value: object, name: str) -> Array:
+    sign = np.atleast_1d(_numbers(value, None, name))
+    if sign.ndim != 1 or not np.isin(sign, (-1.0, 1.0)).all():
+        raise _wrong(name, value, "1, -1, or a list of these")
+    return array(sign, (None,), name)
+
+
+def _units(value: Any) -> str | tuple[str, ...]:
+    """One unit for all joints, or one each."""
+    listed = tuple(value) if isinstance(value, list | tuple) else (value,)
+    if not listed or any(unit not in ("rad", "deg") for unit in listed):
+        raise _wrong("units", value, "rad, deg, or a list of these")
+    return listed if isinstance(value, list | tuple) else listed[0]
 
 
 def _columns(value: Any) -> dict[str, tuple[str, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,6 +38,7 @@ class Recording(Shown):
         consecutive: Whether the rows follow each other in time; `None` is not known.
         valid: Which samples count, shape (N, n); shape (N,) is taken for all channels. All, if not given.
         effort_is_current: Whether the effort is a motor current that still needs a drive gain.
+        columns: Names in the file of what each quantity was read from, where it has columns.
         source: Path of the file.
         sha256: Digest of the file's bytes; empty where there was no file.
     """
@@ -51,6 +53,7 @@ class Recording(Shown):
     consecutive: bool | None = None
     valid: NDArray[np.bool_] = field(default_factory=_all_valid)
     effort_is_current: bool = False
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, "tuple[str, ...]"])
     source: str = ""
     sha256: str = ""
 

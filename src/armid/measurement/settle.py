@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RecordingError
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
+from armid.measurement.remedy import excluding, lines, naming
 from armid.values import Array
 
 __all__ = ["fault", "settle"]
@@ -19,6 +20,13 @@ MIN_SAMPLES = 10
 
 LONGEST_STEP = 0.5
 """Median time step [s] from which on a clock surely does not count seconds: nobody records a motion at 2 Hz."""
+
+UNITS = ((100.0, 1e-3, "milliseconds"), (1e5, 1e-6, "microseconds"), (np.inf, 1e-9, "nanoseconds"))
+"""By the step of a clock that counts no seconds, what it may count: 10 Hz to 2 kHz in each of them."""
+
+MOST_HOLES, LARGEST_HOLES = 8, 0.2
+"""Stretches of values that are not finite, and share of the rows in them, up to which these are left out: with more
+the channel is not what it should be."""
 
 RATE_TOLERANCE = 0.1
 """Relative difference of two rates that is not worth a word; a wrong rate is wrong by a factor."""
@@ -63,13 +71,13 @@ def settle(recording: Recording, reading: Reading) -> tuple[Recording, tuple[Fin
     given = recording.consecutive if reading.consecutive is None else reading.consecutive
     recording = replace(recording, rate=rate, consecutive=given)
     recording = _without_excluded_nan(recording, reading)
-    _refuse_nan(recording)
+    _refuse_nan(recording, reading)
     _refuse_few(recording)
     _check_clock(recording)
     recording, findings = _without_repeats(recording)
     recording, ties = _without_ties(recording)
     _refuse_few(recording)
-    recording, found = _with_consecutive(recording, 360.0 if reading.units == "deg" else 2 * np.pi)
+    recording, found = _with_consecutive(recording, np.where(reading.degrees(recording.n), 360.0, 2 * np.pi))
     return _masked(recording, reading), (*findings, *ties, *found)
 
 
@@ -140,7 +148,8 @@ def _everything(recording: Recording) -> Array:
     return np.hstack([values for values in measured if values is not None])
 
 
-def _refuse_nan(recording: Recording) -> None:
+def _refuse_nan(recording: Recording, reading: Reading) -> None:
+    """Refuse values that are not finite, with what to leave out of the log for them."""
     for name in ("time", "q", "dq", "ddq", "effort"):
         values = getattr(recording, name)
         if values is None or np.isfinite(values).all():
@@ -148,16 +157,26 @@ def _refuse_nan(recording: Recording) -> None:
         bad = np.argwhere(~np.isfinite(values))
         row = int(bad[0, 0])
         channel = "time" if values.ndim == 1 else f"{name} of {recording.channels[int(bad[0, 1])]}"
-        remedy = "cut those rows out of the file"
-        if recording.time is not None and name != "time":
-            remedy += f", or name their time in exclude (row {row + 1} is at {recording.time[row]:g} s)"
-        if name in ("dq", "ddq"):
-            remedy += f', or leave {name} out with columns = {{ {name} = "" }}'
-        raise RecordingError(
-            f"{recording.source or 'The recording'}: {channel} is {values[tuple(bad[0])]} in row {row + 1} "
-            f"(and in {len(np.unique(bad[:, 0])) - 1} more).",
-            remedy=f"{remedy}.",
+        raise fault(
+            "value-missing",
+            recording,
+            f"{channel} is {values[tuple(bad[0])]} in row {row + 1} (and in {len(np.unique(bad[:, 0])) - 1} more).",
+            _without(name, np.unique(bad[:, 0]), recording, reading),
         )
+
+
+def _without(name: str, rows: NDArray[np.intp], recording: Recording, reading: Reading) -> str:
+    """What leaves rows that are not finite out of a log, or the whole quantity where it can be spared."""
+    pieces = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    few = len(pieces) <= MOST_HOLES and len(rows) <= LARGEST_HOLES * recording.samples
+    if few and recording.time is not None and np.isfinite(recording.time).all():
+        times = [(float(recording.time[piece[0]]), float(recording.time[piece[-1]])) for piece in pieces]
+        return excluding(reading, times)
+    if name in ("dq", "ddq"):
+        return naming(reading, {name: ""}, "positions are differentiated then")
+    if name == "time":
+        return "correct the time column, or leave it out and say the rate."
+    return "record it again, or cut those rows out of the file where it has a clock."
 
 
 def _refuse_few(recording: Recording) -> None:
@@ -181,19 +200,23 @@ def _check_clock(recording: Recording) -> None:
         raise RecordingError(
             f"{source}: time runs backwards from row {row + 1} to {row + 2} "
             f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
-            remedy="sort or split the file there; two recordings in one file must become two files.",
+            remedy="correct the file: sort or split it there; two recordings in one file must become two files.",
         )
     typical = float(np.median(step))
     if typical >= LONGEST_STEP and recording.consecutive is not False:
-        raise RecordingError(
-            f"{source}: the clock steps by {typical:g} from row to row; it seems not to count seconds.",
-            possible="time in seconds; consecutive = false for separate measurements",
-            remedy='convert the time column, or leave it out: columns = { time = "" } and rate = ….',
+        unit, name = next((length, name) for most, length, name in UNITS if typical < most)
+        raise fault(
+            "clock-unit",
+            recording,
+            f"the clock steps by {typical:g} from row to row; it seems not to count seconds but {name}.",
+            lines("s; consecutive = false, where rows are separate measurements", time_unit=unit),
         )
     if recording.rate is not None and typical > 0 and abs(recording.rate * typical - 1) > RATE_TOLERANCE:
-        raise RecordingError(
-            f"{source}: the clock says {1 / typical:.4g} Hz, rate says {recording.rate:g} Hz.",
-            remedy='drop rate, or leave the clock out: columns = { time = "" }.',
+        raise fault(
+            "clock-rate",
+            recording,
+            f"the clock says {1 / typical:.4g} Hz, rate says {recording.rate:g} Hz.",
+            "correct one of them: drop rate, or leave the clock out with an empty name of its column.",
         )
 
 
@@ -216,7 +239,7 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
         "",
         f"{repeated.sum()} of {recording.samples} rows repeat the row before; {drop.sum()} dropped, "
         f"{(repeated & ~drop).sum()} masked.",
-        "Record at the rate at which the robot gives new samples.",
+        "record at the rate at which the robot gives new samples.",
     )
     recording = replace(recording, valid=recording.valid & ~repeated[:, None])
     return _kept(recording, ~drop), (finding,)
@@ -234,18 +257,18 @@ def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]
     if tied.mean() > CLOCK_TIES:
         raise RecordingError(
             f"{recording.source or 'The recording'}: {evidence}, but other values.",
-            remedy="check what is logged as time; if rows are equally spaced, leave it out "
+            remedy="find out what is logged as time; if rows are equally spaced, leave it out "
             '(columns = { time = "" }) and give rate.',
         )
     return _kept(recording, ~tied), (Finding("clock-jitter", "warning", "time", f"{evidence}; dropped."),)
 
 
-def _with_consecutive(recording: Recording, turn: float) -> tuple[Recording, tuple[Finding, ...]]:
+def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tuple[Finding, ...]]:
     """Settle whether rows follow each other in time, by the clock or else by what q and dq say.
 
     Args:
         recording: Checked rows.
-        turn: A full turn in the recording's unit of angle; a wrapped angle jumps by it.
+        turn: A full turn in each channel's unit of angle, shape (n,); a wrapped angle jumps by it.
     """
     if recording.time is not None:
         clocked = replace(recording, rate=None, consecutive=recording.consecutive is not False)
@@ -254,38 +277,43 @@ def _with_consecutive(recording: Recording, turn: float) -> tuple[Recording, tup
         return _needing_derivatives(recording), ()
     coherent, implied = _coherence(recording, turn)
     if recording.rate is None:
-        hint = f" (q and dq imply {implied:.3g} Hz)" if coherent >= COHERENT and np.isfinite(implied) else ""
+        known = coherent >= COHERENT and np.isfinite(implied)
         raise fault(
             "clock-missing",
             recording,
             "there is no clock and no rate.",
-            f"give rate = … in Hz{hint}, name a time column, or say consecutive = false if rows are separate "
-            "samples.",
+            lines(f"Hz; q and dq imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
+            if known
+            else "find out the rate in Hz and say it, name a time column, or say consecutive = false if rows are "
+            "separate samples.",
         )
     if coherent >= COHERENT:
         if np.isfinite(implied) and abs(implied / recording.rate - 1) > RATE_TOLERANCE:
-            raise RecordingError(
-                f"{recording.source or 'The recording'}: q and dq imply {implied:.3g} Hz, rate says "
-                f"{recording.rate:g} Hz.",
-                remedy="give the rate at which rows follow each other.",
+            raise fault(
+                "clock-rate",
+                recording,
+                f"q and dq imply {implied:.3g} Hz, rate says {recording.rate:g} Hz.",
+                lines("Hz, as q and dq imply", rate=float(f"{implied:.3g}")),
             )
         return replace(recording, consecutive=True), ()
     evidence = f"Steps from row to row agree with the velocity in {100 * coherent:.0f} % of the rows"
     if recording.dq is None:
         evidence = "Steps from row to row are about as large as the whole spread of the positions"
     if recording.consecutive:
-        finding = Finding("rows-not-consecutive", "warning", "", f"{evidence}; consecutive = true was given.")
+        told = f"{evidence}; consecutive = true was given."
+        finding = Finding("rows-not-consecutive", "warning", "", told, lines(consecutive=False))
         return recording, (finding,)
     finding = Finding(
         "rows-not-consecutive",
         "warning",
         "",
         f"{evidence}; taken as separate samples: no filter, no memory terms.",
+        lines("they are separate samples", consecutive=False),
     )
     return _needing_derivatives(replace(recording, consecutive=False)), (finding,)
 
 
-def _coherence(recording: Recording, turn: float) -> tuple[float, float]:
+def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
     """Share of moving rows whose step in q is what the velocity asks for, and the rate [Hz] that this implies.
 
     Without velocities the share is 1 where steps are small against the spread of the positions, else 0, and the

@@ -18,8 +18,12 @@ from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.study.plausibility import gravity_finding
+from armid.study.remedies import tables_of
 from armid.study.study import RecordingChoice, Study, build_model, load_choice
 from armid.validation.doctor import EFFECTS, EXPLAINS, SEVERITIES, Evidence, examine
+from armid.validation.doctor.channel_delay import explain as explain_delay
+from armid.validation.doctor.contact import explain as explain_contact
+from armid.validation.doctor.motor_side import explain as explain_scale
 from armid.validation.doctor.state import State
 
 __all__ = ["Diagnosis", "diagnose", "diagnose_recording", "diagnosis_record", "is_ill", "watch"]
@@ -38,20 +42,24 @@ as degrees are believed to be degrees: motors' angles are not, whatever limits t
 OF_LOG = ("channel-dead", "saturation", "filtered-before-logging", "velocity-mismatch")
 """Checks of every log that an identification makes; gaps, unevenness and repetitions it reports as it processes."""
 
-OF_MODEL = (
+OF_READING = (
     "motor-side",
     "degrees",
     "torque-sign",
+    "position-sign",
     "joint-order",
     "gravity-direction",
-    "channel-delay",
     "position-offset",
     "rotor-inertia-missing",
-    "temperature-drift",
-    "contact",
 )
-"""Checks beside a model that it makes, once for each way of reading: what a reading says of signs, order, units,
-zeros and sides holds for all logs that are read so. Excitation it judges by all recordings together."""
+"""Checks beside a model that it makes once for each way of reading: what a reading says of signs, order, units, zeros
+and sides holds for all logs that are read so. Excitation it judges by all recordings together."""
+
+OF_EACH = ("channel-delay", "contact", "temperature-drift")
+"""Checks beside a model of what happens to one recording and not to another."""
+
+OWN = (explain_delay, explain_contact)
+"""What these need of the contest, where the reading has nothing wrong."""
 
 GEARED = 3.0
 """Span of the motion, in spans of the limits, from which it is that of motors."""
@@ -87,12 +95,18 @@ def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> t
         raw = (given or {}).get(choice.path)
         if raw is None:
             raw = load_recording(Path(study.folder) / choice.path, choice.reading)
-        result.append(Diagnosis(choice.path, diagnose_recording(robot, raw, choice.reading, model)))
+        found = diagnose_recording(robot, raw, choice.reading, model, saturation=study.processing.saturation)
+        result.append(Diagnosis(choice.path, found))
     return tuple(result)
 
 
 def diagnose_recording(
-    robot: Robot, raw: Recording, reading: Reading, model: DynamicsModel | None = None
+    robot: Robot,
+    raw: Recording,
+    reading: Reading,
+    model: DynamicsModel | None = None,
+    *,
+    saturation: float | None = None,
 ) -> tuple[Finding, ...]:
     """Examine one recording.
 
@@ -104,6 +118,7 @@ def diagnose_recording(
         raw: As the file has it.
         reading: How it is read.
         model: The study's model; the usual terms if not given.
+        saturation: Share of a joint's limit from which its rows do not count, if the study gives one.
 
     Raises:
         RecordingError: The recording does not fit the robot at all.
@@ -112,30 +127,40 @@ def diagnose_recording(
     gravity = gravity_finding(robot)
     noted += [] if gravity is None else [gravity]
     if raw.effort is None:
-        remedy = 'columns = { effort = "tau{}" }  # what its columns are called'
+        remedy = 'find out what its columns are called, and name them: columns = { effort = "tau{}" }'
         noted.append(Finding("channel-dead", "error", "effort", "There is no effort in the recording.", remedy))
-    log, recording = raw, None
+    log, how, recording = raw, reading, None
     for _ in range(TRIES):
         try:
-            read = interpret(log, reading, robot)
+            read = interpret(log, how, robot)
         except RecordingError as error:
             finding = _finding(error, log)
             noted.append(finding)
-            around = _worked_around(finding.code, log, reading)
+            around = _worked_around(finding, log, how)
             if around is None:
                 break
-            log, reading = around
+            log, how = around
         else:
             recording = read.recording
             noted += read.findings
             break
-    evidence = Evidence(robot, raw, reading, recording, tuple(noted), model, EXPLAINS)
+    evidence = Evidence(robot, raw, how, recording, tuple(noted), model, EXPLAINS, saturation)
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
-        evidence = replace(evidence, explains=())
-        kept = {"channel-dead", "clock-gap", "clock-jitter", "saturation", "velocity-mismatch", "period-misaligned"}
-        early = replace(evidence, recording=recording)
-        return tuple(f for f in examine(early) if f in noted or f.code in kept)
+        return _of_currents(evidence)
     return examine(_reconsidered(evidence))
+
+
+def _of_currents(evidence: Evidence) -> tuple[Finding, ...]:
+    """What can be said of a log of currents: nothing that needs torques, but the gains that a description makes."""
+    state = evidence.state
+    scale = None if state is None else explain_scale(state)
+    if scale is not None:
+        remedy = scale.remedy(evidence)
+        told = [replace(f, remedy=remedy) if f.code == "current-without-gain" else f for f in evidence.noted]
+        evidence = replace(evidence, noted=tuple(told))
+    evidence = replace(evidence, explains=())
+    kept = {"channel-dead", "clock-gap", "clock-jitter", "saturation", "velocity-mismatch", "period-misaligned"}
+    return tuple(f for f in examine(evidence) if f in evidence.noted or f.code in kept)
 
 
 def watch(model: DynamicsModel, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> tuple[Finding, ...]:
@@ -145,25 +170,32 @@ def watch(model: DynamicsModel, recordings: Sequence[tuple[RecordingChoice, Reco
         model: Arm and torque terms of the study.
         recordings: As read, with their roles.
     """
-    found: dict[tuple[str, str], Finding] = {}
-    shown = _one_of_each_reading(recordings)
-    for k, (choice, recording) in enumerate(recordings):
-        evidence = Evidence(model.robot, recording, choice.reading, recording, (), model, EXPLAINS)
+    found: list[Finding] = []
+    ill: dict[str, bool] = {}
+    # The first of each kind tells what is wrong with their reading; the others what is wrong with them alone.
+    for k in sorted(range(len(recordings)), key=lambda k: _rank(recordings, k)):
+        choice, recording = recordings[k]
+        kind = _kind(choice)
+        explains, checks = EXPLAINS, (*OF_LOG, *OF_READING, *OF_EACH)
+        if kind in ill:
+            explains, checks = EXPLAINS if ill[kind] else OWN, (*OF_LOG, *OF_EACH)
+        evidence = Evidence(model.robot, recording, choice.reading, recording, (), model, explains)
+        told = examine(evidence, checks)
+        ill.setdefault(kind, any(each.code not in OF_EACH for each in evidence.explanations))
         where = f"{Path(choice.path).name}: " if len(recordings) > 1 else ""
-        for finding in examine(evidence, OF_LOG + (OF_MODEL if k in shown else ())):
-            said = replace(finding, evidence=f"{where}{finding.evidence}")
-            found.setdefault((finding.code, finding.channel), said)
-    return tuple(found.values())
+        found += [replace(finding, evidence=f"{where}{finding.evidence}") for finding in told]
+    return tuple(found)
 
 
-def _one_of_each_reading(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> set[int]:
-    """The longest recording of each way of reading, those that train before others."""
-    chosen: dict[str, int] = {}
-    rank = [(choice.role != "train", -recording.samples, k) for k, (choice, recording) in enumerate(recordings)]
-    for _, _, k in sorted(rank):
-        reading = replace(recordings[k][0].reading, period=None, start=None, exclude=())
-        chosen.setdefault(repr(reading), k)
-    return set(chosen.values())
+def _rank(recordings: Sequence[tuple[RecordingChoice, Recording]], k: int) -> tuple[bool, int, int]:
+    """Those that train before others, the longest first."""
+    choice, recording = recordings[k]
+    return choice.role != "train", -recording.samples, k
+
+
+def _kind(choice: RecordingChoice) -> str:
+    """What all recordings have in common that are read in the same way."""
+    return repr(replace(choice.reading, period=None, start=None, exclude=()))
 
 
 def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
@@ -196,10 +228,6 @@ def _finding(error: RecordingError, log: Recording) -> Finding:
         code, evidence = found[1], error.problem[: found.start()].strip()
     elif log.time is not None and (np.diff(log.time) <= 0.0).any():
         code, evidence = "clock-jitter", error.problem
-    elif any(x is not None and not np.isfinite(x).all() for x in (log.q, log.dq, log.ddq, log.effort)):
-        code, evidence = "channel-dead", error.problem
-    elif "rate says" in error.problem or "seems not to count seconds" in error.problem:
-        code, evidence = "clock-jitter", error.problem
     elif "not consecutive" in error.problem:
         code, evidence = "rows-not-consecutive", error.problem
     else:
@@ -208,21 +236,20 @@ def _finding(error: RecordingError, log: Recording) -> Finding:
     return Finding(code, "error", "", f"{evidence[:1].upper()}{evidence[1:]}", error.remedy)
 
 
-def _worked_around(code: str, log: Recording, reading: Reading) -> tuple[Recording, Reading] | None:
+def _worked_around(finding: Finding, log: Recording, reading: Reading) -> tuple[Recording, Reading] | None:
     """The log with the fault out of the way, for the doctor's eyes; `None` where there is no way."""
-    if code == "clock-missing":
+    if finding.code == "current-without-gain":
+        return replace(log, effort_is_current=False), reading
+    said = tables_of(finding.remedy).get("recording", {})
+    if finding.code == "clock-missing":
         rate = _implied_rate(log)
         return None if rate is None else (log, replace(reading, rate=rate))
-    if code == "degrees":
-        return log, replace(reading, units="deg")
-    if code == "current-without-gain":
-        return replace(log, effort_is_current=False), reading
-    if code == "channel-dead":
-        for name in ("dq", "ddq"):
-            values = getattr(log, name)
-            if values is not None and (np.ptp(values, axis=0) == 0.0).any():
-                return replace(log, **{name: None}), reading
-    return None
+    if "time_unit" in said and log.time is not None:
+        return replace(log, time=log.time * said["time_unit"]), reading
+    left_out = [name for name, column in said.get("columns", {}).items() if column == "" and name in ("dq", "ddq")]
+    if left_out:
+        return replace(log, **dict.fromkeys(left_out)), reading
+    return (log, replace(reading, **said)) if said else None
 
 
 def _implied_rate(log: Recording) -> float | None:
@@ -242,7 +269,7 @@ def _reconsidered(evidence: Evidence) -> Evidence:
     """Angles far outside all limits, and degrees that the model does not believe, are angles of motors."""
     degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
     far = next((f for f in evidence.noted if f.code == "position-offset"), None)
-    if degrees is not None and (evidence.state is None or not _believable(evidence.state)):
+    if degrees is not None and evidence.state is not None and not _believable(evidence.state):
         doubted, why = degrees, "taken as degrees they contradict the torque"
     elif far is not None and _turns_too_far(evidence):
         doubted, why = far, "and its neighbours as far"
@@ -253,7 +280,7 @@ def _reconsidered(evidence: Evidence) -> Evidence:
         "error",
         "q",
         f"{doubted.evidence.split('; taken')[0].rstrip('.')}; {why}, as motors before their gears do.",
-        "transmission = [[…]]  # N with q_motor = N (q - joint_offset)",
+        "find out N with q_motor = N (q - joint_offset), and say it: transmission = [[N1, 0, …], …]",
     )
     noted = tuple(motor if f is doubted else f for f in evidence.noted)
     return replace(evidence, noted=noted, recording=None)

@@ -51,7 +51,7 @@ def gravity_finding(robot: Robot) -> Finding | None:
         "warning",
         "",
         f"Gravity is {strength:.4g} m/s².",
-        "give it in m/s², for instance 0 0 -9.81.",
+        "correct gravity: it is in m/s², for instance [0, 0, -9.81]",
     )
 
 

@@ -52,7 +52,7 @@ def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | N
         return Finding("torque-sign", "warning", "", f"{evidence} Friction is negative too.", "torque_sign = -1")
     opposite = ", ".join(f"{-x + 0.0:.4g}" for x in base.gravity)
     kept = " Friction has the right sign, so that gravity alone is turned." if len(friction) else ""
-    return Finding("gravity-direction", "warning", "", f"{evidence}{kept}", f"gravity = [{opposite}]")
+    return Finding("gravity-direction", "warning", "", f"{evidence}{kept}", f"gravity = [{opposite}]  # in [robot]")
 
 
 def _forced(base: BaseParameters, symbols: NDArray[np.str_]) -> NDArray[np.float64]:

@@ -67,7 +67,7 @@ def explain(state: State) -> Explanation | None:
         f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
         f"({abs(delay) * state.log.rate:.1f} samples); without it {1 - np.exp(-gain):.0%} less of the torque is "
         "left.",
-        f"shift the effort by {-1e3 * delay:+.2f} ms against the positions before it is read",
+        lambda _: f"rewrite the log with the effort moved by {-1e3 * delay:+.2f} ms against the positions",
         after,
     )
 

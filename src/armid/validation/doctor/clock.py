@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from armid.errors import Finding
-from armid.measurement.clock import is_even, jitter, stretches
+from armid.measurement.clock import Stretch, is_even, jitter, stretches
+from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
+from armid.measurement.remedy import lines, naming
 from armid.validation.doctor.evidence import Evidence
 
 __all__ = ["check"]
@@ -24,14 +25,12 @@ ROUGH = 0.3
 def check(evidence: Evidence) -> list[Finding]:
     """Gaps, and steps that are not alike."""
     recording = evidence.recording
-    if recording is None or recording.time is None or recording.effort is None or recording.consecutive is False:
+    if recording is None or recording.time is None or recording.consecutive is False:
         return []
     # Of the clock as logged: rows that repeat and are left out make no gap of it.
-    pieces, gaps = stretches(_as_logged(evidence.raw) or recording, CUTOFF)
-    findings = [
-        Finding(g.code, g.severity, "time", g.evidence, f"exclude = [[{a.time[-1]:.4f}, {b.time[0]:.4f}]]")
-        for g, (a, b) in zip(gaps, pairwise(pieces), strict=True)
-    ]
+    pieces, gaps = stretches(_as_logged(evidence.raw) or _clock_alone(recording), CUTOFF)
+    remedy = "record it again, if the rows beside the gap are needed; the log is cut in two there"
+    findings = [replace(gap, channel="time", remedy=remedy) for gap in gaps]
     uneven = [piece for piece in pieces if not is_even(piece.time)]
     if uneven:
         steps = np.concatenate([np.diff(piece.time) for piece in uneven])
@@ -43,7 +42,7 @@ def check(evidence: Evidence) -> list[Finding]:
                 "time",
                 f"Steps from {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
                 f"{1e3 * np.median(steps):.3g} ms; samples lie {off:.2g} steps off an even clock.",
-                'columns = { time = "" }, rate = …  # where the robot samples evenly and only the stamps jitter',
+                _evenly(evidence.reading, max(uneven, key=lambda piece: piece.samples), off),
             )
         )
     return findings
@@ -53,5 +52,19 @@ def _as_logged(raw: Recording) -> Recording | None:
     """The clock of a file alone; `None` where it cannot be walked along."""
     if raw.time is None or not np.isfinite(raw.time).all() or not (np.diff(raw.time) > 0.0).all():
         return None
-    still = np.zeros_like(raw.q)
-    return replace(raw, q=still, dq=None, ddq=None, effort=still)
+    return _clock_alone(raw)
+
+
+def _clock_alone(recording: Recording) -> Recording:
+    """The recording with nothing that could be missing but its clock."""
+    still = np.zeros_like(recording.q)
+    return replace(recording, q=still, dq=None, ddq=None, effort=still)
+
+
+def _evenly(reading: Reading, piece: Stretch, off: float) -> str:
+    """The clock left out and a rate said instead, the roundest that its stamps allow."""
+    doubt = 2.0 * off / piece.samples
+    rounded = (float(f"{piece.rate:.{digits}g}") for digits in range(2, 10))
+    rate = next((rate for rate in rounded if abs(rate / piece.rate - 1.0) < doubt), piece.rate)
+    note = "Hz; where the robot samples evenly and only the stamps jitter"
+    return "\n".join([naming(reading, {"time": ""}), lines(note, rate=rate)])

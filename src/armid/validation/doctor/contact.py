@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
+from armid.measurement.remedy import excluding
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.state import Explanation, State
 from armid.values import Array
@@ -79,7 +80,7 @@ def explain(state: State) -> Explanation | None:
         ", ".join(names[j] for j in felt),
         f"At t = {time[peak]:.2f} s a model of the rest leaves {size[peak].max():.0f} times the usual, on "
         f"{len(felt)} joints together.",
-        f"exclude = [{', '.join(f'[{low:.2f}, {high:.2f}]' for low, high in _stretches(kept, time, run))}]",
+        lambda evidence: excluding(evidence.reading, _stretches(kept, time, run)),
         after,
     )
 

@@ -8,6 +8,7 @@ __all__ = ["EFFECTS"]
 
 EFFECTS: Mapping[str, str] = {
     "torque-sign": "All parameters come out with the other sign: friction that drives, masses below zero.",
+    "position-sign": "Weights and couplings of the joint, and of all that it carries, are fitted at mirrored poses.",
     "joint-order": "Parameters of one joint are fitted to another's torque; nothing of the estimate holds.",
     "degrees": "Motion is 57 times too large; inertias and friction come out far too small.",
     "position-offset": "Weights are fitted at wrong poses; first moments and inertias of the links are biased.",
@@ -18,6 +19,8 @@ EFFECTS: Mapping[str, str] = {
     "current-without-gain": "All parameters come out in units of the drive's current.",
     "clock-missing": "Velocities and accelerations, and all that hangs on them, have no scale.",
     "clock-jitter": "Differences of positions carry the clock's unevenness as noise in velocity and acceleration.",
+    "clock-unit": "Velocities and accelerations come out by powers of a thousand too small.",
+    "clock-rate": "Velocities and accelerations are too large or too small by the ratio of the two rates.",
     "clock-gap": "Nothing is filtered or differentiated across it; rows beside it are lost.",
     "rows-repeated": "Velocity would be zero at every repeated row; these rows do not count.",
     "rows-not-consecutive": "Nothing can be filtered or differentiated, and terms with memory cannot be used.",
@@ -25,6 +28,7 @@ EFFECTS: Mapping[str, str] = {
     "velocity-mismatch": "Friction and, where accelerations are derived from it, inertias are biased or meaningless.",
     "saturation": "The largest torques are too small, and inertias and friction with them.",
     "channel-dead": "The joint's parameters are those of a wire.",
+    "value-missing": "Nothing can be computed from it.",
     "filtered-before-logging": "Reversals of friction are smeared in the torque, but not in the model.",
     "period-misaligned": "A mean over repetitions blurs the motion and shrinks its torque.",
     "excitation-weak": "Parameters trade with each other: the estimate holds for this motion and fails on others.",

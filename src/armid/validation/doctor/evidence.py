@@ -17,6 +17,7 @@ from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.robot import Robot
 from armid.validation.doctor.rows import thin
 from armid.validation.doctor.state import Explanation, State
+from armid.validation.doctor.stuck import stuck_stretches, without_stuck
 
 __all__ = ["Evidence", "Explain"]
 
@@ -24,6 +25,10 @@ Explain = Callable[[State], Explanation | None]
 
 ROUNDS = 3
 """Faults that are looked for on top of each other in what the model explains."""
+
+ROWS = 3
+"""Rows for each parameter of a joint from which a model is compared with: with fewer the fit follows the noise, and
+friction that drives is \"sure\"."""
 
 WIDTH = 0.02
 """Width of Coulomb friction in the model that the doctor compares with [rad/s]."""
@@ -41,6 +46,7 @@ class Evidence:
         noted: What was noticed while it was read.
         model: The study's model, if there is one: what its terms are.
         explains: Faults to look for where the model contradicts the log.
+        saturation: Share of a joint's limit from which rows do not count anyway, if the study gives one.
     """
 
     robot: Robot
@@ -50,13 +56,14 @@ class Evidence:
     noted: tuple[Finding, ...] = ()
     model: DynamicsModel | None = None
     explains: Sequence[Explain] = ()
+    saturation: float | None = None
 
     @cached_property
     def state(self) -> State | None:
         """The log beside a model with friction, offsets and rotors; `None` where it holds too little."""
         if self.recording is None or self.recording.effort is None or self.robot.n == 0:
             return None
-        log = thin(self.recording)
+        log = thin(without_stuck(self.recording, self.stuck))
         if not log.runs:
             return None
         own = () if self.model is None else self.model.terms
@@ -66,8 +73,16 @@ class Evidence:
         model = DynamicsModel(self.robot, plain + tuple(term for term in usual if term.name not in names))
         state = State(model, find_base_parameters(model), log)
         counted = state.rows.mask.sum(axis=0)
-        enough = all(rows > 2 * len(own) for rows, own in zip(counted, state.rows.parameters, strict=True))
+        enough = all(rows > ROWS * len(own) for rows, own in zip(counted, state.rows.parameters, strict=True))
         return state if enough else None
+
+    @cached_property
+    def stuck(self) -> tuple[tuple[int, str, int, int], ...]:
+        """Joint, quantity, first and last row of each stretch in which a channel sticks."""
+        recording = self.recording
+        if recording is None or recording.consecutive is False:
+            return ()
+        return stuck_stretches(recording, self.rate)
 
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
@@ -95,7 +110,7 @@ class Evidence:
     def explained(self, code: str) -> list[Finding]:
         """Findings of the explanations of one code."""
         return [
-            Finding(each.code, each.severity, each.channel, each.evidence, each.remedy)
+            Finding(each.code, each.severity, each.channel, each.evidence, each.remedy(self))
             for each in self.explanations
             if each.code == code
         ]

@@ -22,6 +22,9 @@ and hardly for another: well recorded arms have 8 to 42, those whose estimates f
 POOR_CONDITION = 500.0
 """The same from which it is a warning: motions drawn at random, joints all moving, have up to 400."""
 
+COMPUTED = 1e7
+"""Condition number beyond which it is rounding: products of columns lose it from the root of ε on."""
+
 TIMID = 0.25
 """Share of its largest speed that no joint reaches in a motion too slow for inertias to show beside friction."""
 
@@ -65,6 +68,8 @@ def check(evidence: Evidence) -> list[Finding]:
 def hardly_told(names: tuple[str, ...], direction: Array, condition: float) -> str:
     """That a condition number is too large, with the parameters (b,) that its weakest direction is made of."""
     worst = ", ".join(names[k] for k in np.argsort(-np.abs(direction))[:NAMED])
+    if condition > COMPUTED:
+        return f"The motion does not tell {worst} apart at all, as far as numbers can show."
     return (
         f"The motion hardly tells {worst} apart (condition number {condition:.0f} with columns of unit length, where "
         f"{WEAK_CONDITION:.0f} is much)."
@@ -113,4 +118,4 @@ def _advice(state: State) -> str:
                 f"{span if narrow else speed:.2g} {joint.unit}{'' if narrow else '/s'}"
             )
     moves = "; ".join(parts) if parts else "all joints together, fast and wide"
-    return f"armid excite designs a motion; move {moves}"
+    return f"record another motion, as armid excite designs it; move {moves}"

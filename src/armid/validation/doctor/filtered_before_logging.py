@@ -60,7 +60,7 @@ def check(evidence: Evidence) -> list[Finding]:
             "effort",
             f"The torque of {len(ends)} joints has no noise floor: its spectrum falls on and on, and is a thousandth "
             f"of what lies above the motion from {np.median(ends):.3g} Hz on.",
-            'log the unfiltered torque, or family = "none" where positions have passed the same filter',
+            'log the unfiltered torque; where positions have passed the same filter, family = "none" will do',
         )
     ]
 

@@ -1,16 +1,20 @@
-"""Channels in another order than the joints, all of them or those of the torque alone."""
+"""Channels in another order than the joints: all of them, or those of the torque or of the positions alone."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
+from armid.measurement.interpret import channels_of_joints
+from armid.measurement.remedy import lines, naming
+from armid.validation.doctor import velocity_mismatch
 from armid.validation.doctor.evidence import Evidence
-from armid.validation.doctor.rows import Thin, cost_of, make_rows, products
+from armid.validation.doctor.rows import Rows, Thin, cost_of, make_rows, products
 from armid.validation.doctor.state import Explanation, State
 from armid.values import Array
 
@@ -35,7 +39,7 @@ CALM = 0.15
 EXCHANGES = 3
 """Pairs that are exchanged one after the other; a log that is worse mixed up is only said to be mixed up."""
 
-LOOKED_AT, NEAR = 3, 0.05
+LOOKED_AT, NEAR = 4, 0.05
 """Exchanges that are looked at closely: the best of those that were tried quickly, if they leave no more than the
 order as it is by a margin."""
 
@@ -43,8 +47,14 @@ FEW = 7
 """Joints up to which all orders are tried, in some milliseconds."""
 
 
+ALIKE = 0.03
+"""Difference of what two orders leave, as a logarithm, below which the log does not say which of them it has."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class _Order:
+    """Which channel each joint's motion and torque are, and what is left then."""
+
     motion: NDArray[np.intp]
     torque: NDArray[np.intp]
     cost: float
@@ -61,53 +71,108 @@ def explain(state: State) -> Explanation | None:
     same = np.arange(n)
     best = begin = _Order(same, same, cost_of(state.rows, products(state.rows)))
     near = _tried(state, coarse, same, same).cost + NEAR
+    others: list[_Order] = []
     for step in range(EXCHANGES):
-        trials = [_exchanged(state, coarse, best, i, j) for i in range(n) for j in range(i + 1, n)]
+        rows = make_rows(state.source, coarse.reordered(best.motion, same))
+        pairs = [(i, j) for i in range(n) for j in range(i + 1, n)]
+        trials = [trial for pair in pairs for trial in _exchanged(state, coarse, best, rows, *pair)]
         if step == 0:
-            trials += [_tried(state, coarse, same, _assigned(state)), _tried(state, coarse, same[::-1], same[::-1])]
-        trials = [t for t in trials if (t.torque != best.torque).any() and t.cost < near]
-        trials = sorted(trials, key=lambda order: order.cost)[:LOOKED_AT]
+            trials += [_tried(state, coarse, same, _assigned(state))]
+            trials += [_tried(state, coarse, same[::-1], torque) for torque in (same[::-1], same)]
+        trials = sorted((t for t in trials if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
         close = [_tried(state, state.log, t.motion, t.torque) for t in trials]
         found = min(close, key=lambda order: order.cost, default=best)
         if found.cost > best.cost - GAIN:
             break
-        best = found
+        best, others = found, [order for order in close if order is not found]
     gain = begin.cost - best.cost
     if gain < (GAIN if state.conflict < CALM else min(SURE, SHARE * state.conflict)):
         return None
     names = state.model.robot.joint_names
-    alone = bool((best.motion == same).all())
-    order = [names[k] for k in np.argsort(best.torque)]
-    what = "torque" if alone else "position and torque"
-    moved = np.flatnonzero(best.torque != same)
-    remedy = (
-        f"columns = {{ effort = [{', '.join(f'column {k + 1}' for k in best.torque)}] }}"
-        if alone
-        else "joints = [" + ", ".join(f'"{name}"' for name in order) + "]"
-    )
+    moved = np.flatnonzero((best.torque != same) | (best.motion != same))
+    doubt = [_told(order) for order in others if order.cost < best.cost + ALIKE]
     return Explanation(
         CODE,
         gain,
         "error",
         ", ".join(names[j] for j in moved),
-        f"With the {what} channels in the order {', '.join(str(k + 1) for k in best.torque)} one set of parameters "
-        f"leaves {1 - np.exp(-gain):.0%} less of the torque.",
-        remedy,
+        f"With {_told(best)} one set of parameters leaves {1 - np.exp(-gain):.0%} less of the torque"
+        + (f"; with {' or '.join(doubt)} it leaves as little, and the log does not say which." if doubt else "."),
+        lambda evidence: _remedy(evidence, best),
         state.on(state.log.reordered(best.motion, best.torque)),
     )
 
 
+def _told(order: _Order) -> str:
+    """The order in words, channels counted from 1."""
+    same = np.arange(len(order.motion))
+    if (order.motion == order.torque).all():
+        return f"the position and torque channels in the order {_listed(order.motion)}"
+    parts = [
+        f"the {what} channels in the order {_listed(which)}"
+        for what, which in (("position", order.motion), ("torque", order.torque))
+        if (which != same).any()
+    ]
+    return " and ".join(parts)
+
+
+def _listed(order: NDArray[np.intp]) -> str:
+    return ", ".join(str(k + 1) for k in order)
+
+
+def _remedy(evidence: Evidence, order: _Order) -> str:
+    """The order as a study says it: whose the channels are, or which columns hold a quantity."""
+    channels = channels_of_joints(evidence.raw, evidence.reading, evidence.robot)
+    if (order.motion == order.torque).all():
+        return _renamed(evidence, channels, order.motion)
+    quantities = {"q": order.motion, "dq": order.motion, "ddq": order.motion, "effort": order.torque}
+    if any(f.severity == "error" for f in velocity_mismatch.check(evidence)):
+        del quantities["dq"], quantities["ddq"]  # their order is not the positions'
+    chosen: dict[str, list[str]] = {}
+    for name, which in quantities.items():
+        columns = evidence.raw.columns.get(name, ())
+        if (which == np.arange(len(which))).all() or getattr(evidence.raw, name) is None:
+            continue
+        if len(columns) != evidence.raw.n:
+            return f"rewrite the log with {_told(order)}"
+        now = list(columns)
+        for j, k in enumerate(which):
+            now[channels[j]] = columns[channels[k]]
+        chosen[name] = now
+    return naming(evidence.reading, chosen)
+
+
+def _renamed(evidence: Evidence, channels: list[int], order: NDArray[np.intp]) -> str:
+    """All quantities of a channel given to another joint."""
+    names = evidence.robot.joint_names
+    owner = [""] * evidence.raw.n
+    for j, k in enumerate(order):
+        owner[channels[k]] = names[j]
+    if not evidence.raw.joint_names:
+        return lines(joints=owner)
+    return lines(joints=dict(zip(evidence.raw.joint_names, owner, strict=True)))
+
+
 def _tried(state: State, log: Thin, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
-    rows = make_rows(state.source, log.reordered(motion, torque))
-    return _Order(motion, torque, cost_of(rows, products(rows)))
+    same = np.arange(len(motion))
+    return _with_torque(make_rows(state.source, log.reordered(motion, same)), motion, torque)
 
 
-def _exchanged(state: State, log: Thin, order: _Order, i: int, j: int) -> _Order:
-    """Two more channels exchanged; where the motion is in order, the torque's go with it."""
+def _with_torque(rows: Rows, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
+    """Another order of the torque beside columns that are made already."""
+    changed = replace(rows, torque=rows.torque[:, torque], slope=rows.slope[:, torque], mask=rows.mask[:, torque])
+    return _Order(motion, torque, cost_of(changed, products(changed)))
+
+
+def _exchanged(state: State, log: Thin, order: _Order, rows: Rows, i: int, j: int) -> Iterator[_Order]:
+    """Two more channels exchanged: of all quantities, of the positions alone, of the torque alone."""
     motion, torque = order.motion.copy(), order.torque.copy()
     for each in (motion, torque):
         each[[i, j]] = each[[j, i]]
-    return _tried(state, log, motion, torque)
+    moved = make_rows(state.source, log.reordered(motion, np.arange(len(motion))))
+    yield _with_torque(moved, motion, torque)
+    yield _with_torque(moved, motion, order.torque)
+    yield _with_torque(rows, order.motion, torque)
 
 
 def _assigned(state: State) -> NDArray[np.intp]:

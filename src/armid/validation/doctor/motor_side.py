@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.errors import Finding
+from armid.measurement.remedy import lines
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.state import Explanation, State
 
@@ -23,8 +24,15 @@ N·m an ampere at the joint."""
 ALIKE = 0.85
 """Correlation of a joint with the description from which its scale is known."""
 
+MOST_OF = 0.5
+"""Share of the joints that count whose scale must be known: of channels in another order one may look alike."""
+
 HEAVY = 0.05
 """Described torque, over that of the most loaded joint, below which a joint does not count."""
+
+
+MOTOR_NOTE = "gear ratios, as the description's weight asks for them: positions are the joints'; take the maker's"
+CURRENT_NOTE = "N·m/A, as the description's weight asks for them; take the maker's"
 
 
 def check(evidence: Evidence) -> list[Finding]:
@@ -38,7 +46,8 @@ def explain(state: State) -> Explanation | None:
     if nominal is None:
         return None
     known = (np.abs(nominal.correlation) > ALIKE) & (nominal.size > HEAVY * nominal.size.max())
-    if not known.any():
+    heavy = nominal.size > HEAVY * nominal.size.max()
+    if known.sum() < MOST_OF * heavy.sum():
         return None
     typical = float(np.median(np.abs(nominal.scale[known])))
     if typical >= SMALL or typical <= 0.0:
@@ -48,16 +57,20 @@ def explain(state: State) -> Explanation | None:
     names = state.model.robot.joint_names
     listed = ", ".join(f"{names[j]} 1/{1 / abs(nominal.scale[j]):.3g}" for j in np.flatnonzero(known))
     motor = typical < MOTOR_SCALE
-    numbers = ", ".join(f"{1 / s:.3g}" for s in scale)
-    diagonal = "[" + ", ".join("[…]" for _ in names) + "]"
+    gains = [float(f"{1 / s:.3g}") for s in scale]
     return Explanation(
         MOTOR if motor else CURRENT,
         10.0,  # before anything else: all other numbers are in a wrong unit until then
         "error",
         "effort",
         f"The effort is a small share of the torque that the description asks for, in the same shape: {listed}.",
-        f"transmission = {diagonal}  # N with q_motor = N q, about {numbers} on its diagonal"
-        if motor
-        else f"drive_gain = [{numbers}]  # N·m/A; these make the description's weight, take the maker's",
+        lambda evidence: _gains(evidence, gains, MOTOR_NOTE if motor else CURRENT_NOTE),
         after,
     )
+
+
+def _gains(evidence: Evidence, gains: list[float], note: str) -> str:
+    """Torque at the joint over what is logged, on top of the gains that the reading has."""
+    given = evidence.reading.drive_gain
+    told = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
+    return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in told])

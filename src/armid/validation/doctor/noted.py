@@ -11,6 +11,8 @@ CODES = (
     "clock-gap",
     "clock-jitter",
     "clock-missing",
+    "clock-rate",
+    "clock-unit",
     "channel-dead",
     "current-without-gain",
     "degrees",
@@ -22,6 +24,7 @@ CODES = (
     "rows-not-consecutive",
     "rows-repeated",
     "standstill",
+    "value-missing",
 )
 """Codes that reading a log may already give; others are about processing, which the doctor does in its own way."""
 

@@ -7,6 +7,7 @@ import numpy as np
 from armid.errors import Finding
 from armid.measurement.alignment import windows
 from armid.measurement.clock import evened, stretches
+from armid.measurement.remedy import lines
 from armid.validation.doctor.evidence import Evidence
 from armid.values import Array
 
@@ -39,7 +40,9 @@ def check(evidence: Evidence) -> list[Finding]:
     seconds = late[worst] / even.rate
     even_steps = np.ptp(np.diff(late)) < LATE_SAMPLES and len(late) > 2
     remedy = (
-        f"period = {period + np.diff(late).mean() / even.rate:.6g}" if even_steps else "one recording a repetition"
+        lines(period=float(f"{period + np.diff(late).mean() / even.rate:.6g}"))
+        if even_steps
+        else "record it again, or cut the log into one recording a repetition and leave the period out"
     )
     return [
         Finding(

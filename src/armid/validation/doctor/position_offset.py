@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
+from armid.measurement.remedy import lines
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.rows import products
 from armid.validation.doctor.state import Explanation, State
@@ -39,9 +40,11 @@ LEAST = 0.08
 SURE = 4.5
 """Standard deviations by which an offset must differ from none."""
 
+SURER = 8.0
+"""The same where the torque says little: then they are the description's weights against the arm's, which differ."""
+
 ALONE = 0.015
-"""Fall of the residual, as a logarithm, that zeros must bring where the description has no weights to compare
-with."""
+"""Fall of the residual, as a logarithm, from which the torque says enough by itself."""
 
 LOSS = 0.005
 """Rise of the residual, as a logarithm, that zeros nearer to the description's weights may bring."""
@@ -75,7 +78,8 @@ def explain(state: State) -> Explanation | None:
     deviation = deviation * np.hypot(1.0, after.conflict / USUAL)
     sure = _are_sure(offset, deviation)
     known = state.nominal is not None
-    if not sure.any() or (gain < ALONE and not known):
+    surer = known and bool((np.abs(offset) > SURER * deviation)[sure].all())
+    if not sure.any() or (gain < ALONE and not surer):
         return None
     only = np.where(sure, offset, 0.0)
     names = state.model.robot.joint_names
@@ -87,9 +91,15 @@ def explain(state: State) -> Explanation | None:
         ", ".join(names[j] for j in np.flatnonzero(sure)),
         f"Positions that are off by {listed} rad would leave {1 - np.exp(-max(gain, 0.0)):.0%} less of the torque"
         + (", with weights nearer to the description's." if known else "."),
-        "joint_offset = [" + ", ".join(f"{x + 0.0:.3f}" for x in only) + "]",
+        lambda evidence: lines(joint_offset=np.round(_given(evidence, state.rows.n) + only, 3) + 0.0),
         after,
     )
+
+
+def _given(evidence: Evidence, n: int) -> Array:
+    """Offsets (n,) that the reading has already."""
+    given = evidence.reading.joint_offset
+    return np.zeros(n) if given is None else np.asarray(given)
 
 
 def _are_sure(offset: Array, deviation: Array) -> NDArray[np.bool_]:

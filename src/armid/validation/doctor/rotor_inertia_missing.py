@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from armid.errors import Finding
+from armid.measurement.remedy import lines
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.rows import Rows, solve
 from armid.validation.doctor.state import State
@@ -40,9 +41,15 @@ def check(evidence: Evidence) -> list[Finding]:
             "warning",
             ", ".join(symbols[k].joint for k in shown),
             f"With the inertia of rotors {1 - np.exp(-gain):.0%} less of the torque is left: {listed} kg·m².",
-            'terms = ["rigid-body", "viscous", "coulomb", "offset", "rotor-inertia"]',
+            lines("in [model]", terms=[*_named(evidence), "rotor-inertia"]),
         )
     ]
+
+
+def _named(evidence: Evidence) -> list[str]:
+    """Terms that the study has, or would have if it named none."""
+    own = () if evidence.model is None else evidence.model.terms
+    return [term.name for term in own] or ["rigid-body", "viscous", "coulomb", "offset"]
 
 
 def _without_rotors(state: State) -> Rows:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.validation.doctor.rows import Fit, Rows, Thin, make_rows, solve
 from armid.values import Array
+
+if TYPE_CHECKING:
+    from armid.validation.doctor.evidence import Evidence
 
 __all__ = ["OWN", "Explanation", "Nominal", "State"]
 
@@ -215,7 +219,7 @@ class Explanation:
         severity: Of the finding.
         channel: Joint, or empty for all.
         evidence: What was seen, with numbers.
-        remedy: As a line of a study.
+        remedy: As a line of a study, on top of what the evidence says of the reading.
         after: The log as it is understood then.
     """
 
@@ -224,5 +228,5 @@ class Explanation:
     severity: Literal["error", "warning", "info"]
     channel: str
     evidence: str
-    remedy: str
+    remedy: Callable[[Evidence], str]
     after: State

@@ -57,6 +57,6 @@ def check(evidence: Evidence) -> list[Finding]:
             ", ".join(names[j] for j in np.flatnonzero(together)),
             f"Friction changes over {np.ptp(time):.0f} s: {listed}; with it {1 - np.exp(-gain):.0%} less of the "
             "torque is left.",
-            "friction_per_recording = true  # one recording for each state of warmth; or warm up first",
+            "record again with warm gears, or a log for each state of warmth with friction_per_recording = true",
         )
     ]

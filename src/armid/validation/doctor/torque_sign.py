@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
+from armid.measurement.remedy import lines
 from armid.validation.doctor.evidence import Evidence
-from armid.validation.doctor.rows import Rows, cost_of, products
+from armid.validation.doctor.rows import Rows, cost_of, make_rows, products
 from armid.validation.doctor.state import Explanation, State
 from armid.values import Array
 
-__all__ = ["check", "explain"]
+__all__ = ["FLIP", "check", "explain", "left_by", "relative", "signs"]
 
 FLIP = 0.05
 """Fall of the residual, as a logarithm, from which another sign of one joint is taken: clean logs show none, and a
 wrong sign of a joint that carries others costs a multiple of it."""
 
-INDIFFERENT = 0.02
-"""Change of the residual below which the other joints say nothing about the sign of one, as at the last joint."""
+CALM, MOST_TOGETHER = 0.15, 8
+"""Conflict from which signs are tried all together, and joints up to which there are few enough of them; where joints
+agree, no two of them are wrong."""
 
 SURE = 8.0
 """Standard deviations from which friction that drives, instead of braking, is believed on real logs, whose
 friction is none of the model's; controllers that compensate it come to 6."""
+
+ALSO = 0.03
+"""Difference of what two signs leave, as a logarithm, below which the log does not say which of them is wrong."""
 
 MOST = 10.0
 """Standard deviations beyond which one joint's friction counts no more than another's."""
@@ -42,28 +50,33 @@ CODE = "torque-sign"
 def explain(state: State) -> Explanation | None:
     """The signs that explain the log, or `None` if they are those that it has."""
     rows = state.rows
-    sign, gain, indifferent = _relative(rows)
+    sign, gain, indifferent = relative(state)
     votes = _votes(state if (sign > 0.0).all() else state.with_torque(sign))
     if votes.sum() < 0.0:
         sign, votes = -sign, -votes
+    most = -1.0 if sign[~indifferent].sum() < 0.0 else 1.0
     for j in np.flatnonzero(indifferent):
-        if votes[j] <= -1.0:
-            sign[j] = -sign[j]
+        sign[j] = -sign[j] if votes[j] <= -1.0 else sign[j] if votes[j] >= 1.0 else most
     if (sign > 0.0).all() or (gain < FLIP and votes.sum() < 1.0):
         return None
     wrong = np.flatnonzero(sign < 0.0)
     names = state.model.robot.joint_names
     everywhere = len(wrong) == rows.n
-    value = "-1" if everywhere else "[" + ", ".join(f"{int(s)}" for s in sign) + "]"
     return Explanation(
         CODE,
         max(gain, FLIP),
         "error",
         "" if everywhere else ", ".join(names[j] for j in wrong),
-        _evidence(state, wrong, gain),
-        f"torque_sign = {value}",
+        _evidence(state, wrong, gain) + _doubt(state, sign),
+        lambda evidence: lines(torque_sign=signs(np.asarray(evidence.reading.torque_sign) * sign)),
         state.with_torque(sign),
     )
+
+
+def signs(sign: Array) -> int | list[int]:
+    """Signs (n,) as a study has them: one where all are alike."""
+    whole = [int(s) for s in sign]
+    return whole[0] if len(set(whole)) == 1 else whole
 
 
 def _evidence(state: State, wrong: NDArray[np.intp], gain: float) -> str:
@@ -81,19 +94,50 @@ def _evidence(state: State, wrong: NDArray[np.intp], gain: float) -> str:
     return f"{text}."
 
 
-def _relative(rows: Rows) -> tuple[Array, float, NDArray[np.bool_]]:
+def relative(state: State) -> tuple[Array, float, NDArray[np.bool_]]:
     """Signs that let one set of parameters fit all joints best, up to one for all, and what they gain.
 
     The third are the joints whose sign the others say nothing about, shape (n,).
     """
-    sign, pairs = np.ones(rows.n), products(rows)
-    first = cost = cost_of(rows, pairs)
+    rows = state.rows
+    pairs = products(rows)
+    first = cost_of(rows, pairs)
+    sign, cost = np.ones(rows.n), first
+    if CALM < state.conflict and rows.n <= MOST_TOGETHER:
+        sign, cost = _best_of_all(rows, pairs, first)
     while True:
         trials = np.array([cost_of(rows, pairs, _flipped(sign, j)) for j in range(rows.n)])
         best = int(np.argmin(trials))
         if trials[best] > cost - FLIP:
-            return sign, first - cost, np.abs(trials - cost) < INDIFFERENT
+            return sign, first - cost, np.abs(trials - cost) < FLIP
         sign[best], cost = -sign[best], trials[best]
+
+
+def _best_of_all(rows: Rows, pairs: Sequence[Array], first: float) -> tuple[Array, float]:
+    """Signs, the first joint's kept, that leave least, and what they leave.
+
+    One after the other does not find them: where several are wrong, the second may only pay with the third.
+    """
+    best = np.ones(rows.n), first
+    for others in product((1.0, -1.0), repeat=rows.n - 1):
+        sign = np.array([1.0, *others])
+        cost = cost_of(rows, pairs, sign)
+        if cost < best[1]:
+            best = sign, cost
+    return best
+
+
+def left_by(state: State, sign: Array) -> float:
+    """What is left of the torque with positions of these signs (n,)."""
+    rows = make_rows(state.source, state.log.scaled(sign))
+    return cost_of(rows, products(rows))
+
+
+def _doubt(state: State, sign: Array) -> str:
+    """That positions of the other sign would explain as much, where they would."""
+    if (sign < 0.0).all() or left_by(state, sign) > cost_of(state.rows, products(state.rows), sign) + ALSO:
+        return ""
+    return f" Positions of the other sign, position_sign = {signs(sign)}, would explain as much."
 
 
 def _flipped(sign: Array, j: int) -> Array:

@@ -10,6 +10,7 @@ from armid.errors import Finding
 from armid.maths.signals import central_difference, edge_samples, low_pass, zero_phase
 from armid.measurement.clock import evened, stretches
 from armid.measurement.recording import Recording
+from armid.measurement.remedy import naming
 from armid.validation.doctor.evidence import Evidence
 from armid.values import Array
 
@@ -58,8 +59,12 @@ def check(evidence: Evidence) -> list[Finding]:
     typical = float(np.median(late[moving])) if moving.any() else 0.0
     if not findings and abs(typical) > max(LATE, SAMPLES / rate):
         evidence_text = f"Velocities lag {1e3 * typical:.1f} ms ({typical * rate:.1f} samples) behind the positions."
-        findings.append(Finding("velocity-mismatch", _grave(typical), "dq", evidence_text, 'derivatives = "central"'))
+        findings.append(Finding("velocity-mismatch", _grave(typical), "dq", evidence_text, _left_out(evidence)))
     return findings
+
+
+def _left_out(evidence: Evidence) -> str:
+    return naming(evidence.reading, {"dq": ""}, "or the right columns; positions are differentiated then")
 
 
 def _grave(late: float) -> Literal["warning", "info"]:
@@ -71,7 +76,7 @@ def _of_joint(evidence: Evidence, told: Array, derived: Array, j: int, scale: fl
     names = evidence.robot.joint_names
     others = [abs(_correlation(told[:, j], derived[:, k])) if k != j else 0.0 for k in range(len(names))]
     best = int(np.argmax(others))
-    remedy = 'columns = { dq = "" }  # or the right columns; positions are differentiated then'
+    remedy = _left_out(evidence)
     if own < UNLIKE and others[best] > ALIKE:
         text = f"It is the derivative of {names[best]}'s position (correlation {others[best]:.3f})."
     elif own >= UNLIKE and scale < 0.0:
@@ -104,7 +109,9 @@ def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
         margin = edge_samples(low)
         if even.samples < 3 * margin:
             continue
-        inside = slice(margin, even.samples - margin)
+        spoilt = np.convolve(even.bad.any(axis=1), np.ones(2 * margin + 1), mode="same") > 0.5
+        inside = np.arange(margin, even.samples - margin)
+        inside = inside[~spoilt[inside]]
         q, dq = zero_phase(low, even.q), zero_phase(low, even.dq)
         told.append(dq[inside])
         derived.append(central_difference(q, rate)[inside])

@@ -1,0 +1,46 @@
+"""Values as TOML: a line for a key, tables and arrays of tables, plain values on one line each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+__all__ = ["to_toml", "toml_line"]
+
+
+def to_toml(record: Mapping[str, Any]) -> str:
+    """TOML of tables by name; a list of tables becomes an array of tables.
+
+    What is null or empty is left out; an empty text is not: as the name of a channel it leaves that one out.
+    """
+    parts: list[str] = []
+    for name, table in record.items():
+        for each in table if isinstance(table, list) else [table]:
+            head = f"[[{name}]]" if isinstance(table, list) else f"[{name}]"
+            parts.append("\n".join([head, *(toml_line(k, v) for k, v in each.items() if not _idle(v))]))
+    return "\n\n".join(parts) + "\n"
+
+
+def toml_line(key: str, value: Any) -> str:
+    """One key with its value."""
+    return f"{_key(key)} = {_value(value)}"
+
+
+def _idle(value: Any) -> bool:
+    return value is None or (isinstance(value, list | dict) and not value)
+
+
+def _key(key: str) -> str:
+    plain = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
+    return key if plain else json.dumps(key, ensure_ascii=False)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(str(k))} = {_value(v)}" for k, v in value.items() if not _idle(v)) + " }"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_value(each) for each in value)}]"
+    if isinstance(value, float):
+        return repr(value)
+    return json.dumps(value, ensure_ascii=False)
