@@ -40,8 +40,9 @@ LEAST = 0.08
 SURE = 4.5
 """Standard deviations by which an offset must differ from none."""
 
-SURER = 8.0
-"""The same where the torque says little: then they are the description's weights against the arm's, which differ."""
+SURER, SUREST = 5.5, 8.0
+"""The same where the torque says little: then they are the description's weights against the arm's, which differ. A
+sound log came to 4.9; up to the second it is a warning."""
 
 ALONE = 0.015
 """Fall of the residual, as a logarithm, from which the torque says enough by itself."""
@@ -78,8 +79,8 @@ def explain(state: State) -> Explanation | None:
     deviation = deviation * np.hypot(1.0, after.conflict / USUAL)
     sure = _are_sure(offset, deviation)
     known = state.nominal is not None
-    surer = known and bool((np.abs(offset) > SURER * deviation)[sure].all())
-    if not sure.any() or (gain < ALONE and not surer):
+    least = float(np.min(np.abs(offset)[sure] / deviation[sure], initial=np.inf))
+    if not sure.any() or (gain < ALONE and not (known and least > SURER)):
         return None
     only = np.where(sure, offset, 0.0)
     names = state.model.robot.joint_names
@@ -87,7 +88,7 @@ def explain(state: State) -> Explanation | None:
     return Explanation(
         CODE,
         max(gain, LOSS),
-        "error",
+        "error" if gain >= ALONE or least > SUREST else "warning",
         ", ".join(names[j] for j in np.flatnonzero(sure)),
         f"Positions that are off by {listed} rad would leave {1 - np.exp(-max(gain, 0.0)):.0%} less of the torque"
         + (", with weights nearer to the description's." if known else "."),
