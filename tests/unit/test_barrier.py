@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armid.errors import EstimationError
+from armid.errors import EstimationError, UnsolvedError
 from armid.maths.barrier import LogDet, Smooth, minimise
 from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
 from armid.values import Array
@@ -81,6 +81,64 @@ def test_both_methods_find_the_nearest_semidefinite_matrix():
 def test_a_start_outside_is_refused():
     with pytest.raises(EstimationError, match="start"):
         minimise(Smooth(np.eye(2), np.ones(2), (), (positive(2),), np.zeros(2)), np.array([1.0, -1.0]))
+
+
+class Liar:
+    """A solver that says of anything that it is solved, and what dual objective it pleases."""
+
+    def __init__(self, x: list[float], z: list[float], dual: float) -> None:
+        self.status, self.x, self.z, self.obj_val_dual, self.obj_val = "Solved", x, z, dual, dual
+
+    def __call__(self, *_: object) -> Liar:
+        return self
+
+    def solve(self) -> Liar:
+        return self
+
+
+@pytest.mark.parametrize(
+    ("x", "z", "dual", "honest"),
+    [
+        ([1.0, 2.0], [1.0, 1.0], 7.0, True),  # the least of x + y over x ≥ 1, y ≥ 2, whatever is said of the dual
+        ([1.0, 2.0], [1.0, 0.0], 3.0, False),  # right, but the multipliers prove no more than 1
+        ([0.0, 2.0], [1.0, 1.0], 2.0, False),  # outside the cone, with the objective that goes with it
+        ([5.0, 5.0], [1.0, 1.0], 10.0, False),  # inside, but not the least: the multipliers prove 3
+        ([5.0, 5.0], [6.0, 2.0], 10.0, True),  # multipliers that would prove it leave a slope, which tells
+        ([5.0, 5.0], [11.0, -0.5], 10.0, False),  # multipliers outside the dual cone
+        ([np.nan, 2.0], [1.0, 1.0], 3.0, False),
+        ([1e200, 2.0], [1.0, 1.0], 1e200, False),
+    ],
+)
+def test_a_solver_that_lies_is_found_out(
+    monkeypatch: pytest.MonkeyPatch, x: list[float], z: list[float], dual: float, honest: bool
+):
+    """Whatever status and gap are told, an answer that is wrong or unproved is refused or carries its doubt."""
+    import clarabel
+
+    monkeypatch.setattr(clarabel, "DefaultSolver", Liar(x, z, dual))
+    bounds = [Cone("nonnegative", np.eye(2), np.array([-1.0, -2.0]))]
+    if not honest:
+        with pytest.raises(UnsolvedError, match="Solved; gap"):
+            solve_cones(np.ones(2), bounds)
+        return
+    found = solve_cones(np.ones(2), bounds)
+    least = 3.0
+    assert found.objective - found.doubt(np.abs(found.x)) <= least + EXACT
+    assert found.doubt(np.abs(found.x)) <= EXACT or z != [1.0, 1.0]
+
+
+def test_a_matrix_of_multipliers_is_judged_by_its_eigenvalues(monkeypatch: pytest.MonkeyPatch):
+    """The least trace of a matrix with a one off its diagonal is 2; indefinite multipliers would prove 4."""
+    import clarabel
+
+    # x are the two diagonal entries; Z = [[1, z], [z, 1]] leaves no slope and proves -2 z for any z
+    cone = Cone("semidefinite", np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]), np.array([0.0, 1.0, 0.0]))
+    root = float(np.sqrt(2.0))
+    honest = solve_cones(np.ones(2), [cone])
+    assert honest.objective == pytest.approx(2.0, abs=EXACT)
+    monkeypatch.setattr(clarabel, "DefaultSolver", Liar([2.0, 2.0], [1.0, -2.0 * root, 1.0], 4.0))
+    with pytest.raises(UnsolvedError, match="Solved; gap"):
+        solve_cones(np.ones(2), [cone])
 
 
 def test_a_minimum_that_is_not_there_is_not_invented():

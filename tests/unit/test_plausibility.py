@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Literal
 
 import numpy as np
 
 from armid import DynamicsModel, find_base_parameters, inform, load_robot
+from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
+from armid.estimation.problem import Problem, standard_of
 from armid.excitation.plans import builtin_plan
 from armid.lab.virtual import thesis_truth
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
-from armid.study.plausibility import excitation_finding, gravity_finding
+from armid.study.plausibility import excitation_finding, gravity_finding, weak_finding
 from armid.values import Array
 from problems import one_run, raw
 
@@ -39,3 +42,51 @@ def test_a_motion_that_tells_little_apart_is_remarked():
     found = excitation_finding(inform(model, base, raw(one_run(short, torque[:100], 50.0))))
     assert found is not None and found.code == "excitation-weak"
     assert any(name in found.evidence for name in base.names)
+
+
+def weak(seconds: float, prior: Literal["mass", "log-det"] | None, *, slowly: float = 1.0, chosen: bool = False):
+    """What is remarked of so many seconds of the motion, with a prior or by plain least squares."""
+    model, motion, _ = measured()
+    part = motion[slice(100, 100 + int(50.0 * seconds))]
+    part = Motion(part.time, slowly * part.q, slowly * part.dq, slowly * part.ddq)
+    torque = model.torque(part, thesis_truth(model))
+    torque = torque + 0.3 * np.random.default_rng(0).normal(size=torque.shape)
+    base = find_base_parameters(model)
+    observations = raw(one_run(part, torque, 50.0, block_rows=50))
+    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    method = WeightedLeastSquares() if prior is None else PhysicallyConsistent(prior=prior)
+    fit = method.estimate(problem)
+    return weak_finding(problem.information, observations, fit, chosen=chosen)
+
+
+def test_enough_motion_is_not_remarked_as_weak():
+    assert weak(20.0, "mass") is None and weak(20.0, "log-det") is None and weak(20.0, None, chosen=True) is None
+
+
+def test_what_refuses_weak_data_by_itself_is_not_remarked():
+    assert weak(3.0, None) is None
+
+
+def test_few_rows_are_remarked_with_what_to_record():
+    """Half a second has 175 rows for 57 parameters, of which three each would be 171."""
+    found = weak(0.4, "mass")
+    assert found is not None and (found.code, found.severity) == ("weak-data", "warning")
+    assert "140 rows are few for 57 parameters" in found.evidence and "base parameters" in found.evidence
+    assert "record 1 s or more instead of 0.4 s" in found.remedy
+
+
+def test_few_blocks_are_remarked_where_stretches_would_have_to_be_left_out():
+    assert (found := weak(3.0, "log-det")) is not None
+    assert (
+        "3 blocks of rows" in found.evidence and "5 are the least" in found.evidence and "record 5 s" in found.remedy
+    )
+    assert (found := weak(3.0, None, chosen=True)) is not None
+    assert "8 are the least" in found.evidence and "record 8 s" in found.remedy
+    assert "rows are few" not in found.evidence
+
+
+def test_a_motion_that_hardly_moves_is_remarked_however_long_it_is():
+    """Twenty seconds within a hundredth of the range: the prior decides, and a longer recording would not help."""
+    found = weak(20.0, "log-det", slowly=0.01)
+    assert found is not None and "of prior and physics" in found.evidence
+    assert "record" not in found.remedy and "fast and wide" in found.remedy

@@ -8,40 +8,31 @@ second-order cone or by its rows, never as AᵀA, which would lose half of the d
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armid.errors import EstimationError, UnsolvedError
 from armid.estimation.conflicts import conflicting
+from armid.estimation.conic import GOOD, Nearest, inside, nearest
 from armid.estimation.consistency import smallest_eigenvalues
 from armid.estimation.constraints import ContradictionError, Feasible, Requirements, feasible_set
 from armid.estimation.prior import MASS, Belief, size_of_bodies
 from armid.estimation.problem import Standard
 from armid.maths.barrier import GAP, Smooth, SmoothSolution, minimise
-from armid.maths.cones import ACCEPTED, Cone, solve_cones
+from armid.maths.cones import ACCEPTED
 from armid.values import Array
 
 __all__ = ["Bodies", "Program"]
 
-UNFELT = 1e-6
-"""Weight of a mass prior that stands for none: without any there need be no smallest residual, since bodies of
-infinite mass can come ever nearer to it."""
+UNFELT = (1e-6, 1e-4, 1e-2)
+"""Weights of a mass prior that stands for none, of which the first that leaves enough digits is taken: without any
+there need be no smallest residual, since bodies of infinite mass can come ever nearer to it. The last moves what is
+known to a deviation of s kg by a thousandth of s of that deviation."""
 
 MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
 """Added to the eigenvalues asked for, until what the solver's last digits leave is no less than asked."""
-
-GOOD = 2e-7
-"""Gap at which an answer is taken, over the size of the objective: a fifth of the largest that is accepted."""
-
-TRIES = 5
-"""Most programs for one answer; one is usual."""
-
-UNIT = 1e3
-"""Size that columns are scaled down to where noise is so small that they are larger."""
-
-ROOM = 0.1
-"""Most slack that a start of the search is given in each cone; any positive one does."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -114,23 +105,50 @@ class Program:
         A = A @ feasible.basis
         if self.kind == "log-det":
             return self._log_det(feasible, A, y, weight, aim)
-        weak = np.diag(self.belief.precision) @ feasible.basis**2
+        if self.kind != "none":
+            return self._conic(feasible, A, y, weight, aim)
+        for unfelt in UNFELT:
+            with contextlib.suppress(UnsolvedError):
+                return self._conic(feasible, A, y, unfelt, None)
+        # What is not felt beside noise may be lost beside a residual that is far larger.
+        least = self._conic(feasible, A, y, 1.0, aim).objective
+        return self._conic(feasible, A, y, max(UNFELT[-1], UNFELT[0] * least / len(y)), aim)
+
+    def _conic(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float | None) -> Bodies:
+        """With a prior that is linear or quadratic: by the conic solver, or else by Newton's method for some aim."""
         believed = np.diag(self.belief.precision)
-        cost = np.zeros(A.shape[1])
         is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
-        linear = self.kind in ("mass", "none")
-        scale = UNFELT if self.kind == "none" else 1.0
-        if linear:
-            size = size_of_bodies(self.standard) @ feasible.basis
-            cost = self.correlation * (UNFELT if self.kind == "none" else weight) / MASS * size
-        root = np.sqrt(self.correlation * np.where(is_link, 0.0 if linear else weight, scale) * believed)
+        cost = np.zeros(A.shape[1])
+        share = np.where(is_link, weight, weight if self.kind == "none" else 1.0)
+        if self.kind in ("mass", "none"):
+            share[is_link] = 0.0
+            cost = self.correlation * weight / MASS * (size_of_bodies(self.standard) @ feasible.basis)
+        root = np.sqrt(self.correlation * share * believed)
         A = np.concatenate([A, (root[:, None] * feasible.basis)[root > 0.0]])
         y = np.concatenate([y, (root * (self.belief.mean - feasible.origin))[root > 0.0]])
-        try:
-            return _nearest(feasible, A, y, cost, weak)
-        except UnsolvedError:  # another method for what the first has no digits for
-            found = minimise(Smooth(A, y, (), feasible.cones, cost), self._start(feasible), aim=aim)
-            return Bodies(feasible.of(found.x), feasible.basis, found.objective, found.gap)
+        found: Nearest | SmoothSolution | None = None
+        with contextlib.suppress(UnsolvedError):
+            found = self._nearest(feasible, A, y, cost)
+        if found is None or found.gap > GOOD:
+            found = self._otherwise(feasible, Smooth(A, y, (), feasible.cones, cost), found, aim)
+        return Bodies(feasible.of(found.x), feasible.basis, found.objective, found.gap)
+
+    def _otherwise(
+        self, feasible: Feasible, problem: Smooth, rough: Nearest | None, aim: float | None
+    ) -> Nearest | SmoothSolution:
+        """Where the conic solver had no digits: by Newton's method if there is an aim, or else what it found."""
+        trouble = UnsolvedError("The conic solver left too large a gap.")
+        if aim is not None:
+            try:
+                return minimise(problem, self._start(feasible), aim=aim)
+            except UnsolvedError as error:
+                trouble = error
+        if rough is None or rough.gap > ACCEPTED:
+            raise trouble
+        return rough
+
+    def _nearest(self, feasible: Feasible, A: Array, y: Array, cost: Array) -> Nearest:
+        return nearest(feasible, A, y, cost, np.diag(self.belief.precision) @ feasible.basis**2)
 
     def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> Bodies:
         """By Newton's method, first without the smallest eigenvalue, which the prior nearly always gives."""
@@ -155,9 +173,8 @@ class Program:
         """
         cost = np.array([term.weight * term.cost for term in problem.terms]).sum(axis=0)
         weight = min((term.weight for term in problem.terms), default=0.0)
-        weak = np.diag(self.belief.precision) @ feasible.basis**2
         try:
-            x = feasible.unknowns(_nearest(feasible, problem.A, problem.y, cost, weak).values)
+            x = self._nearest(feasible, problem.A, problem.y, cost).x
             slope = problem.A.T @ (problem.A @ x - problem.y) + cost
             pull = feasible.basis @ (slope / np.sum(feasible.basis**2, axis=0))
             lifted = self.belief.lifted(self.standard, feasible.of(x), pull, weight)
@@ -170,7 +187,7 @@ class Program:
         start = feasible.unknowns(self.belief.inside(self.standard))
         if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
             return start
-        found = _inside(feasible)
+        found = inside(feasible)
         if found is None:
             raise self._contradiction()
         return found
@@ -181,7 +198,7 @@ class Program:
         def empty(asked: Requirements) -> bool:
             try:
                 feasible = feasible_set(self.standard, asked)
-                return bool(feasible.cones) and _inside(feasible) is None
+                return bool(feasible.cones) and inside(feasible) is None
             except EstimationError:
                 return True
 
@@ -208,82 +225,3 @@ class Program:
             and bool((values[self.standard.nonnegative] >= 0.0).all())
             and all(cone.leaves(x) <= ACCEPTED for cone in others)
         )
-
-
-def _nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Array) -> Bodies:
-    """The unknowns x that minimise ½ |A x - y|² + costᵀ x.
-
-    Solvers count digits from the largest number, which with data of little noise is the right-hand side. So the
-    program is about the change from a place near the answer, and in units of the size that the residual may have
-    there: the first are guesses, the next come from a rougher answer.
-    """
-    x = A.shape[1]
-    length = np.sqrt(np.sum(A**2, axis=0) + precision)
-    whole = np.concatenate([A / length, np.diag(np.sqrt(precision) / length)])
-    near = np.linalg.lstsq(whole, np.concatenate([y, np.zeros(x)]), rcond=None)[0] / length
-    units = [max(float(np.median(length)) / UNIT, 1.0), float(length.max())]
-    trouble = UnsolvedError("No consistent parameters were found.")
-    for _ in range(TRIES):
-        unit = units.pop(0)
-        try:
-            change, gap = _change(feasible, A / unit, (y - A @ near) / unit, cost / unit**2, near)
-        except UnsolvedError as error:
-            trouble = error
-            if not units:
-                break
-            continue
-        near = near + change
-        residual = float(np.linalg.norm(A @ near - y))
-        objective = 0.5 * residual**2 + float(cost @ near)
-        relative = gap * unit**2 / max(1.0, abs(objective))
-        if relative <= GOOD:
-            return Bodies(feasible.of(near), feasible.basis, objective, relative)
-        trouble = UnsolvedError(f"The conic solver left a gap of {relative:.1e} of the objective.")
-        units = [max(residual, 1.0), max(0.1 * residual, 1.0)]
-    raise trouble
-
-
-def _change(feasible: Feasible, A: Array, y: Array, cost: Array, near: Array) -> tuple[Array, float]:
-    """The change d (x,) of the unknowns that minimises ½ |A d - y|² + costᵀ d, and the gap."""
-    x = A.shape[1]
-    norm = np.zeros((len(A) + 1, x + 1))
-    norm[0, x], norm[1:, :x] = 1.0, A
-    cones = tuple(replace(c, offset=c.offset + c.matrix @ near) for c in feasible.cones)
-    found = solve_cones(
-        np.append(cost, 0.0),
-        [*_widened(cones, 1), Cone("norm", norm, np.concatenate([[0.0], -y]))],
-        np.append(np.zeros(x), 1.0),
-    )
-    change = found.x[:x]
-    # The slope that is left matters where nothing else holds unknowns: tons that no torque tells of.
-    further = float(np.abs(found.slope[:x]) @ np.abs(near + change))
-    return change, found.gap * max(1.0, abs(found.objective)) + further
-
-
-def _inside(feasible: Feasible) -> Array | None:
-    """Unknowns with as much slack in every cone as there is, up to some; `None` where there is none."""
-    x = feasible.basis.shape[1]
-    cones: list[Cone] = []
-    for cone in feasible.cones:
-        matrix = np.concatenate([cone.matrix, np.zeros((len(cone.matrix), 1))], axis=1)
-        if cone.kind == "semidefinite":
-            j, i = np.tril_indices(round((np.sqrt(8 * len(matrix) + 1) - 1) / 2))
-            matrix[:, x] = np.where(i == j, -1.0, 0.0)
-        else:
-            matrix[:, x] = -1.0
-        cones.append(Cone(cone.kind, matrix, cone.offset))
-    most = np.zeros((1, x + 1))
-    most[0, x] = -1.0
-    cost = np.zeros(x + 1)
-    cost[x] = -1.0
-    # Without a limit of their size, unknowns that nothing bounds would go anywhere.
-    size = np.concatenate([np.zeros((1, x + 1)), np.eye(x, x + 1)])
-    found = solve_cones(
-        cost, [*cones, Cone("nonnegative", most, np.array([ROOM])), Cone("norm", size, np.append(1e3, np.zeros(x)))]
-    )
-    return found.x[:x] if found.x[x] > 0.0 else None
-
-
-def _widened(cones: tuple[Cone, ...], more: int) -> list[Cone]:
-    """The same cones with further variables that do not touch them."""
-    return [replace(c, matrix=np.concatenate([c.matrix, np.zeros((len(c.matrix), more))], axis=1)) for c in cones]

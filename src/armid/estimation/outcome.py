@@ -101,7 +101,7 @@ class Outcome:
         unweighted = stack(whole)[0]
         rows = whole.rows[0]
         squares = held_out_squares(whole, self.base)
-        freedom = max(float(rows.sum() - self.weighted.spent.sum()), 1.0)
+        freedom = self.weighted.freedom
         known = scale_covariance(whole, weights, white)
         standard, findings = self._standard(squares)
         standard = stated(standard, self.weighted.correlation * white, known, np.full(whole.count, freedom))
@@ -154,8 +154,7 @@ class Outcome:
         )
         at_bound = standard.nonnegative & (values <= AT_BOUND * np.maximum(deviation, np.finfo(np.float64).tiny))
         held = at_bound & (pull * white > PUSHED) & ~given
-        free = self.weighted.weights**2 @ self.weighted.squares
-        price = float(self.weighted.weights**2 @ squares / free - 1.0) if free > 0.0 else 0.0
+        price = float(self.weighted.weights**2 @ (squares - self.weighted.squares)) / self.weighted.freedom
         lowest = float(values[standard.nonnegative].min(initial=np.inf))
         proof = Proof(price, float(self.least.min(initial=np.inf)), lowest, self.gap)
         fit = StandardFit(

@@ -89,7 +89,7 @@ class Proof:
     """What the solution was checked by, computed from the answer and not from the solver's word.
 
     Attributes:
-        price: Weighted squared residual over that without constraints and prior, less one.
+        price: By how much constraints and prior raise the weighted squared residual, over what noise makes of it.
         smallest_eigenvalue: Of all links' pseudo-inertias.
         lowest: Smallest value of the parameters that physics forbids to be negative.
         gap: Duality gap, relative.

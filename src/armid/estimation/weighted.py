@@ -53,6 +53,11 @@ class Weighted:
     spent: Array
     correlation: float
 
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the residuals; as much is their weighted square, where none of it is rounding."""
+        return max(float(self.whole.rows[0].sum() - self.spent.sum()), 1.0)
+
 
 def weigh(information: Information, *, plain: bool = False, resolution: float = RESOLUTION) -> Weighted:
     """Weights that have settled, and the data under them.

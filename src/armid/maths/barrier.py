@@ -32,6 +32,10 @@ GAP = 1e-9
 STEPS = 200
 """Newton steps for one weight of the barriers before giving up; five to twenty are usual."""
 
+LONGEST = 250
+"""Newton steps in all after which no further weight is tried; twenty to a hundred are usual. Where more are needed
+the minimum is so far from what the data say, or so flat, that no digits are left to prove it."""
+
 LOST = 1e-3
 """Relative difference of two computations of the decrement above which normal equations are not trusted."""
 
@@ -295,6 +299,10 @@ def _follow(barriers: _Barriers, x: Array, mu: float, aim: float, shrink: float)
         enough = min(CENTRED * mu, 0.1 * absolute) if last else CENTRED * mu
         x, decrement, steps = _centre(barriers, x, (before, mu), enough)
         taken, before = taken + steps, mu
+        if taken > LONGEST and not last:
+            raise UnsolvedError(
+                f"The search for consistent parameters stood still after {taken} steps.", remedy=REMEDY
+            )
         if not last:
             mu *= shrink
         elif not aim * max(1.0, abs(_finite(barriers, x))) < 0.5 * absolute:  # or else more can be asked

@@ -2,8 +2,9 @@
 
     minimise cᵀx + ½ Σ_k s_k x_k²    so that for every cone K    A x + b ∈ K
 
-A solver's status is not taken on trust: the solution carries by how much the answer really leaves each cone, computed
-from the cones themselves (eigenvalues for semidefinite ones), and the gap to the dual [Goulart2024].
+Nothing that a solver says of its answer is taken on trust, neither status nor objective nor gap [Goulart2024]. From
+the variables and multipliers it is computed by how much these really leave each cone, by eigenvalues for semidefinite
+ones, and how far the objective stands above what the multipliers z prove, -½ Σ_k s_k x_k² - Σ bᵀz.
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ class Cone:
 
     def leaves(self, x: Array) -> float:
         """By how much x lies outside, over the size of the rows; zero or negative inside."""
-        rows = self.matrix @ x + self.offset
+        return self.outside(self.matrix @ x + self.offset)
+
+    def outside(self, rows: Array) -> float:
+        """By how much rows, or multipliers of rows, lie outside, over their size; each cone is its own dual."""
         size = max(1.0, float(np.abs(rows).max()))
         if self.kind == "nonnegative":
             return float(-rows.min()) / size
@@ -68,10 +72,10 @@ class ConeSolution:
     Attributes:
         x: The variables.
         objective: What was minimised.
-        gap: Objective less the dual's, over its size.
+        gap: Objective less what the multipliers prove, over its size.
         slope: Slope of the objective that no multiplier holds, shape (variables,). Where variables may still move
             by d, the minimum may lie lower by slope · d.
-        violation: By how much the worst cone is left, over the size of its rows.
+        violation: By how much variables or multipliers leave the worst cone, over the size of its rows.
     """
 
     x: Array
@@ -79,6 +83,10 @@ class ConeSolution:
     gap: float
     slope: Array
     violation: float
+
+    def doubt(self, size: Array) -> float:
+        """By how much the minimum may lie below the objective, over variables (variables,) up to some size."""
+        return self.gap * max(1.0, abs(self.objective)) + float(np.abs(self.slope) @ size)
 
 
 @cache
@@ -120,13 +128,14 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
     squares = np.zeros(len(cost)) if squares is None else squares
     curved = sparse.csc_matrix(sparse.diags(squares))
     answer = clarabel.DefaultSolver(curved, cost, A, np.concatenate(offsets), list(kinds), settings).solve()
-    x = np.array(answer.x, dtype=np.float64)
+    x, z = np.array(answer.x, dtype=np.float64), np.array(answer.z, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # a solver that failed may leave anything
-        objective = float(cost @ x) + 0.5 * float(squares @ x**2)
-        slope = cost + squares * x + A.T @ np.array(answer.z, dtype=np.float64)
-        gap = abs(objective - float(answer.obj_val_dual)) / max(1.0, abs(objective))
-        finite = bool(np.isfinite(objective)) and bool(np.abs(x).max() < LARGEST)
-        violation = max(cone.leaves(x) for cone in cones) if finite else float("inf")
+        half = 0.5 * float(squares @ x**2)
+        objective = float(cost @ x) + half
+        slope = cost + squares * x + A.T @ z
+        gap = abs(objective + half + float(np.concatenate(offsets) @ z)) / max(1.0, abs(objective))
+        finite = bool(np.abs(np.concatenate([x, z])).max() < LARGEST)  # false for what is no number
+        violation = _worst(cones, x, z) if finite else float("inf")
     if not (gap <= ACCEPTED and violation <= ACCEPTED):
         raise UnsolvedError(
             f"The conic solver gave no answer ({answer.status}; gap {gap:.1e}, violation {violation:.1e}).",
@@ -135,16 +144,32 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
     return ConeSolution(x, objective, gap, slope, violation)
 
 
+def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
+    """By how much variables, or multipliers in the solver's scale, leave the cone that they leave most."""
+    worst, done = -math.inf, 0
+    for cone in cones:
+        own = z[done : done + len(cone.offset)]
+        done += len(own)
+        own = own / _scale(cone) if cone.kind == "semidefinite" else own
+        worst = max(worst, cone.leaves(x), cone.outside(own))
+    return worst
+
+
 def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
     """A and b with A x + s = b, and the solver's cone; it scales off-diagonal entries by √2."""
     if cone.kind == "nonnegative":
         return -cone.matrix, cone.offset, clarabel.NonnegativeConeT(len(cone.offset))
     if cone.kind == "norm":
         return -cone.matrix, cone.offset, clarabel.SecondOrderConeT(len(cone.offset))
+    scale = _scale(cone)
     order = _order(len(cone.offset))
-    i, j = upper_triangle(order)
-    scale = np.where(i == j, 1.0, math.sqrt(2.0))
     return -scale[:, None] * cone.matrix, scale * cone.offset, clarabel.PSDTriangleConeT(order)
+
+
+def _scale(cone: Cone) -> Array:
+    """What the solver multiplies the entries of an upper triangle by, so that its inner product is the matrices'."""
+    i, j = upper_triangle(_order(len(cone.offset)))
+    return np.where(i == j, 1.0, math.sqrt(2.0))
 
 
 def _order(entries: int) -> int:

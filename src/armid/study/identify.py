@@ -40,6 +40,7 @@ from armid.study.plausibility import (
     few_blocks_finding,
     gravity_finding,
     negative_finding,
+    weak_finding,
 )
 from armid.study.study import (
     RecordingChoice,
@@ -241,7 +242,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
         estimate = _estimate(study, model, prepared.base, stated_problem(prepared), recordings)
     except EstimationError as error:
         raise _diagnosed(error, prepared.findings) from error
-    findings = [*prepared.findings, *estimate.findings, *_doubts(model, information, estimate)]
+    findings = [*prepared.findings, *estimate.findings, *_doubts(prepared, estimate)]
     tell("validation", 0.0)
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
     training, _ = score_recordings(model, estimate, train, processing)
@@ -359,13 +360,16 @@ def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: 
     return np.max([np.zeros(robot.n), *said], axis=0)
 
 
-def _doubts(model: DynamicsModel, information: Information, estimate: Estimate) -> list[Finding]:
+def _doubts(prepared: Prepared, estimate: Estimate) -> list[Finding]:
     """What speaks against taking the estimate at its word."""
+    problem, fit = stated_problem(prepared), estimate.fit
+    _, _, observations = problem.require_samples(estimate.method)
     found = [
-        gravity_finding(model.robot),
-        excitation_finding(information),
-        few_blocks_finding(estimate.fit),
-        negative_finding(model, estimate.fit),
+        gravity_finding(prepared.model.robot),
+        excitation_finding(prepared.problem.information),
+        few_blocks_finding(fit),
+        negative_finding(prepared.model, fit),
+        weak_finding(problem.information, observations, fit, chosen=prepared.ladder is not None),
     ]
     return [finding for finding in found if finding is not None]
 

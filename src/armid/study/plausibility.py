@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from armid.errors import Finding
+from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.fit import Fit
-from armid.estimation.uncertainty import FEWEST_BLOCKS
+from armid.estimation.friction import FEWEST
+from armid.estimation.standard_fit import inverse_of
+from armid.estimation.uncertainty import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
+from armid.information.observations import Observations
 from armid.maths.linalg import unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
@@ -18,12 +22,16 @@ __all__ = [
     "few_blocks_finding",
     "gravity_finding",
     "negative_finding",
+    "weak_finding",
 ]
 
 STRONGEST_GRAVITY = 15.0
 """Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
 
 NAMED = 4
+
+TELLING = 0.5
+"""Share of a value below which it is more the prior's than the data's."""
 
 
 def excitation_finding(information: Information) -> Finding | None:
@@ -66,6 +74,61 @@ def few_blocks_finding(fit: Fit) -> Finding | None:
         f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as white and are too narrow.",
         "record longer.",
     )
+
+
+def weak_finding(information: Information, observations: Observations, fit: Fit, *, chosen: bool) -> Finding | None:
+    """Data that say next to nothing where prior, physics or candidates of friction fill the gap, or `None`.
+
+    Plain methods refuse what the data leave open. These answer all the same, and it looks like any other estimate.
+
+    Args:
+        information: What the estimate was made from.
+        observations: The same, as rows.
+        fit: The estimate.
+        chosen: Whether friction was to be chosen by what it predicts.
+    """
+    if fit.standard is None and not chosen:
+        return None
+    rows, parameters = int(information.rows.sum()), information.count
+    blocks = int(np.count_nonzero(information.rows.any(axis=1)))
+    judged = fit.standard is not None and fit.standard.prior.kind in ("log-det", "euclidean")
+    needed = FEWEST if chosen else FOLDS if judged else 0
+    longer, said = 1.0, list[str]()
+    if rows < FEWEST_ROWS * parameters:
+        longer = FEWEST_ROWS * parameters / rows
+        said.append(f"{rows} rows are few for {parameters} parameters, {FEWEST_ROWS} for each are the least")
+    if blocks < needed:
+        longer = max(longer, needed / blocks)
+        said.append(
+            f"{blocks} blocks of rows are too few to leave some out and judge by them, {needed} are the least"
+        )
+    open_ = _decided_otherwise(information, fit)
+    if 2 * open_ > parameters:
+        said.append(
+            f"{open_} of {parameters} base parameters have more of prior and physics in them than of the data"
+        )
+    if not said:
+        return None
+    seconds = sum(float(run.mask.any(axis=1).sum()) * run.step / run.rate for run in observations.runs)
+    remedy = "move all joints together, fast and wide"
+    if longer > 1.0:
+        remedy = f"record {np.ceil(longer * seconds):.0f} s or more instead of {seconds:.2g} s, and {remedy}"
+    meaning = "The estimate is an arm that could be, not this one; expect it to fail on other motion."
+    return Finding("weak-data", "warning", "", f"{'; '.join(said)}. {meaning}", f"{remedy}.")
+
+
+def _decided_otherwise(information: Information, fit: Fit) -> int:
+    """How many base parameters would be more of a prior of one sample, and of physics, than of the data.
+
+    A description that foretells what was left out may weigh more; data are not weak because it is right.
+    """
+    if fit.prior_precision is None or fit.standard is None:
+        return 0
+    prior = fit.prior_precision / max(fit.standard.prior.weight, 1.0)
+    rows = stack(total(information), fit.weights)[0]
+    told = rows.T @ rows
+    share = np.sum(inverse_of(told + prior) * told, axis=1)
+    return int(np.count_nonzero(share < TELLING))
 
 
 def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:

@@ -49,7 +49,7 @@ class Certificate:
         nearest: The nearest consistent values, in the order given.
         witness: Standard parameters (p,) of a body that has them.
         masses: Its links' masses, shape (n,) [kg].
-        gap: Duality gap of the program, relative.
+        gap: By how much a body may be nearer, over the distance, at least one.
     """
 
     feasible: bool
@@ -106,5 +106,5 @@ def certify_values(
         nearest,
         witness,
         witness[model.inertial_columns[::10]],
-        solution.gap,
+        solution.doubt(np.abs(solution.x)) / max(1.0, length),
     )

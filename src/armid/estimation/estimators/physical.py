@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -31,10 +31,13 @@ from armid.values import Array
 
 __all__ = ["PhysicallyConsistent"]
 
-RESOLUTIONS = (1e-5, 1e-4, 1e-3)
+RESOLUTIONS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """Smallest residual over torque that counts as noise. No model of an arm is right to more digits than the first says.
 Data that no body explains may be wrong by so many deviations of it that a solver has no digits left for the
-constraints; then the next counts, and a finding says so. At the last, no torque sensor is as good."""
+constraints; then the next counts, and a finding says so."""
+
+FAR = 10.0
+"""Deviations of noise by which bodies must miss a joint's torque for it to be said that none explains it."""
 
 WEIGHTS = np.logspace(4.0, -1.0, 11)
 """Weights of a prior that are tried, strongest first: from links known to a hundredth to hardly known at all."""
@@ -44,6 +47,9 @@ TRIED = 1e-4
 
 LEAST_ERROR = 1e-4
 """Held-out variance over that of the residual below which no difference counts."""
+
+REMEDY = "look for a wrong sign of torque or gravity, a wrong unit, or a description of another arm."
+"""What to do about torques that no body explains."""
 
 PRIORS = ("mass", "log-det", "euclidean", "none")
 
@@ -104,18 +110,28 @@ class PhysicallyConsistent:
             UnsolvedError: No solution passed its checks.
         """
         trouble = UnsolvedError("No consistent parameters were found.")
+        first = weigh(problem.information, resolution=RESOLUTIONS[0])
         for resolution in RESOLUTIONS:
+            raised = resolution > RESOLUTIONS[0]
+            weighted = weigh(problem.information, resolution=resolution) if raised else first
             try:
-                return self._estimate(problem, resolution)
+                fit = self._estimate(problem, weighted)
             except UnsolvedError as error:
                 trouble = error
-        raise trouble
+                continue
+            if raised:
+                far = first.weights * fit.residual_rms
+                fit = replace(fit, findings=(_raised(resolution, far), *fit.findings))
+            return fit
+        raise UnsolvedError(
+            f"{trouble.problem} Nor did any search with residuals up to {RESOLUTIONS[-1]:g} of the torque as noise.",
+            remedy=trouble.remedy or REMEDY,
+        )
 
-    def _estimate(self, problem: Problem, resolution: float) -> Fit:
-        """The estimate where residuals of so much of the torque count as noise."""
+    def _estimate(self, problem: Problem, weighted: Weighted) -> Fit:
+        """The estimate from data that were given weights."""
         information = problem.information
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, information)
-        weighted = weigh(information, resolution=resolution)
         belief = believe(self.prior, standard, weighted)
         asked = Requirements(
             self.epsilon, self.heaviest, self.total_mass, self.masses, self.com, self.equal, self.fixed, self.known
@@ -123,9 +139,7 @@ class PhysicallyConsistent:
         program = Program(standard, asked, self.prior, belief, weighted.correlation)
         prior = self._weigh_prior(information, program, weighted)
         bodies = program.solve(weighted.rows, weighted.rows @ weighted.values, prior.weight)
-        return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis).fit(
-            _raised(resolution)
-        )
+        return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis).fit()
 
     def _weigh_prior(self, information: Information, program: Program, weighted: Weighted) -> PriorUse:
         """The prior with its weight and why it has it."""
@@ -153,16 +167,23 @@ class PhysicallyConsistent:
         return PriorUse(self.prior, float(weights[chosen]), how, correlation, trials)
 
 
-def _raised(resolution: float) -> list[Finding]:
-    """What is said where noise had to be taken as larger than it is."""
-    if resolution == RESOLUTIONS[0]:
-        return []
+def _raised(resolution: float, far: Array) -> Finding:
+    """What is said where noise had to be taken as larger than it is.
+
+    Args:
+        resolution: Residual over torque that was taken as noise.
+        far: Residual of each joint over the noise that it seems to have, shape (n,).
+    """
+    counted = f"residuals up to {resolution:g} of the torque were counted as noise"
+    joint = int(np.argmax(far))
+    if far[joint] <= FAR:
+        said = f"The search had no digits for noise as small as that of these torques: {counted}."
+        return Finding("noise-raised", "info", "", said)
     said = (
-        "No body explains these torques to within their noise, and by so far that a search has no digits for it: "
-        f"residuals up to {resolution:g} of the torque were counted as noise."
+        "No body explains these torques to within their noise, and by so far that a search has no digits for it. "
+        f"Joint {joint + 1} is off by {far[joint]:.2g} of its deviations; {counted}."
     )
-    remedy = "look for a wrong sign of torque or gravity, a wrong unit, or a description of another arm."
-    return [Finding("noise-raised", "warning", "", said, remedy)]
+    return Finding("noise-raised", "warning", "", said, REMEDY)
 
 
 def _number(value: Any) -> bool:
