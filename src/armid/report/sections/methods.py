@@ -47,8 +47,7 @@ def _row(record: Mapping[str, Any], own: str) -> list[Cell]:
     remark = record["failure"] or ("this run" if record["name"] == own else "")
     numbers = [np.nan if record[key] is None else float(record[key]) for key in ("training_total", "unseen_total")]
     # What is left where a real body has the values is the solver's tolerance.
-    apart = record["distance"] is not None and not record["consistent"]
-    distance = float(record["distance"]) if apart else np.nan
+    distance = np.nan if record["distance"] is None or record["consistent"] else float(record["distance"])
     return [
         Cell(record["name"], kind="name"),
         *(Cell(short(x), x) for x in numbers),
