@@ -106,6 +106,17 @@ class _Task:
     deadline: float
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Outcome:
+    """Where a descent has come to: its end, that drawn together into the limits, the criterion there, if it began."""
+
+    task: _Task
+    reached: Array | None = None
+    inside: Array | None = None
+    value: float = np.inf
+    begun: bool = True
+
+
 @lru_cache(maxsize=4)
 def _problem(pickled: bytes) -> tuple[Problem, Objective]:
     """The problem as it came, and the grid that candidates are compared on."""
@@ -132,8 +143,10 @@ def random_start(problem: Problem, grid: Objective, rng: np.random.Generator) ->
     return x.ravel() if inside is None else inside
 
 
-def _run(pickled: bytes, task: _Task) -> tuple[_Task, Array | None, float]:
-    """One descent, in whatever process; `None` where it has not come inside the limits."""
+def _run(pickled: bytes, task: _Task) -> _Outcome:
+    """One descent, in whatever process; nothing where it has not come inside the limits, or begins too late."""
+    if time.time() > task.deadline:
+        return _Outcome(task, begun=False)
     problem, grid = _problem(pickled)
     rng = np.random.default_rng(task.seed)
     if task.x is None:
@@ -149,9 +162,7 @@ def _run(pickled: bytes, task: _Task) -> tuple[_Task, Array | None, float]:
         x, stages = descend_inside(problem, x, stages[0], task.deadline), stages[1:]
     x = descend(problem, x, stages, task.deadline)
     inside = drawn_together(problem, grid, x)
-    if inside is None:
-        return task, None, np.inf
-    return task, (inside if task.refine else x), grid.value(inside)
+    return _Outcome(task) if inside is None else _Outcome(task, x, inside, grid.value(inside))
 
 
 def _ignore_interrupts() -> None:
@@ -216,9 +227,9 @@ class _Round:
         ]
         self._seed, self._deadline = seed, deadline
 
-    def refinements(self, found: Sequence[tuple[_Task, Array | None, float]]) -> list[_Task]:
+    def refinements(self, found: Sequence[_Outcome]) -> list[_Task]:
         """The best scouts, once more; in the order of their numbers where values are equal."""
-        good = [(value, task.number, x, task.kind) for task, x, value in found if x is not None]
+        good = [(o.value, o.task.number, o.reached, o.task.kind) for o in found if o.reached is not None]
         good.sort(key=lambda each: each[:2])
         return [
             _Task(self.number, SCOUTS + k, kind, x, (self._seed, self.number, SCOUTS + k), True, self._deadline)
@@ -245,14 +256,11 @@ class _Board:
         if self._progress is not None:
             self._progress(self.best, time.time() - self._began, self.descents)
 
-    def take(self, task: _Task, x: Array | None, value: float) -> None:
+    def take(self, outcome: _Outcome) -> None:
         """The outcome of a descent."""
-        self.descents += 1
-        if x is None:
-            return
-        inside = x if task.refine else drawn_together(self.problem, self.grid, x)
-        if inside is not None:
-            self.offer(inside, value, task.round, task.kind)
+        self.descents += outcome.begun
+        if outcome.inside is not None:
+            self.offer(outcome.inside, outcome.value, outcome.task.round, outcome.task.kind)
 
 
 def search(
@@ -308,25 +316,21 @@ def search(
     return Search(board.best, done, board.descents, time.time() - began, interrupted, tuple(board.history))
 
 
-def _gather(
-    board: _Board, tasks: Sequence[_Task], executor: Executor | None
-) -> list[tuple[_Task, Array | None, float]]:
+def _gather(board: _Board, tasks: Sequence[_Task], executor: Executor | None) -> list[_Outcome]:
     """Run tasks; the board learns of each as it ends, but in the order of their numbers where there is a choice."""
-    results: list[tuple[_Task, Array | None, float]] = []
+    results: list[_Outcome] = []
     if executor is None:
         for task in tasks:
             results.append(_run(board.pickled, task))
-            board.take(*results[-1])
+            board.take(results[-1])
     else:
-        waiting: set[Future[tuple[_Task, Array | None, float]]] = {
-            executor.submit(_run, board.pickled, task) for task in tasks
-        }
+        waiting: set[Future[_Outcome]] = {executor.submit(_run, board.pickled, task) for task in tasks}
         try:
             while waiting:
                 ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                for outcome in sorted((future.result() for future in ready), key=lambda each: each[0].number):
+                for outcome in sorted((future.result() for future in ready), key=lambda each: each.task.number):
                     results.append(outcome)
-                    board.take(*outcome)
+                    board.take(outcome)
         finally:
             for future in waiting:
                 future.cancel()
