@@ -17,6 +17,7 @@ from armid.excitation.finish import fine_grid, margins
 from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, Objective
 from armid.excitation.places import SCALE
+from armid.excitation.preflight import preflight
 from armid.excitation.series import SeriesBasis
 from armid.excitation.solver import Problem, drawn_together
 from armid.excitation.start import choose_start, room, usual_pose
@@ -119,6 +120,23 @@ def test_the_certificate_of_a_long_motion_asks_for_no_more_than_its_speed():
     # No point of this arm is faster than its joints together at its reach; half a step of a millisecond.
     fastest = 1.5 * np.abs(States(problem.fine, x).derivatives[1]).max(axis=0).sum()
     assert all(margin.certified - margin.share < 0.0005 * fastest / SCALE for margin in near)
+
+
+@pytest.mark.parametrize("name", ["iiwa14-r820", "ur5e"])
+def test_the_closest_approach_of_a_slow_motion_is_that_of_all_its_poses(name):
+    """Looking at few poses finds what looking at all of them does."""
+    robot = load_robot(name)
+    start = np.array(START.get(name, np.zeros(robot.n)))
+    made = collision_of(robot, limits_of(robot), start, surroundings(), margin=0.01)
+    model = DynamicsModel(robot, (RigidBody(),))
+    basis = SeriesBasis(2.0 * np.pi / 20.0, 3, start)
+    x = 0.1 * np.random.default_rng(2).normal(size=basis.unknowns)
+    problem = Problem(Goal(model, find_base_parameters(model)), basis, (made.every,))
+    found = {each.pair: each.distance for each in preflight(problem, x, made).approaches}
+    q = basis.excitation(x).sample(50.0).q
+    every = coal.distances(made.shapes, made.pairs, forward_kinematics(robot, q)).min(axis=0)
+    for label, distance in zip(made.every.labels, every, strict=True):
+        assert found[label] == pytest.approx(distance, abs=SOLVER)
 
 
 def inside(capsules, points):

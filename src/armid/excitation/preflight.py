@@ -23,6 +23,10 @@ MEASURED = 50.0
 """Poses a second in which bodies are measured as they are [Hz]; the certificate does not rest on these."""
 
 
+EVERY = 5
+"""Of these poses one in so many is looked at first."""
+
+
 @dataclass(frozen=True, slots=True)
 class Approach:
     """Closest approach of two bodies.
@@ -113,18 +117,36 @@ def preflight(problem: Problem, x: Array, collision: Collision | None) -> Prefli
     if collision is not None and len(collision.pairs):
         times = basis.times(max(100, round(MEASURED * basis.period)))
         q = basis.excitation(x).at(times).q
-        gaps = coal.distances(collision.shapes, collision.pairs, forward_kinematics(goal.model.robot, q))
-        nearest = gaps.argmin(axis=0)
-        approaches = [
-            Approach(pair, float(gaps[at, k]), float(times[at]))
-            for k, (pair, at) in enumerate(zip(collision.every.labels, nearest, strict=True))
-        ]
+        approaches = _closest(collision, times, forward_kinematics(goal.model.robot, q))
     return Preflight(
         margins(problem, fine_grid(problem), x),
         tuple(sorted(approaches, key=lambda each: each.distance)),
         () if collision is None else collision.skipped,
         expectation(goal, Objective(goal, basis, samples), x),
     )
+
+
+def _closest(collision: Collision, times: Array, poses: tuple[Array, Array]) -> list[Approach]:
+    """Closest approach of each pair of bodies as they are, at times (N,) [s] with poses of the links.
+
+    A body is in its capsules, so where these are further apart than the bodies are at their closest so far nobody
+    needs to look. Every fifth pose is looked at first, then those beside the closest: two meshes take a millisecond.
+    """
+    bound = collision.every.bodies.nearest(poses)[0]
+    measure = coal.between(collision.shapes)
+    found: list[Approach] = []
+    for k, (label, (a, b)) in enumerate(zip(collision.every.labels, collision.pairs, strict=True)):
+        distance, at = math.inf, 0
+        coarse = np.arange(0, len(times), EVERY)
+        for beside in (False, True):
+            near = np.clip(np.arange(at - EVERY + 1, at + EVERY), 0, len(times) - 1) if beside else coarse
+            for i in near[bound[near, k].argsort(kind="stable")]:
+                if bound[i, k] >= distance:
+                    break
+                here = measure(int(a), int(b), (poses[0][i], poses[1][i]))[0]
+                distance, at = min((distance, at), (here, int(i)))
+        found.append(Approach(label, distance, float(times[at])))
+    return found
 
 
 def worst(found: Sequence[Margin]) -> tuple[Margin, ...]:

@@ -148,8 +148,9 @@ def show_approaches(designed: Designed) -> Section | None:
         Column("asked", "mm"),
     )
     note = (
-        "Closest: bodies as they are, fifty times a second. As capsules: those around the bodies, which the search "
-        "kept apart, on a grid of 1 kHz; certified is what they keep between its points as well."
+        "Closest: bodies as they are, ten times a second, and fifty times where they are closest. As capsules: those "
+        "around the bodies, which the search kept apart, on a grid of 1 kHz; certified is what they keep between its "
+        "points as well."
     )
     table = Table("approaches", "Closest approach of each pair", columns, rows, note)
     always, often = (
