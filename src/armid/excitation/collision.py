@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from armid.errors import ArmidError
 from armid.excitation.capsules import covering
 from armid.excitation.clearance import Bodies, Clearance
-from armid.excitation.coal import mesh_triangles
+from armid.excitation.coal import distances, mesh_triangles
 from armid.excitation.limits import Limits
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.kinematics import forward_kinematics
@@ -38,6 +38,9 @@ __all__ = [
 LOOKED = 3000
 """Random poses in which pairs are looked at, to leave out of a search those that never come near each other."""
 
+MEASURED = 200
+"""Of these, poses in which bodies that are left out are measured as they are."""
+
 NEAR = 0.08
 """Distance beyond the margin [m] within which a pair in any of these poses takes part in the search."""
 
@@ -58,11 +61,12 @@ other, as a description with an elbow of two pieces has it, and a motion can do 
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Two bodies that touch by construction and are not looked at.
+    """Two bodies whose capsules touch by construction and that are not looked at.
 
     Attributes:
         pair: Their names.
-        share: Of many random poses in which they are closer than what is asked, 0 to 1.
+        share: Of some random poses in which the bodies themselves are closer than what is asked, 0 to 1; capsules
+            are wider than what they go around.
     """
 
     pair: str
@@ -70,7 +74,7 @@ class LeftOut:
 
     @property
     def always(self) -> bool:
-        """Whether no motion keeps them apart; of others that is a guess from how near the links are."""
+        """Whether no motion keeps them apart; others may meet, and nobody looks."""
         return self.share >= ALWAYS
 
 
@@ -113,6 +117,7 @@ class Cell:
         nearest: Least distance of each pair in many random poses, shape (m,) [m].
         touching: Share of these poses in which each pair is closer than the margin, shape (m,).
         constructed: Which pairs may touch by construction, shape (m,).
+        tried: Some of these poses, shape (k, n).
     """
 
     robot: Robot
@@ -123,6 +128,7 @@ class Cell:
     nearest: Array
     touching: Array
     constructed: NDArray[np.bool_]
+    tried: Array
 
     def distances(self, q: Array) -> Array:
         """Distance of each pair in poses (N, n), shape (N, m) [m]."""
@@ -150,7 +156,8 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
     distance = bodies.nearest(forward_kinematics(robot, q))[0]
     touching = (distance < margin).mean(axis=0)
     constructed = _constructed(robot, shapes, pairs, touching)
-    return Cell(robot, shapes, bodies, pairs, margin, distance.min(axis=0, initial=np.inf), touching, constructed)
+    nearest = distance.min(axis=0, initial=np.inf)
+    return Cell(robot, shapes, bodies, pairs, margin, nearest, touching, constructed, q[:MEASURED])
 
 
 def _constructed(
@@ -205,11 +212,21 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
     return Collision(
         Clearance("collision", every.only(near), cell.margin + CERTIFICATE) if len(near) else None,
         Clearance("collision", every, cell.margin),
-        tuple(LeftOut(labels[k], float(cell.touching[k])) for k in np.flatnonzero(close)),
+        _left_out(cell, np.flatnonzero(close)),
         cell.shapes,
         cell.pairs[kept],
         len(cell.robot.shapes),
     )
+
+
+def _left_out(cell: Cell, which: NDArray[np.intp]) -> tuple[LeftOut, ...]:
+    """Some of the pairs, with how often the bodies themselves are too close."""
+    if not len(which):
+        return ()
+    apart = distances(cell.shapes, cell.pairs[which], forward_kinematics(cell.robot, cell.tried))
+    shares = (apart < cell.margin).mean(axis=0)
+    labels = cell.bodies.labels
+    return tuple(LeftOut(labels[k], float(share)) for k, share in zip(which, shares, strict=True))
 
 
 def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDArray[np.intp]]:

@@ -157,7 +157,11 @@ def show_approaches(designed: Designed) -> Section | None:
         [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped if each.always == kind]
         for kind in (True, False)
     )
-    skipped = [(said, pairs) for said, pairs in (("every pose", always), ("most poses", often)) if pairs]
+    skipped = [
+        (said, pairs)
+        for said, pairs in (("they touch in every pose", always), ("their capsules touch", often))
+        if pairs
+    ]
     return Section("Closest approaches", {"skipped": skipped}, (table,))
 
 
