@@ -131,9 +131,14 @@ def load(kind: type[T], path: Path | str) -> T:
             header = json.loads(bytes(archive["value.json"]))
             arrays = {name: archive[name] for name in archive.files}
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
-        raise ArmidError(f"{path} is not a value saved by armid ({error}).") from error
+        raise ArmidError(
+            f"{path} is not a value saved by armid ({error}).", remedy="give a file that armid.values.save wrote."
+        ) from error
     if header["type"] != kind.__name__:
-        raise ArmidError(f"{path} holds a {header['type']}; a {kind.__name__} was asked for.")
+        raise ArmidError(
+            f"{path} holds a {header['type']}; a {kind.__name__} was asked for.",
+            remedy="give the file that holds it.",
+        )
     return _unpack(kind, header["value"], arrays)
 
 

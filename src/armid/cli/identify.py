@@ -39,15 +39,16 @@ class Preset(StrEnum):
     thesis = "thesis"
 
 
+Inputs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="STUDY | ROBOT RECORDING…", help="A study.toml, or an arm and recordings.", autocompletion=known_arms
+    ),
+]
+
+
 def identify(
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="STUDY | ROBOT RECORDING…",
-            help="A study.toml, or an arm and recordings.",
-            autocompletion=known_arms,
-        ),
-    ],
+    inputs: Inputs,
     validate: Annotated[
         list[str] | None, typer.Option("--validate", metavar="RECORDING…", help="Recordings to check the model on.")
     ] = None,

@@ -22,13 +22,16 @@ __all__ = ["PAGE", "preview"]
 PAGE = "preview.html"
 
 
+ArmOrRun = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT | RUN", help="The arm, or a folder that armid identify made.", autocompletion=known_arms
+    ),
+]
+
+
 def preview(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT | RUN", help="The arm, or a folder that armid identify made.", autocompletion=known_arms
-        ),
-    ],
+    robot: ArmOrRun,
     motion: Annotated[
         str | None,
         typer.Argument(

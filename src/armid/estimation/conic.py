@@ -66,7 +66,13 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
     Raises:
         UnsolvedError: No program had an answer.
     """
-    best, trouble = None, UnsolvedError("No consistent parameters were found.")
+    best, trouble = (
+        None,
+        UnsolvedError(
+            "No consistent parameters were found.",
+            remedy="loosen heaviest, masses, com, known, fixed or equal, or identify with another method.",
+        ),
+    )
     for near, units in _starts(A, y, precision):
         size: Array | None = None
         for _ in range(TRIES):

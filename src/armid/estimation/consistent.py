@@ -89,7 +89,10 @@ class Program:
             except ContradictionError as error:
                 raise self._contradiction() from error
             if not feasible.basis.shape[1]:
-                raise EstimationError("Every parameter is given; there is nothing to estimate.")
+                raise EstimationError(
+                    "Every parameter is given; there is nothing to estimate.",
+                    remedy="leave links out of known, or names out of fixed.",
+                )
             found = self._solve(feasible, rows, side, weight, aim)
             found = replace(found, values=self._cleared(found.values))
             if self._holds(found.values, feasible):
@@ -137,7 +140,9 @@ class Program:
         self, feasible: Feasible, problem: Smooth, rough: Nearest | None, aim: float | None
     ) -> Nearest | SmoothSolution:
         """Where the conic solver had no digits: by Newton's method if there is an aim, or else what it found."""
-        trouble = UnsolvedError("The conic solver left too large a gap.")
+        trouble = UnsolvedError(
+            "The conic solver left too large a gap.", remedy="give a prior, or identify with --method log-cholesky."
+        )
         if aim is not None:
             try:
                 return minimise(problem, self._start(feasible), aim=aim)

@@ -132,7 +132,9 @@ def _affine(standard: Standard, asked: Requirements) -> tuple[Array, Array]:
                 remedy="leave it out of fixed, or the link out of known.",
             )
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise EstimationError(f"fixed gives {name} = {value!r}, which is no number.")
+            raise EstimationError(
+                f"fixed gives {name} = {value!r}, which is no number.", remedy="give a number in SI units."
+            )
         origin[k], given[k] = value, True
     leader = np.arange(len(origin))
     for group in asked.equal:
@@ -203,14 +205,19 @@ def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
     if len(given) == 2:
         low, high = given.min(axis=0), given.max(axis=0)
         if (low >= high).any():
-            raise EstimationError(f"com of link {link}: the box has no inside.")
+            raise EstimationError(
+                f"com of link {link}: the box has no inside.",
+                remedy="give a corner that is larger in x, y and z than the other.",
+            )
         return np.vstack([np.eye(3), -np.eye(3)]), np.concatenate([high, -low])
     from scipy.spatial import ConvexHull, QhullError  # a fifth of a second to import
 
     try:
         equations = ConvexHull(given).equations
     except QhullError as error:
-        raise EstimationError(f"com of link {link}: the points lie in a plane.") from error
+        raise EstimationError(
+            f"com of link {link}: the points lie in a plane.", remedy="give points that have a volume between them."
+        ) from error
     return equations[:, :3], -equations[:, 3]
 
 

@@ -307,7 +307,9 @@ def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
                 link = _carrier(robot, f"{path}: {kind} {number}", table.get("link"))
                 shapes.append(replace(_surrounding(kind, number, table), link=link))
             except (TypeError, ValueError, KeyError) as error:
-                raise ArmidError(f"{path}: {kind} {number} lacks or garbles {error}.") from error
+                raise ArmidError(
+                    f"{path}: {kind} {number} lacks or garbles {error}.", possible=", ".join(ENVIRONMENT[kind])
+                ) from error
     return tuple(shapes)
 
 

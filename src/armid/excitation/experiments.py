@@ -145,7 +145,7 @@ def choose_poses(
     everything = np.einsum("nja,njb->ab", rows, rows)
     values, vectors = np.linalg.eigh(everything)
     if values[-1] <= 0.0:
-        raise ArmidError(f"Gravity acts on no joint of {model.robot.name}; poses show nothing.")
+        raise ArmidError(f"Gravity acts on no joint of {model.robot.name}.", remedy="record sweeps, not poses.")
     seen = vectors[:, values > 1e-10 * values[-1]]
     rows = rows @ seen
     parts = np.einsum("nja,njb->nab", rows, rows)

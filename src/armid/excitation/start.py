@@ -103,7 +103,10 @@ def choose_start(cell: Cell, limits: Limits, holds: Holds = anywhere) -> Start:
     order = order[distance[order] >= cell.margin + CERTIFICATE]
     if not len(order):
         kept_apart(cell, usual)
-        raise ArmidError(f"No pose of {cell.robot.name} was found in which all bodies keep apart.")
+        raise ArmidError(
+            f"No pose of {cell.robot.name} was found in which all bodies keep apart.",
+            remedy="give a pose with --start, or less --clearance.",
+        )
     order = order[holds(poses[order])][:SHORT]
     if not len(order):
         raise ArmidError(

@@ -133,7 +133,10 @@ def _in_order(robot: Robot, like: Robot) -> Robot:
     if robot.joint_names == like.joint_names:
         return robot
     if sorted(robot.joint_names) != sorted(like.joint_names):
-        raise OutputError(f"The written file has the joints {', '.join(robot.joint_names)}.")
+        raise OutputError(
+            f"The written file has the joints {', '.join(robot.joint_names)}.",
+            remedy="report this: the description holds something that armid does not write.",
+        )
     order = [robot.joint_index(name) for name in like.joint_names]
     joints = [robot.joints[k] for k in order]
     joints = [replace(j, parent=order.index(j.parent) if j.parent >= 0 else -1) for j in joints]

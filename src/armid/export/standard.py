@@ -147,7 +147,10 @@ def _nearest(
 ) -> Array:
     """The consistent parameters with these base values that lie nearest to the anchor."""
     if np.abs(particular[empty]).max(initial=0.0) > SAME * np.abs(particular).max():
-        raise EstimationError("Links without a body cannot be empty with these base values.")
+        raise EstimationError(
+            "Links without a body cannot be empty with these base values.",
+            remedy="identify with --method physical, or give these links a mass in the description.",
+        )
     z = basis.shape[1]
     there = [own for own in standard.inertial if not np.isin(own, empty).any()]
     cones: list[Cone] = []

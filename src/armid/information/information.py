@@ -101,7 +101,7 @@ def merge(parts: Sequence[Information]) -> Information:
         ArmidError: Nothing to merge, or the pieces are about different parameters.
     """
     if not parts:
-        raise ArmidError("There is no information to merge.")
+        raise ArmidError("There is no information to merge.", remedy="give at least one.")
     first = parts[0]
     if len(parts) == 1:
         return first
@@ -110,7 +110,10 @@ def merge(parts: Sequence[Information]) -> Information:
             np.array_equal(a.parameters, b.parameters) for a, b in zip(part.joints, first.joints, strict=True)
         )
         if not alike:
-            raise ArmidError("Only information about the same base parameters can be merged.")
+            raise ArmidError(
+                "Only information about the same base parameters can be merged.",
+                remedy="merge what the same model, robot and terms gave.",
+            )
     joints = tuple(
         JointFactors(joint.parameters, np.concatenate([part.joints[j].R for part in parts]))
         for j, joint in enumerate(first.joints)

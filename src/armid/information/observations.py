@@ -49,7 +49,10 @@ class ObservedRun:
         N, n = self.motion.q.shape
         object.__setattr__(self, "torque", array(self.torque, (N, n), "torque"))
         if not (self.step >= 1 and 0 <= self.offset < max(N, 1)):
-            raise ArmidError(f"The output grid (offset {self.offset}, step {self.step}) misses the {N} samples.")
+            raise ArmidError(
+                f"The output grid (offset {self.offset}, step {self.step}) misses the {N} samples.",
+                remedy="give an offset below the number of samples, and a step of at least one.",
+            )
         rows = len(self.rows)
         mask = np.array(self.mask, dtype=np.bool_)
         block = np.array(self.block, dtype=np.int64)

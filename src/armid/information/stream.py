@@ -78,7 +78,10 @@ def inform(
         )
     for run in observations.runs:
         if run.motion.n != model.n:
-            raise ArmidError(f"A run has {run.motion.n} joints; {model.robot.name} has {model.n}.")
+            raise ArmidError(
+                f"A run has {run.motion.n} joints; {model.robot.name} has {model.n}.",
+                remedy="give the motion of this arm.",
+            )
     source = column_source(model, base)
     long = sum(len(run.block) for run in observations.runs if _is_raw(run, observations.band)) > GRAM_ROWS
     if long:

@@ -78,7 +78,9 @@ def _column(recording: Recording, quantity: str, joint: int) -> Array:
     if values is None:
         raise LabError(f"The recording has no {quantity!r}.", possible=", ".join(QUANTITIES))
     if not 0 <= joint < recording.n:
-        raise LabError(f"There is no joint {joint}; joints count from 0 to {recording.n - 1} here.")
+        raise LabError(
+            f"There is no joint {joint}; joints count from 0 to {recording.n - 1} here.", remedy="name another joint."
+        )
     return values.copy()
 
 
@@ -227,7 +229,9 @@ class Scaled:
         """The recording with the quantity scaled."""
         del rng
         if len(self.factors) not in (1, recording.n):
-            raise LabError(f"{len(self.factors)} factors do not fit {recording.n} joints.")
+            raise LabError(
+                f"{len(self.factors)} factors do not fit {recording.n} joints.", remedy="give one factor a joint."
+            )
         return replace(recording, **{self.quantity: _column(recording, self.quantity, 0) * np.array(self.factors)})
 
 

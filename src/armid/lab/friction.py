@@ -170,9 +170,15 @@ class Friction:
         if self.warmth is not None:
             lengths |= {len(self.warmth.coefficient), len(self.warmth.initial)}
         if lengths != {n}:
-            raise LabError(f"Friction of {n} joints has parts for {', '.join(map(str, sorted(lengths)))}.")
+            raise LabError(
+                f"Friction of {n} joints has parts for {', '.join(map(str, sorted(lengths)))}.",
+                remedy="give every part one number a joint.",
+            )
         if (np.abs(self.asymmetry) > self.coulomb).any() or (self.load < 0.0).any():
-            raise LabError("Friction would drive a joint: asymmetry exceeds coulomb, or load is negative.")
+            raise LabError(
+                "Friction would drive a joint: asymmetry exceeds coulomb, or load is negative.",
+                remedy="give less asymmetry than coulomb, and no load below zero.",
+            )
 
     @classmethod
     def none(cls, n: int) -> Friction:

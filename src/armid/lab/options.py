@@ -104,7 +104,9 @@ def load_options(path: Path | str) -> LabOptions:
     except (OSError, UnicodeDecodeError) as error:
         raise LabError(f"{path} cannot be read: {error}.", remedy="give the path of a lab.toml.") from error
     except tomllib.TOMLDecodeError as error:
-        raise LabError(f"{path} is no valid TOML: {error}.") from error
+        raise LabError(
+            f"{path} is no valid TOML: {error}.", remedy="correct the line that the reason names."
+        ) from error
     return parse_options(table)
 
 
@@ -130,14 +132,14 @@ def _made(kind: type[T], table: object, where: str) -> T:
         if name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
     ]
     if missing:
-        raise LabError(f"{where} lacks {', '.join(missing)}.")
+        raise LabError(f"{where} lacks {', '.join(missing)}.", remedy="add what is missing.")
     values = {key: _value(hints[key], value, f"{where}: {key}") for key, value in table.items()}
     try:
         return kind(**values)
     except ArmidError as error:
         raise LabError(f"{where}: {error.problem}", possible=error.possible, remedy=error.remedy) from error
     except (TypeError, ValueError) as error:
-        raise LabError(f"{where} has a value of the wrong type: {error}.") from error
+        raise LabError(f"{where} has a value of the wrong type: {error}.", remedy="correct its type.") from error
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:

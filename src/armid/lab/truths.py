@@ -48,7 +48,10 @@ class Truth:
         damping = self.spring_damping if np.size(self.spring_damping) else np.zeros(n)
         object.__setattr__(self, "spring_damping", array(damping, (n,), "spring_damping"))
         if self.friction.n != n:
-            raise LabError(f"Friction of {self.friction.n} joints does not fit the {n} of {self.robot.name}.")
+            raise LabError(
+                f"Friction of {self.friction.n} joints does not fit the {n} of {self.robot.name}.",
+                remedy="give friction one number a joint.",
+            )
         if (self.rotor < 0.0).any():
             raise LabError(f"Rotor inertia must not be negative; found {self.rotor.min():g}.")
         if self.stiffness is not None:

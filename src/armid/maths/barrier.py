@@ -281,7 +281,10 @@ def minimise(problem: Smooth, start: Array, *, aim: float = GAP, near: bool = Fa
     mu = max(1.0, _finite(barriers, x) / max(barriers.orders, 1))
     if near and len(barriers.weights):
         mu = float(barriers.weights.min())
-    trouble = UnsolvedError("The search for consistent parameters gave no answer.")
+    trouble = UnsolvedError(
+        "The search for consistent parameters gave no answer.",
+        remedy="loosen what is asked of the bodies, or identify with another method.",
+    )
     for shrink in SHRINK[:1] if near else SHRINK:
         try:
             return _follow(barriers, x, mu, aim, shrink)

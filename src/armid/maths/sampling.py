@@ -63,7 +63,10 @@ def resample(time: Array, x: Array, grid: Array, *, longest: float = np.inf) -> 
         )
     margin = 1e-9 * (time[-1] - time[0])  # rounding of the caller's grid
     if len(grid) and (grid[0] < time[0] - margin or grid[-1] > time[-1] + margin):
-        raise ArmidError(f"The grid {grid[0]:g} … {grid[-1]:g} s leaves the clock {time[0]:g} … {time[-1]:g} s.")
+        raise ArmidError(
+            f"The grid {grid[0]:g} … {grid[-1]:g} s leaves the clock {time[0]:g} … {time[-1]:g} s.",
+            remedy="take a grid within the recording.",
+        )
     return spline(time, x, np.clip(grid, time[0], time[-1]))
 
 

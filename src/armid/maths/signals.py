@@ -126,7 +126,10 @@ def decimation_filter(
         attenuation: Of what folds down [dB]; the pass band is flat to twice that ratio.
     """
     if not (step >= 1 and 0 < pass_band < 1):
-        raise ArmidError(f"Decimation by {step} with a pass band of {pass_band} is impossible.")
+        raise ArmidError(
+            f"Decimation by {step} with a pass band of {pass_band} is impossible.",
+            remedy="decimate less, or lower the cut-off.",
+        )
     if step == 1:
         return np.ones(1)
     width = (1.0 - pass_band) / step  # from pass to stop band, cycles a sample
@@ -354,7 +357,7 @@ def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool 
         periodic: Differences wrap around; else the two ends use one-sided formulas of the same power.
     """
     if order not in (1, 2):
-        raise ArmidError(f"Central differences give the first or second derivative; order {order} was asked.")
+        raise ArmidError(f"Central differences give the first or second derivative; found order {order}.")
     if periodic:
         forward, backward = np.roll(x, -1, axis=0), np.roll(x, 1, axis=0)
         return (forward - backward) * (rate / 2) if order == 1 else (forward - 2 * x + backward) * rate**2

@@ -177,7 +177,10 @@ def _check_channels(recording: Recording, reading: Reading) -> tuple[Finding, ..
 
 def _check_gains(recording: Recording, reading: Reading) -> None:
     if reading.drive_gain is not None and recording.effort is None:
-        raise RecordingError(f"{recording.source}: drive_gain is given, but the recording has no effort.")
+        raise RecordingError(
+            f"{recording.source}: drive_gain is given, but the recording has no effort.",
+            remedy="name the column of the currents under columns, or leave drive_gain out.",
+        )
     if recording.effort_is_current and reading.drive_gain is None:
         raise fault(
             "current-without-gain",

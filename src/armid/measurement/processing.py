@@ -99,7 +99,10 @@ class Processing:
         if self.family == "none":
             return Band()
         if self.cutoff == "auto":
-            raise StudyError('processing.cutoff = "auto" is not yet found from a motion.')
+            raise StudyError(
+                'processing.cutoff = "auto" is not yet found from a motion.',
+                remedy="find it with armid.measurement.process.observe, or give it in Hz.",
+            )
         return Band(self.family, self.cutoff, self.order, self.edges, self.columns)
 
 
@@ -116,8 +119,8 @@ def _number(processing: Processing, name: str, *, zero: bool, also: str = "") ->
     value: Any = getattr(processing, name)
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not (0 < value < float("inf") or (zero and value == 0)):
-        least = "from 0 on" if zero else "above 0"
-        raise StudyError(f"processing.{name} must be a number {least} {also}".rstrip() + f"; found {value!r}.")
+        least = f"{'from 0 on' if zero else 'above 0'} {also}".rstrip()
+        raise StudyError(f"processing.{name} must be a number {least}; found {value!r}.")
     object.__setattr__(processing, name, float(value))
 
 

@@ -123,7 +123,10 @@ class Reading:
         if self.preset is not None and self.preset not in PRESETS:
             raise _wrong("preset", self.preset, ", ".join(PRESETS))
         if self.start is not None and self.period is None:
-            raise RecordingError("start says where the first period begins, but no period is given.")
+            raise RecordingError(
+                "start says where the first period begins, but no period is given.",
+                remedy="give period as well, or leave start out.",
+            )
         self._check_joint_side()
         _set(self, "columns", _columns(self.columns))
         _set(self, "joints", _joints(self.joints))
@@ -158,7 +161,9 @@ class Reading:
             if deviation.ndim != 1 or (deviation < 0).any():
                 raise _wrong("drive_gain_deviation", self.drive_gain_deviation, "numbers from 0 on, 0.1 is 10 %")
             if self.drive_gain is None:
-                raise RecordingError("drive_gain_deviation is given without drive_gain.")
+                raise RecordingError(
+                    "drive_gain_deviation is given without drive_gain.", remedy="give drive_gain as well."
+                )
             _set(self, "drive_gain_deviation", array(deviation, (None,), "drive_gain_deviation"))
             lengths |= {"drive_gain_deviation": deviation.size} if deviation.size > 1 else {}
         if self.transmission is not None:
@@ -243,7 +248,9 @@ def _columns(value: Any) -> dict[str, tuple[str, ...]]:
             raise _wrong(f"columns.{quantity}", names, 'a name, a pattern such as "q{}", or a list of names')
         columns[quantity] = () if listed == ("",) else listed
     if columns.get("q") == ():
-        raise RecordingError("columns leaves q out; without positions there is no motion.")
+        raise RecordingError(
+            "columns leaves q out; without positions there is no motion.", remedy="name the columns of q."
+        )
     return columns
 
 
@@ -256,7 +263,9 @@ def _joints(value: Any) -> dict[str, str]:
     taken = [name for name in pairs.values() if name]
     twice = sorted({name for name in taken if taken.count(name) > 1})
     if twice:
-        raise RecordingError(f"joints gives {', '.join(twice)} to more than one channel.")
+        raise RecordingError(
+            f"joints gives {', '.join(twice)} to more than one channel.", remedy="name each joint once."
+        )
     return pairs
 
 

@@ -69,7 +69,10 @@ class Recording(Shown):
             object.__setattr__(self, "time", self._fitting(self.time, (samples,), "time"))
         object.__setattr__(self, "joint_names", tuple(str(name) for name in self.joint_names))
         if self.joint_names and len(self.joint_names) != n:
-            raise RecordingError(f"{self.source or 'The recording'} names {len(self.joint_names)} of {n} channels.")
+            raise RecordingError(
+                f"{self.source or 'The recording'} names {len(self.joint_names)} of {n} channels.",
+                remedy="name all channels, or none.",
+            )
         valid = np.array(self.valid, dtype=np.bool_)
         if valid.shape not in ((), (samples,), (samples, n)):
             raise RecordingError(f"valid must have shape {(samples, n)} or {(samples,)}; found {valid.shape}.")

@@ -138,7 +138,10 @@ def _masked(recording: Recording, reading: Reading) -> Recording:
         return recording
     inside = _excluded(recording, reading)
     if inside.all():
-        raise RecordingError(f"{recording.source or 'The recording'}: exclude leaves no row.")
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: exclude leaves no row.",
+            remedy="exclude less; its times are those of the recording in seconds.",
+        )
     return replace(recording, valid=recording.valid & ~inside[:, None])
 
 

@@ -353,4 +353,7 @@ class DynamicsModel(Shown):
 
     def _check(self, motion: Motion) -> None:
         if motion.n != self.n:
-            raise ModelError(f"The motion has {motion.n} joints; {self.robot.name} has {self.n}.")
+            raise ModelError(
+                f"The motion has {motion.n} joints; {self.robot.name} has {self.n}.",
+                remedy="give a motion of this arm.",
+            )

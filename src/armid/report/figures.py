@@ -140,7 +140,10 @@ def plot_plan(
     require_extra("plotly")
     whole = Plan(plan) if isinstance(plan, Excitation) else plan
     if whole.excitation.n != robot.n:
-        raise ArmidError(f"The plan moves {whole.excitation.n} joints; {robot.name} has {robot.n}.")
+        raise ArmidError(
+            f"The plan moves {whole.excitation.n} joints; {robot.name} has {robot.n}.",
+            remedy="give a plan of this arm.",
+        )
     model = DynamicsModel(robot, (RigidBody(),))
     section = motion_section(whole, model, described_limits(robot) if limits is None else limits)
     return figure_of(_of_joint(section, joint, robot), theme=theme)

@@ -184,7 +184,10 @@ def read_again(
         place = _found(choice.path, str(study["folder"]), data)
         recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
     if recording.sha256 != sha256:
-        raise ArmidError(f"{choice.path} has changed since the run was made (sha256 {recording.sha256[:12]}…).")
+        raise ArmidError(
+            f"{choice.path} has changed since the run was made (sha256 {recording.sha256[:12]}…).",
+            remedy="put the file of that time back, or identify again.",
+        )
     return recording
 
 
@@ -200,7 +203,10 @@ def _found(path: str, folder: str, data: Path | str | None) -> Path:
     for place in places:
         if place.is_file():
             return place
-    raise ArmidError(f"{path} is not in {folder if data is None else f'{data} nor in {folder}'} any more.")
+    raise ArmidError(
+        f"{path} is not in {folder if data is None else f'{data} nor in {folder}'} any more.",
+        remedy="say with --data FOLDER where it is.",
+    )
 
 
 def _numbers(values: Any) -> Array:

@@ -314,7 +314,10 @@ class Robot(Shown):
 def _weld(robot: Robot, index: int, value: float) -> Robot:
     """The robot without joint `index`, its link merged into the parent link at position `value`."""
     if robot.n == 1:
-        raise RobotError(f"Locking {robot.joints[index].name!r} leaves {robot.name} without a joint.")
+        raise RobotError(
+            f"Locking {robot.joints[index].name!r} leaves {robot.name} without a joint.",
+            remedy="leave at least one joint free.",
+        )
     joint = robot.joints[index]
     rotation, translation = joint.motion(value)
     weld = homogeneous(rotation, translation)

@@ -58,7 +58,9 @@ def run_benchmarks(samples: int, *, progress: Progress | None = None) -> dict[st
     command = [sys.executable, "-m", "armid.study.bench", str(samples)]
     done = subprocess.run(command, env={**os.environ, **ONE_THREAD}, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise ArmidError(f"The benchmark failed: {done.stderr.strip().splitlines()[-1:]}")
+        raise ArmidError(
+            f"The benchmark failed: {done.stderr.strip().splitlines()[-1:]}", remedy="run it by itself to see why."
+        )
     return json.loads(done.stdout)
 
 

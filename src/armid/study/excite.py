@@ -274,7 +274,10 @@ def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
     """A start pose inside its limits."""
     start = np.asarray(given, dtype=np.float64)
     if start.shape != (robot.n,):
-        raise ArmidError(f"The start pose has {start.size} numbers; {robot.name} has {robot.n} joints.")
+        raise ArmidError(
+            f"The start pose has {start.size} numbers; {robot.name} has {robot.n} joints.",
+            remedy="give one number a joint.",
+        )
     for name, q, low, high in zip(robot.joint_names, start, limits.lower, limits.upper, strict=True):
         if not low < q < high:
             raise ArmidError(
@@ -345,7 +348,10 @@ def _with_leads(basis: SeriesBasis, x: Array, wish: Wish, limits: Limits, name: 
         if pose is None:
             return 0.0
         if np.shape(pose) != start.shape:
-            raise ArmidError(f"A pose has {np.size(pose)} numbers; the arm has {len(start)} joints.")
+            raise ArmidError(
+                f"A pose has {np.size(pose)} numbers; the arm has {len(start)} joints.",
+                remedy="give one number a joint.",
+            )
         return max(seconds_for(pose - start, LEAD_SHARE * limits.velocity, acceleration, limits.jerk), 0.1)
 
     return Plan(series, wish.goal.repetitions, wish.begin, wish.end, seconds(wish.begin), seconds(wish.end))

@@ -208,7 +208,10 @@ def _of_motion(path: str, goal: Goal) -> Array:
     series = _series(path)
     motion = motion_of_file(path, goal.model.robot) if series is None else series.sample(goal.rate)
     if motion.n != goal.model.n:
-        raise ArmidError(f"{path} moves {motion.n} joints; {goal.model.robot.name} has {goal.model.n}.")
+        raise ArmidError(
+            f"{path} moves {motion.n} joints; {goal.model.robot.name} has {goal.model.n}.",
+            remedy="give a plan or recording of this arm.",
+        )
     return information_along(goal, motion)
 
 
@@ -270,7 +273,10 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
         runs = [run.motion for run in observations.runs]
         motion = Motion(*(np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "q", "dq", "ddq")))
     if motion.n != robot.n:
-        raise ArmidError(f"{path} moves {motion.n} joints; {robot.name} has {robot.n}.")
+        raise ArmidError(
+            f"{path} moves {motion.n} joints; {robot.name} has {robot.n}.",
+            remedy="give a plan or recording of this arm.",
+        )
     return motion
 
 

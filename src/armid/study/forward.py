@@ -46,7 +46,7 @@ def load_feedback(path: Path | str) -> Feedback:
         none = np.zeros(len(table["proportional"]))
         return Feedback(table["proportional"], table["derivative"], table.get("integral") or none)
     except TypeError as error:
-        raise ArmidError(f"{path}: gains are lists of numbers, one a joint ({error}).") from error
+        raise ArmidError(f"{path}: gains must be lists of numbers, one a joint ({error}).") from error
 
 
 def roll_out_run(
@@ -74,7 +74,8 @@ def roll_out_run(
     """
     if feedback is not None and len(feedback.proportional) != run.robot.n:
         raise StudyError(
-            f"The controller has {len(feedback.proportional)} joints; {run.robot.name} has {run.robot.n}."
+            f"The controller has {len(feedback.proportional)} joints; {run.robot.name} has {run.robot.n}.",
+            remedy="give the gains of this arm.",
         )
     how = replace(run.reading, exclude=(), start=None, **reading)
     parameters = torque_parameters(run.estimate.base, run.estimate.fit)

@@ -33,15 +33,9 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.shown import Shown, Summary
+from armid.study import plausibility
 from armid.study.cut import cut, refuse_shared
 from armid.study.doctor import watch
-from armid.study.plausibility import (
-    excitation_finding,
-    few_blocks_finding,
-    gravity_finding,
-    negative_finding,
-    weak_finding,
-)
 from armid.study.study import (
     RecordingChoice,
     Study,
@@ -365,11 +359,11 @@ def _doubts(prepared: Prepared, estimate: Estimate) -> list[Finding]:
     problem, fit = stated_problem(prepared), estimate.fit
     _, _, observations = problem.require_samples(estimate.method)
     found = [
-        gravity_finding(prepared.model.robot),
-        excitation_finding(prepared.problem.information),
-        few_blocks_finding(fit),
-        negative_finding(prepared.model, fit),
-        weak_finding(problem.information, observations, fit, chosen=prepared.ladder is not None),
+        plausibility.gravity_finding(prepared.model.robot),
+        plausibility.excitation_finding(prepared.problem.information),
+        plausibility.few_blocks_finding(fit),
+        plausibility.negative_finding(prepared.model, fit),
+        plausibility.weak_finding(problem.information, observations, fit, chosen=prepared.ladder is not None),
     ]
     return [finding for finding in found if finding is not None]
 

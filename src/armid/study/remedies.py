@@ -39,7 +39,9 @@ def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
     try:
         keys = tomllib.loads(remedy)
     except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"The remedy {remedy!r} is no line of a study: {error}.") from error
+        raise StudyError(
+            f"The remedy {remedy!r} is no line of a study: {error}.", remedy="write it by hand."
+        ) from error
     found: dict[str, dict[str, Any]] = {}
     for key, value in keys.items():
         homes = [name for name, kind in TABLES.items() if key in {f.name for f in dataclasses.fields(kind)}]

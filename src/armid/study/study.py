@@ -352,7 +352,7 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
         if f.name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
     ]
     if missing:
-        raise StudyError(f"{where} lacks {', '.join(missing)}.")
+        raise StudyError(f"{where} lacks {', '.join(missing)}.", remedy="add what is missing.")
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     try:
         return kind(**values)
@@ -360,7 +360,7 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
         problem = error.problem.removeprefix(f"{where.strip('[]')}.")
         raise StudyError(f"{where} {problem}", possible=error.possible, remedy=error.remedy) from error
     except (TypeError, ValueError) as error:
-        raise StudyError(f"{where} has a value of the wrong type: {error}.") from error
+        raise StudyError(f"{where} has a value of the wrong type: {error}.", remedy="correct its type.") from error
 
 
 def _known(table: object, known: Iterable[str], where: str) -> None:

@@ -127,7 +127,9 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Wi
             remedy="choose a shorter window, or a recording whose rows follow each other.",
         )
     if len({run.rate for run, _ in parts}) > 1:
-        raise ArmidError("The runs of one recording differ in their rate.")
+        raise ArmidError(
+            "The runs of one recording differ in their rate.", remedy="give each rate a recording of its own."
+        )
     if len(parts) > MOST_WINDOWS:
         parts = [parts[k] for k in np.linspace(0, len(parts) - 1, MOST_WINDOWS).astype(int)]
     nodes = len(model.nodes)

@@ -109,7 +109,10 @@ class PhysicallyConsistent:
             EstimationError: The description gives no prior that was asked for, or constraints contradict each other.
             UnsolvedError: No solution passed its checks.
         """
-        trouble = UnsolvedError("No consistent parameters were found.")
+        trouble = UnsolvedError(
+            "No consistent parameters were found.",
+            remedy="loosen heaviest, masses, com, known, fixed or equal, or identify with another method.",
+        )
         first = weigh(problem.information, resolution=RESOLUTIONS[0])
         for resolution in RESOLUTIONS:
             raised = resolution > RESOLUTIONS[0]

@@ -41,7 +41,10 @@ def read(content: bytes) -> Track:
     header, _, rows = content.decode(errors="replace").partition("\n")
     names = [name.strip().removeprefix("q_") for name in header.split(",") if name.startswith("q_")]
     if not names:
-        raise ArmidError("This is no table of a motion: its header names no q_JOINT.")
+        raise ArmidError(
+            "This is no table of a motion: its header names no q_JOINT.",
+            remedy="give a file that armid excite wrote.",
+        )
     values = number_rows(rows, 1 + 3 * len(names))
     states = np.split(values[:, 1:], 3, axis=1)
     return Track("", tuple(names), (False,) * len(names), Motion(values[:, 0], *states))

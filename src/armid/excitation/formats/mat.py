@@ -54,6 +54,8 @@ def read(content: bytes) -> Track:
         states = [np.asarray(values[key], dtype=np.float64).reshape(len(time), -1) for key in ("q", "dq", "ddq")]
         joints = tuple(str(name) for name in np.atleast_1d(values["joints"]))
     except (MatReadError, ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
-        raise ArmidError(f"This is no file of a plan: {error}.") from error
+        raise ArmidError(
+            f"This is no file of a plan: {error}.", remedy="give a file that armid excite wrote."
+        ) from error
     plan = str(values["plan"]) if "plan" in values else ""
     return Track("", joints, (False,) * len(joints), Motion(time, *states), plan)

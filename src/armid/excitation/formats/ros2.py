@@ -60,7 +60,9 @@ def read(content: bytes) -> Track:
     joints = [json.loads(line[2:]) for line in names.splitlines() if line.startswith("- ")]
     found = POINT.findall(points)
     if not joints or not found:
-        raise ArmidError("This is no trajectory: it lacks joint_names or points.")
+        raise ArmidError(
+            "This is no trajectory: it lacks joint_names or points.", remedy="give a file that armid excite wrote."
+        )
     states = (np.array([json.loads(point[k]) for point in found], dtype=np.float64) for k in range(3))
     time = np.array([int(point[3]) + 1e-9 * int(point[4]) for point in found])
     plan = plan_in_comments(text, "#")

@@ -80,7 +80,9 @@ def number_rows(text: str, columns: int | None = None) -> Array:
     try:
         rows = np.array([[float(x) for x in line.split(",")] for line in text.splitlines() if line.strip()])
     except ValueError as error:
-        raise ArmidError(f"These are no rows of numbers: {error}.") from error
+        raise ArmidError(
+            f"These are no rows of numbers: {error}.", remedy="give a file that armid excite wrote."
+        ) from error
     if rows.ndim != 2 or not len(rows) or (columns is not None and rows.shape[1] != columns):
         raise ArmidError(f"Expected rows of {columns or 'several'} numbers; found {rows.shape}.")
     return rows

@@ -48,7 +48,7 @@ def read(content: bytes) -> Track:
     text = content.decode(errors="replace")
     found = SERVO.findall(text)
     if not found:
-        raise ArmidError("This is no program of servoj.")
+        raise ArmidError("This is no program of servoj.", remedy="give a file that armid excite wrote.")
     q = number_rows("\n".join(row for row, _ in found), JOINTS)
     motion = states_of_positions(np.arange(float(len(q))) * float(found[0][1]), q)
     joints = tuple(f"joint_{k + 1}" for k in range(JOINTS))

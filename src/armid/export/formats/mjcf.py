@@ -68,7 +68,10 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
             try:
                 text, more = whole(other, other.read_bytes(), folder)
             except OSError as error:
-                raise RobotError(f"{path} includes {other}, which cannot be read ({error}).") from error
+                raise RobotError(
+                    f"{path} includes {other}, which cannot be read ({error}).",
+                    remedy="put the file where the include says.",
+                ) from error
             files += more
             inside = Document(text)
             own = inside.root

@@ -77,7 +77,7 @@ def read(data: bytes, locked: Mapping[str, float]) -> Robot:
     del locked
     model = ET.fromstring(data).find("model")
     if model is None:
-        raise OutputError("The written SDF holds no model.")
+        raise OutputError("The written SDF holds no model.", remedy="report this: it is a fault of armid.")
     moving = [joint for joint in model.findall("joint") if joint.get("type") != "fixed"]
     carried = [joint.findtext("child", "") for joint in moving]
     links = {link.get("name", ""): link for link in model.findall("link")}

@@ -34,7 +34,10 @@ def read(path: Path, reading: Reading) -> Recording:
         with path.open("rb") as stream:
             archive = np.load(stream, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise RecordingError(f"{path} is a single array, not an archive of named ones.")
+                raise RecordingError(
+                    f"{path} is a single array, not an archive of named ones.",
+                    remedy="save it as numpy.savez(path, t=t, q=q, tau=tau).",
+                )
             with archive:
                 return _recording(archive, reading, path)
     except (OSError, EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:

@@ -46,7 +46,10 @@ class Coupling:
         coordinate = tuple(sorted((robot.joint_index(name), float(w)) for name, w in self.joints.items()))
         kinds = {robot.joints[j].kind == "prismatic" for j, _ in coordinate}
         if len(kinds) > 1:
-            raise ModelError("A coupling joins either revolute or prismatic joints, not both.")
+            raise ModelError(
+                "A coupling joins either revolute or prismatic joints, not both.",
+                remedy="give revolute and prismatic joints couplings of their own.",
+            )
         prismatic = kinds == {True}
         units = ("kg", "N·s/m", "N") if prismatic else ("kg·m²", "N·m·s/rad", "N·m")
         expressions = (symbol("ddq"), symbol("dq"), coulomb_law(self.width))

@@ -61,7 +61,10 @@ def preview_of(
     else:
         clip = _of_file(motion, robot, reading or Reading())
     if clip.q.shape[1] != robot.n:
-        raise ArmidError(f"{motion} moves {clip.q.shape[1]} joints; {robot.name} has {robot.n}.")
+        raise ArmidError(
+            f"{motion} moves {clip.q.shape[1]} joints; {robot.name} has {robot.n}.",
+            remedy="give a plan or recording of this arm.",
+        )
     return Preview(robot, clip, around, layers=_layers(robot, estimate))
 
 

@@ -173,7 +173,10 @@ def _joint(row: _Table, parent: int, placement: Array) -> Joint:
     position = row.vector("position", 2, (-math.inf, math.inf), angle=turns)
     name = row.text("name")
     if position[0] >= position[1]:
-        raise RobotError(f"{row.where}: the limits {row.data['position']} of {name!r} leave no room.")
+        raise RobotError(
+            f"{row.where}: the limits {row.data['position']} of {name!r} leave no room.",
+            remedy="give a lower limit below the upper one.",
+        )
     if kind == "continuous" and "position" in row.data:
         raise RobotError(f"{row.where}: {name!r} is continuous and has position limits.", remedy="call it revolute.")
     return Joint(
