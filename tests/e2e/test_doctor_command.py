@@ -42,7 +42,20 @@ def test_a_turned_torque_is_an_error_with_its_remedy(tmp_path: Path, capsys: pyt
 def test_people_see_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     path = write_recording(small_recording(1), tmp_path / "run.csv", clock=False)
     code, out = called(capsys, str(write_arm(tmp_path)), str(path))
-    assert code == 1 and "clock-missing" in out and "give rate" in out
+    assert code == 1 and "clock-missing" in out and ("--rate" in out or "find out the rate" in out)
+
+
+def test_people_without_a_study_are_told_an_option_or_the_study_they_need(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    log = small_recording(1)
+    assert log.effort is not None and log.time is not None
+    arm = str(write_arm(tmp_path))
+    turned = write_recording(replace(log, effort=-log.effort), tmp_path / "turned.csv")
+    assert "--torque-sign -1" in called(capsys, arm, str(turned))[1]
+    slow = write_recording(replace(log, time=1e3 * log.time), tmp_path / "slow.csv")
+    out = called(capsys, arm, str(slow))[1]
+    assert "in a study.toml:" in out and "time_unit = 0.001" in out and "[[recording]]" in out
 
 
 def test_bad_input_is_no_finding(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -61,12 +61,10 @@ def doctor(
         choices = tuple(RecordingChoice(path, reading=reading) for path in recordings)
         study = Study(robot_choice(subject, gravity, lock), model_choice(terms), choices)
     found = diagnose(study)
-    if recordings:
-        found = _without_study(found, study, said)
     if json:
         sys.stdout.write(to_json(diagnosis_record(found)) + "\n")
     else:
-        _report(found)
+        _report(_without_study(found, study, said) if recordings else found)
     if is_ill(found):
         raise typer.Exit(1)
 
@@ -81,7 +79,7 @@ def _without_study(found: tuple[Diagnosis, ...], study: Study, said: dict[str, A
         if not tables_of(remedy):
             return remedy
         option = as_option(remedy)
-        return option or f"in a study.toml:\n{as_study(remedy, study.robot, path, said)}"
+        return option or f"in a study.toml:\n{as_study(remedy, study, path, said)}"
 
     return tuple(
         replace(each, findings=tuple(replace(f, remedy=told(f.remedy, each.path)) for f in each.findings))

@@ -79,20 +79,21 @@ def as_option(remedy: str) -> str | None:
     return " ".join(said) or None
 
 
-def as_study(remedy: str, robot: RobotChoice, path: str, reading: Mapping[str, Any]) -> str:
+def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -> str:
     """A whole study that says it.
 
     Args:
         remedy: As a finding has it.
-        robot: The arm.
+        study: Of the command line: its arm and terms.
         path: The recording.
         reading: What the command line says of it.
     """
     tables = tables_of(remedy)
-    arm = {key: value for key, value in dataclasses.asdict(robot).items() if value not in (None, (), {})}
+    arm = {key: value for key, value in dataclasses.asdict(study.robot).items() if value not in (None, (), {})}
     whole: dict[str, Any] = {"robot": {**arm, **tables.pop("robot", {})}}
+    whole["model"] = {"terms": list(study.model.terms), **tables.pop("model", {})}
     whole["recording"] = [{"path": path, **reading, **tables.pop("recording", {})}]
-    return to_toml({**whole, **tables}).rstrip()
+    return to_toml({**{name: table for name, table in whole.items() if table != {"terms": []}}, **tables}).rstrip()
 
 
 def _number(value: Any) -> str:
