@@ -18,14 +18,15 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from armid import kernel
-from armid.estimation.estimators import OrdinaryLeastSquares
-from armid.estimation.problem import Problem
+from armid.estimation.estimators import OrdinaryLeastSquares, PhysicallyConsistent
+from armid.estimation.problem import Problem, standard_of
 from armid.excitation.plans import builtin_plan
 from armid.information.band import Band
 from armid.information.observations import Observations, ObservedRun
@@ -37,6 +38,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.study.bench import measure
+from modelled import modelled_fit
 from peers import PeerMissingError, build_loop, run_loop
 
 Record = dict[str, Any]
@@ -50,6 +52,14 @@ FEW = 64
 
 ROUNDS = 7
 MARGINAL = "nanoseconds_a_further_sample"
+CONSISTENT: tuple[tuple[Literal["mass", "euclidean", "log-det"], str], ...] = (
+    ("mass", "CLARABEL"),
+    ("mass", "SCS"),
+    ("euclidean", "CLARABEL"),
+    ("log-det", "CLARABEL"),
+)
+"""Priors, and what a user of cvxpy would solve them with."""
+
 SIZES = (2_000, 20_000, 216_000, 2_000_000)
 
 
@@ -120,6 +130,32 @@ def regressor_against_cpp(arm: Arm, build: Path) -> list[Record]:
         record("regressor, base columns", "pinocchio, C++ loop", statistics.median(base), peer, disagreement=error),
         record("regressor, 7 x 70", "pinocchio, C++ loop", statistics.median(full), peer, disagreement=error),
     ]
+
+
+def physical(arm: Arm) -> list[Record]:
+    """Real bodies from factors: armid's whole estimate with intervals beside the bare program in cvxpy."""
+    if find_spec("cvxpy") is None:
+        print("cvxpy is left out: pip install cvxpy.", file=sys.stderr)
+        return []
+    information = inform(arm.model, arm.base, arm.recorded(20_000))
+    problem = Problem(information, standard_of(arm.model, arm.base), arm.model, arm.base)
+    rows: list[Record] = []
+    for prior, solver in CONSISTENT:
+        method = PhysicallyConsistent(prior=prior, weight=1.0)
+        standard = method.estimate(problem).standard
+        assert standard is not None
+        other = arm.base.regrouping @ (modelled_fit(problem, prior, solver) - standard.values)
+        deviation = OrdinaryLeastSquares().estimate(problem).deviation
+        mine: list[float] = []
+        theirs: list[float] = []
+        for _ in range(ROUNDS):
+            mine.append(cpu(lambda method=method: method.estimate(problem)))
+            theirs.append(cpu(lambda prior=prior, solver=solver: modelled_fit(problem, prior, solver)))
+        differs = float(np.abs(other / deviation).max())
+        peer = f"cvxpy with {solver}"
+        medians = statistics.median(mine), statistics.median(theirs)
+        rows.append(record(f"physical, prior {prior}", peer, *medians, disagreement=differs))
+    return rows
 
 
 def linearity(arm: Arm) -> list[Record]:
@@ -199,7 +235,7 @@ def run_all(samples: int, build: Path) -> Record:
         results += regressor_against_cpp(arm, build)
     except PeerMissingError as reason:
         print(f"Pinocchio's C++ loop is left out. {reason}", file=sys.stderr)
-    results += [*linearity(arm), memory_record]
+    results += [*physical(arm), *linearity(arm), memory_record]
     return {
         "isa": kernel.in_use(),
         "processor": processor(),
