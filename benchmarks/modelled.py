@@ -38,7 +38,7 @@ def modelled_fit(problem: Problem, kind: str, solver: str) -> Array:
     cost += 0.5 * cp.sum_squares(cp.multiply(np.sqrt(correlation * believed), theta - belief.mean))
     kept = [theta[np.flatnonzero(standard.nonnegative)] >= 0.0]
     for link, own in enumerate(standard.inertial):
-        J = sum(theta[k] * PSEUDO_INERTIA_OF[i] for i, k in enumerate(own))
+        J: Any = sum(theta[k] * PSEUDO_INERTIA_OF[i] for i, k in enumerate(own))
         kept.append(J >> EPSILON * np.eye(4))
         if kind == "mass":
             cost += correlation / MASS * (J[3, 3] + (J[0, 0] + J[1, 1] + J[2, 2]) / LENGTH**2)

@@ -21,12 +21,13 @@ from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction_candidates import RUNGS, Superset, candidates, described, superset, terms_of
 from armid.estimation.friction_folds import Prior, Stretches, make_stretches
 from armid.estimation.friction_search import Climb, Trial, climb
-from armid.estimation.prior import believe
+from armid.estimation.prior import believe, carried
 from armid.estimation.problem import Problem, standard_of
 from armid.estimation.weighted import Weighted, weigh
 from armid.information.information import Information, restrict
 from armid.information.observations import Observations
 from armid.information.stream import inform
+from armid.maths.linalg import inverse_of
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import LoadCoulomb, Term
@@ -162,13 +163,9 @@ def _handed_on(rows: float, information: Information) -> tuple[float | None, str
 def _prior(problem: Problem, weighted: Weighted) -> tuple[float, Prior]:
     """Weight of the prior on the base parameters by stretches left out, and the prior with it."""
     standard = problem.require_standard("friction ladder")
-    nominal = None if standard.nominal is None else standard.nominal[standard.inertial]
-    known = nominal is not None and len(nominal) > 0 and bool((nominal[:, 0] > 0.0).all())
-    belief = believe("log-det" if known else "mass", standard, weighted)
-    L = standard.regrouping
-    mean = L @ belief.mean
-    inverse = np.linalg.inv(L @ np.linalg.solve(belief.precision, L.T))
-    precision = np.asarray(inverse * weighted.correlation, dtype=np.float64)
+    belief = believe("log-det" if standard.described else "mass", standard, weighted)
+    mean = standard.regrouping @ belief.mean
+    precision = weighted.correlation * inverse_of(carried(belief.precision, standard.regrouping))
     information = problem.information
     kept, ridge = np.arange(information.count), np.zeros(information.count)
     data = make_stretches(information, folds(information, FOLDS), weighted.weights, Prior(mean, 0.0 * precision))

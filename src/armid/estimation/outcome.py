@@ -11,14 +11,12 @@ from armid.estimation.centre import find_centre
 from armid.estimation.consistency import smallest_eigenvalues
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit import Fit
-from armid.estimation.prior import Belief
+from armid.estimation.prior import Belief, carried
 from armid.estimation.problem import Standard
 from armid.estimation.standard_fit import (
     PriorUse,
     Proof,
     StandardFit,
-    half_of,
-    inverse_of,
     lift,
     shares,
     stated,
@@ -27,7 +25,7 @@ from armid.estimation.standard_fit import (
 from armid.estimation.uncertainty import scale_covariance
 from armid.estimation.weighted import Weighted
 from armid.information.information import stack
-from armid.maths.linalg import condition, scaled_condition
+from armid.maths.linalg import condition, inverse_of, scaled_condition
 from armid.values import Array
 
 __all__ = ["Outcome"]
@@ -127,9 +125,7 @@ class Outcome:
         whole = self.basis.shape[0] == self.basis.shape[1]
         if not (self.inside or self.told or len(self.weighted.unseen)) and whole:
             return None
-        moved = self.standard.regrouping @ self.basis
-        shown = moved @ half_of(self.narrow)
-        covariance = shown @ shown.T
+        covariance = carried(self.narrow, self.standard.regrouping @ self.basis)
         if whole:
             return inverse_of(covariance)
         # What is given has no variance; a millionth of the others' stands for that.

@@ -30,9 +30,10 @@ from armid.maths.inertia import (
     pseudo_inertia,
     vector_from_pseudo_inertia,
 )
+from armid.maths.linalg import half_of
 from armid.values import Array
 
-__all__ = ["LENGTH", "MASS", "Belief", "believe", "relative_precision", "size_of_bodies"]
+__all__ = ["LENGTH", "MASS", "Belief", "believe", "carried", "relative_precision", "size_of_bodies"]
 
 LENGTH = 0.3
 """Length that makes masses, first moments and inertias of an arm comparable [m]: half of a link's."""
@@ -158,6 +159,17 @@ def believe(kind: str, standard: Standard, weighted: Weighted) -> Belief:
     for own, relative in zip(standard.inertial, relative_precision(J), strict=True):
         precision[np.ix_(own, own)] = relative
     return Belief(mean, precision, np.asarray(np.linalg.inv(J), dtype=np.float64), findings)
+
+
+def carried(precision: Array, regrouping: Array) -> Array:
+    """What is believed of unknowns as it shows in base parameters: their covariance L P⁻¹ Lᵀ, shape (b, b).
+
+    Args:
+        precision: P of the unknowns, positive definite, shape (x, x).
+        regrouping: L, base parameters = L · unknowns, shape (b, x).
+    """
+    shown = regrouping @ half_of(precision)
+    return shown @ shown.T
 
 
 def size_of_bodies(standard: Standard) -> Array:

@@ -46,6 +46,12 @@ class Standard:
         if self.nominal is not None:
             object.__setattr__(self, "nominal", array(self.nominal, (p,), "nominal"))
 
+    @property
+    def described(self) -> bool:
+        """Whether there are links and the description gives each a mass, so that a prior may lean on it."""
+        masses = np.zeros(0) if self.nominal is None else self.nominal[self.inertial[:, 0]]
+        return len(masses) > 0 and bool((masses > 0.0).all())
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Problem:

@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from armid.maths.linalg import half_of, inverse_of
 from armid.shown import Shown, Summary
 from armid.values import Array, array
 
@@ -28,8 +29,6 @@ __all__ = [
     "StandardFit",
     "Status",
     "Trial",
-    "half_of",
-    "inverse_of",
     "lift",
     "shares",
     "stated",
@@ -41,9 +40,6 @@ Status = Literal["identified", "prior-dominated", "not identifiable"]
 IDENTIFIED = 0.9
 """Share of the data from which on a parameter is identified: a tenth of the prior's value moves it by no more than a
 tenth of what the prior is wrong."""
-
-LEAST = 1e-15
-"""Smallest eigenvalue over the largest, rows and columns scaled: what is smaller is rounding."""
 
 SEEN = 1e-9
 """Smallest singular value over the largest, columns of unit length, of what base parameters show of the unknowns."""
@@ -203,19 +199,6 @@ def shares(information: Array, precision: Array) -> tuple[Array, Array]:
     """
     inverse = inverse_of(information + precision)
     return inverse, np.clip(np.sum(inverse * information.T, axis=1), 0.0, 1.0)
-
-
-def inverse_of(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix, symmetric and positive whatever rounding made of the matrix."""
-    half = half_of(matrix)
-    return half @ half.T
-
-
-def half_of(matrix: Array) -> Array:
-    """A square root h of the inverse of a positive definite matrix, h hᵀ = matrix⁻¹."""
-    size = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
-    values, vectors = np.linalg.eigh(size[:, None] * (0.5 * (matrix + matrix.T)) * size)
-    return size[:, None] * vectors / np.sqrt(np.maximum(values, LEAST * values[-1]))
 
 
 def lift(precision: Array, regrouping: Array, basis: Array, correlation: float, shift: Array, bounded: Array) -> Lift:

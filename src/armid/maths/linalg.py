@@ -6,7 +6,10 @@ import numpy as np
 
 from armid.values import Array
 
-__all__ = ["condition", "null_directions", "scaled_condition", "unit_columns"]
+__all__ = ["condition", "half_of", "inverse_of", "null_directions", "scaled_condition", "unit_columns"]
+
+LEAST = 1e-15
+"""Smallest eigenvalue over the largest, rows and columns scaled: what is smaller is rounding."""
 
 RANK_TOLERANCE = 1e-10
 """Singular values of unit columns below this share of the largest are rank that is missing: rounding of the
@@ -42,3 +45,16 @@ def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     if not unseen.any():  # as nearly always; the directions cost twice the values
         return np.zeros((0, scaled.shape[1]))
     return np.linalg.svd(padded, full_matrices=False)[2][unseen]
+
+
+def inverse_of(matrix: Array) -> Array:
+    """Inverse of a positive definite matrix, symmetric and positive whatever rounding made of the matrix."""
+    half = half_of(matrix)
+    return half @ half.T
+
+
+def half_of(matrix: Array) -> Array:
+    """A square root h of the inverse of a positive definite matrix, h hᵀ = matrix⁻¹."""
+    size = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
+    values, vectors = np.linalg.eigh(size[:, None] * (0.5 * (matrix + matrix.T)) * size)
+    return size[:, None] * vectors / np.sqrt(np.maximum(values, LEAST * values[-1]))

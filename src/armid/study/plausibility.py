@@ -8,11 +8,10 @@ from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.fit import Fit
 from armid.estimation.friction import FEWEST
-from armid.estimation.standard_fit import inverse_of
 from armid.estimation.uncertainty import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.information.observations import Observations
-from armid.maths.linalg import unit_columns
+from armid.maths.linalg import inverse_of, unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.validation.doctor.excitation_weak import WEAK_CONDITION, hardly_told

@@ -23,7 +23,7 @@ from armid.errors import EstimationError, Finding
 from armid.estimation.crossvalidation import folds, held_out_error, held_out_squares, split
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import solve
-from armid.estimation.prior import believe
+from armid.estimation.prior import believe, carried
 from armid.estimation.problem import Problem
 from armid.estimation.uncertainty import scale_covariance
 from armid.estimation.weighted import Weighted, rows_of, weigh
@@ -90,12 +90,11 @@ class Ridge:
         standard = problem.require_standard(self.name)
         towards = self.towards
         if towards == "auto":
-            bodies = None if standard.nominal is None else standard.nominal[standard.inertial]
-            towards = "nominal" if bodies is not None and len(bodies) and (bodies[:, 0] > 0.0).all() else "zero"
+            towards = "nominal" if standard.described else "zero"
         at, copy = _places(problem)
         L = standard.regrouping[at]
         belief = believe("log-det" if towards == "nominal" else "mass", replace(standard, regrouping=L), weighted)
-        covariance = L @ np.linalg.solve(belief.precision, L.T)
+        covariance = carried(belief.precision, L)
         covariance *= copy[:, None] == copy[None, :]  # friction of each recording is believed the same by itself
         return _Prior(towards, L @ belief.mean, covariance / weighted.correlation, belief.findings)
 
