@@ -35,12 +35,13 @@ PLAIN: tuple[Term, ...] = (RigidBody(), Viscous(), Coulomb(WIDTH), Offset())
 
 RICH: tuple[Term, ...] = (
     *PLAIN,
-    Stribeck(0.1, 2.0, WIDTH),
+    Stribeck(0.14, 2.0, WIDTH),
     AsymmetricCoulomb(WIDTH),
     AsymmetricViscous(),
-    Hysteresis((0.01, 0.05)),
+    Hysteresis((0.014, 0.07)),
     Ripple((3.0,)),
 )
+"""Shapes between those of the ladder's grid."""
 
 SIZES = {
     "viscous": 1.0,
@@ -59,7 +60,7 @@ SIGNED = {"offset", "ripple", "asymmetric-coulomb", "asymmetric-viscous"}
 AS_GOOD = 1.2
 """RMS of all joints on unseen motion away from standstill over that of who knows the truth."""
 
-EACH = 1.4
+EACH = 1.35
 """The same of each joint: now and then one lacks a part of its hysteresis, as large as the noise."""
 
 MOVING = 0.1
@@ -104,7 +105,7 @@ def climbed(arm: Arm, seed: int) -> tuple[Ladder, Observations]:
     return choose_friction(arm.plain, training), training
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5, 8])
 def test_the_ladder_is_nearly_as_good_as_who_knows_the_truth(seed: int):
     arm = Arm(RICH, seed)
     ladder, training = climbed(arm, seed)

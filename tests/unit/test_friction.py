@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,18 @@ from armid.errors import EstimationError
 from armid.estimation import friction as module
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.friction import choose_friction
-from armid.estimation.friction_candidates import Piece, candidates, described, superset, terms_of
+from armid.estimation.friction_candidates import (
+    REFINED,
+    Piece,
+    Superset,
+    candidates,
+    described,
+    superset,
+    terms_of,
+)
 from armid.estimation.friction_folds import Prior, make_stretches
+from armid.estimation.friction_search import Climb, Taken, Trial
+from armid.estimation.friction_shapes import refine
 from armid.estimation.weighted import Weighted, weigh
 from armid.information.information import Information, select
 from armid.information.observations import Observations
@@ -20,10 +31,14 @@ from armid.information.stream import inform
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Hysteresis, Offset, RigidBody, Ripple, Stribeck, Viscous
+from armid.values import Array
 from problems import lively_motion, one_run, raw
 from trees import random_inertial, robot_of, structured_tree
 
 RATE = 50.0
+
+NEAR = 0.1
+"""Difference of a refined shape's logarithm from the truth: three deviations at this noise; the grid's is 0.34."""
 
 EXACT = 1e-6
 """Relative difference of gains by products of columns and by estimates on the stacked rows."""
@@ -117,6 +132,52 @@ def test_a_width_whose_memory_is_not_known_early_is_no_candidate():
     separate = candidates(model, raw(replace(run, consecutive=False)))
     assert not any(piece.term == Hysteresis.name for pieces in separate for piece in pieces)
     assert not any(piece.term == "load-coulomb" for pieces in allowed for piece in pieces)  # no load is known
+
+
+def test_a_velocity_law_that_the_speeds_do_not_show_whole_is_no_candidate():
+    model = arm()
+    (run,) = recorded(model).runs
+    slow = replace(run.motion, dq=run.motion.dq * (0.3 / np.abs(run.motion.dq).max(axis=0)))
+    allowed = candidates(model, raw(replace(run, motion=slow)))
+    found = {(piece.term, piece.shape) for pieces in allowed for piece in pieces}
+    assert ("stribeck", 0.05) in found and ("stribeck", 0.4) not in found
+    assert not any(term == "piecewise-viscous" and knot > 0.2 for term, knot in found)
+    assert all(Piece("stribeck", 0.4) in pieces for pieces in candidates(model, recorded(model)))
+
+
+@pytest.mark.parametrize("term", sorted(REFINED))
+def test_a_slope_is_the_derivative_by_the_logarithm_of_the_shape(term: str):
+    model, shape, change = arm(), 0.1, 1e-5
+    (run,) = recorded(model).runs
+    base = find_base_parameters(model)
+
+    def column(piece: Piece) -> Array:
+        wide = superset(model, base, [frozenset({piece})] * 3)
+        theta = np.zeros(len(wide.model.parameters))
+        theta[wide.base.kept[wide.columns[1, piece]]] = 1.0
+        return wide.model.torque(run.motion, theta)[:, 1]
+
+    above, below = (column(Piece(term, float(shape * np.exp(sign * change)))) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(column(Piece(term, shape, slope=True)), (above - below) / (2.0 * change), atol=1e-8)
+
+
+def test_shapes_go_from_the_grid_to_where_the_truth_is():
+    truth = DynamicsModel(arm().robot, (*arm().terms, Stribeck(0.14, 2.0, 0.02)))
+    observations, model = recorded(truth), arm()
+    base = find_base_parameters(model)
+
+    def widen(pieces: Sequence[frozenset[Piece]]) -> tuple[Superset, Information]:
+        wide = superset(model, base, pieces)
+        return wide, inform(wide.model, wide.base, observations)
+
+    taken = tuple(Taken("velocity", j, (Piece("stribeck", 0.1),), 0.0) for j in range(3))
+    trials = tuple(Trial(each.joint, each.rung, each.pieces, 0.5, 0.1, True) for each in taken)
+    found = Climb(taken, np.arange(base.count), np.zeros(base.count), trials)
+    nothing = Prior(np.zeros(base.count), np.zeros((base.count, base.count)))
+    refined = refine(found, widen, nothing, np.ones(3), 3)
+    shapes = [each.pieces[0].shape for each in refined.taken]
+    assert np.abs(np.log(np.array(shapes) / 0.14)).max() < NEAR
+    assert [trial.pieces for trial in refined.trials] == [each.pieces for each in refined.taken]
 
 
 def test_a_joint_that_stands_still_gets_nothing():

@@ -33,7 +33,9 @@ def predict(
     """
     import numpy as np
 
+    from armid.cli.console import print_findings
     from armid.study import apply
+    from armid.study.beyond import speed_finding
     from armid.study.records import to_json
     from armid.study.run import load_run
 
@@ -48,3 +50,6 @@ def predict(
         sys.stdout.write(to_json(record) + "\n")
     else:
         sys.stdout.write(f"{along.samples} samples of {loaded.robot.n} joints written to {path}\n")
+    asked = np.max(np.abs(along.dq), axis=0, initial=0.0)
+    beyond = speed_finding(loaded.robot, loaded.estimate.speeds, asked, Path(motion).name)
+    print_findings([] if beyond is None else [beyond])

@@ -53,6 +53,8 @@ class Estimate(Shown):
         made_from: Digests of the inputs: robot description, recordings and options.
         made_by: Kernel and method that made the information.
         seconds: Time from recordings to result [s].
+        speeds: Highest speed of each joint in the rows that trained it, shape (n,) [rad/s or m/s]; `None` where it is
+            not known.
     """
 
     robot: str
@@ -64,6 +66,7 @@ class Estimate(Shown):
     made_from: tuple[str, ...] = ()
     made_by: str = ""
     seconds: float = 0.0
+    speeds: Array | None = None
 
     def summary(self) -> Summary:
         """Base parameters with deviations and intervals."""

@@ -18,9 +18,18 @@ from armid.errors import EstimationError
 from armid.estimation.crossvalidation import folds
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
-from armid.estimation.friction_candidates import RUNGS, Superset, candidates, described, superset, terms_of
+from armid.estimation.friction_candidates import (
+    RUNGS,
+    Piece,
+    Superset,
+    candidates,
+    described,
+    superset,
+    terms_of,
+)
 from armid.estimation.friction_folds import Prior, Stretches, make_stretches
 from armid.estimation.friction_search import Climb, Trial, climb
+from armid.estimation.friction_shapes import refine
 from armid.estimation.prior import believe, carried
 from armid.estimation.problem import Problem, standard_of
 from armid.estimation.weighted import Weighted, weigh
@@ -120,14 +129,26 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     weight, prior = _prior(problem, weighted)
     loaded = _loaded(problem, weight)
     allowed = candidates(loaded, observations)
-    wide = superset(loaded, base, allowed)
-    information = inform(wide.model, wide.base, observations, threads=threads)
-    widened = _widened(prior, wide)
-    stretches, long = (
-        make_stretches(information, folds(information, count), weighted.weights, widened) for count in (FOLDS, LONG)
-    )
-    found = climb(stretches, long, wide, allowed, RUNGS)
-    added = terms_of(loaded, found.chosen)
+
+    def widen(pieces: Sequence[frozenset[Piece]]) -> tuple[Superset, Information]:
+        wide = superset(loaded, base, pieces)
+        return wide, inform(wide.model, wide.base, observations, threads=threads)
+
+    def climbed(start: Climb | None) -> tuple[Superset, Information, Stretches, Climb]:
+        own = [frozenset[Piece]()] * model.n if start is None else start.chosen(model.n)
+        may = [pieces | more for pieces, more in zip(allowed, own, strict=True)]
+        wide, information = widen(may)
+        spread = prior.spread(wide.base.count, np.flatnonzero(wide.own))
+        stretches, long = (
+            make_stretches(information, folds(information, count), weighted.weights, spread)
+            for count in (FOLDS, LONG)
+        )
+        return wide, information, stretches, climb(stretches, long, wide, may, RUNGS, start)
+
+    first = climbed(None)[-1]
+    refined = refine(first, widen, prior, weighted.weights, model.n)
+    wide, information, stretches, found = climbed(refined)
+    added = terms_of(loaded, found.chosen(model.n))
     needs = any(isinstance(term, LoadCoulomb) for term in added)
     chosen = replace(loaded if needs else model, terms=(*model.terms, *added))
     handed, why = _handed_on(weight * weighted.correlation, restrict(information, found.kept))
@@ -177,16 +198,6 @@ def _prior(problem: Problem, weighted: Weighted) -> tuple[float, Prior]:
     )
     best = int(np.argmin(errors.sum(axis=1)))
     return float(STRENGTHS[best]), Prior(mean, STRENGTHS[best] * precision)
-
-
-def _widened(prior: Prior, wide: Superset) -> Prior:
-    """The prior on all parameters of the superset: nothing is believed of the pieces."""
-    b = wide.base.count
-    mean, precision = np.zeros(b), np.zeros((b, b))
-    own = np.flatnonzero(wide.own)
-    mean[own] = prior.mean
-    precision[np.ix_(own, own)] = prior.precision
-    return Prior(mean, precision)
 
 
 def _outcome(stretches: Stretches, wide: Superset, found: Climb) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from armid.information.memory import remember
 from armid.information.observations import Observations
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
+from armid.model.expression import Expression, derivative, symbol
 from armid.model.terms import (
     AsymmetricCoulomb,
     AsymmetricViscous,
@@ -34,7 +35,7 @@ from armid.model.terms import (
 )
 from armid.robot.robot import Robot
 
-__all__ = ["RUNGS", "Piece", "Rung", "Superset", "candidates", "described", "superset", "terms_of"]
+__all__ = ["REFINED", "RUNGS", "Piece", "Rung", "Superset", "candidates", "described", "superset", "terms_of"]
 
 WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)
 """Deflections of hysteresis [rad or m]: from what encoders resolve to a few degrees, where it begins to look like a
@@ -42,6 +43,9 @@ spring, half a decade apart; a sum of such elements comes near any curve between
 
 BETWEEN = (0.002, 0.005, 0.02, 0.05)
 """Deflections between these, for recordings that show the difference."""
+
+FINEST = (0.0014, 0.007, 0.014, 0.035, 0.07)
+"""And between the widest steps of both, one at a time."""
 
 STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.4)
 """Stribeck velocities [rad/s or m/s]: factors of two, since the fit is flat in them."""
@@ -56,6 +60,13 @@ HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0)
 """Harmonics of the joint's angle. The first is what gravity does; above the sixth, arms of which recordings are at
 hand have none."""
 
+FALLEN = {Stribeck.name: 2.0, Sigmoid.name: 2.0, PiecewiseViscous.name: 1.5}
+"""Speed over the shape of a velocity law at which it has done what it does. A joint that was never as fast does not
+get it: what is seen of it would be viscous friction under another name, and go on otherwise where it moves faster."""
+
+SLOWER = 0.95
+"""Share of a joint's rows that are slower than the speed that counts as reached."""
+
 UNKNOWN = 0.2
 """Share of a joint's rows that a memory may cost for not being known yet: more rows than that are worth more than
 what it usually brings."""
@@ -68,10 +79,12 @@ class Piece:
     Attributes:
         term: Name of the torque term.
         shape: Its shape; 0 where it has none of its own.
+        slope: Not the law itself but its derivative by the logarithm of the shape.
     """
 
     term: str
     shape: float = 0.0
+    slope: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +99,8 @@ class Rung:
         rounds: Candidates that a joint may get one after another.
         clear: Standard errors by which a gain must stand out.
         least: Least gain in squared error that is worth a term, as a share of what is left.
+        anew: Whether the choice is made a second time once all else is there: near standstill nearly everything looks
+            like something else.
     """
 
     name: str
@@ -95,6 +110,7 @@ class Rung:
     rounds: int = 1
     clear: float = 2.0
     least: float = 0.01
+    anew: bool = False
 
 
 def _singles(term: str, shapes: Sequence[float]) -> tuple[tuple[Piece, ...], ...]:
@@ -117,6 +133,7 @@ RUNGS: tuple[Rung, ...] = (
         ),
         rounds=2,
         least=0.03,
+        anew=True,
     ),
     Rung("ripple", _singles(Ripple.name, HARMONICS), position=True, rounds=3, clear=3.0, least=0.05),
     Rung(
@@ -129,10 +146,14 @@ RUNGS: tuple[Rung, ...] = (
         position=True,
         least=0.05,
     ),
-    Rung("finer hysteresis", (_FINER, *((piece,) for piece in _FINER)), least=0.05),
+    Rung("finer hysteresis", (_FINER, *((piece,) for piece in (*_FINER, *_SPECTRUM))), least=0.02),
+    Rung("finest hysteresis", _singles(Hysteresis.name, FINEST), rounds=2, least=0.02),
 )
 """The rungs in the order in which they are climbed: what explains most of real arms first, what can imitate gravity
 or an offset last."""
+
+REFINED = frozenset({Stribeck.name, Sigmoid.name})
+"""Terms whose shape is refined by least squares once they are chosen."""
 
 ONE_SHAPE = frozenset({Stribeck.name, Sigmoid.name, PowerViscous.name})
 """Terms that a joint can have once, with one shape."""
@@ -168,18 +189,20 @@ class Superset:
 
 
 def candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Piece], ...]:
-    """Pieces that each joint may get: those whose memory the motion decides early, ripple where joints turn."""
+    """Pieces that each joint may get: what its speeds show whole, memory known early, ripple where it turns."""
     pieces = {piece for rung in RUNGS for option in rung.options for piece in option}
     present = {term.name for term in model.terms}
     known = model.load_parameters is not None
     pieces = {piece for piece in pieces if piece.term not in present and (known or piece.term != LoadCoulomb.name)}
     lost = {piece: _unknown(model, piece, observations) for piece in pieces if piece.term == Hysteresis.name}
+    fast = _speeds(model, observations)
     moved = np.any([np.ptp(run.motion.q, axis=0) > 0.0 for run in observations.runs], axis=0)
     result: list[frozenset[Piece]] = []
     for j, joint in enumerate(model.robot.joints):
         own = {piece for piece in pieces if piece not in lost or lost[piece][j] <= UNKNOWN}
         if joint.is_prismatic:
             own = {piece for piece in own if piece.term != Ripple.name}
+        own = {piece for piece in own if piece.shape * FALLEN.get(piece.term, 0.0) <= fast[j]}
         result.append(frozenset(own if moved[j] else ()))
     return tuple(result)
 
@@ -196,9 +219,11 @@ def superset(model: DynamicsModel, base: BaseParameters, allowed: Sequence[froze
     shelf: list[Law] = []
     named: dict[tuple[int, Piece], list[str]] = {}
     for j, pieces in enumerate(allowed):
-        for k, piece in enumerate(sorted(pieces, key=lambda p: (p.term, p.shape))):
+        for k, piece in enumerate(sorted(pieces, key=lambda p: (p.term, p.shape, p.slope))):
             term = _term(piece.term, (piece.shape,), width, (model.robot.joint_names[j],))
             laws = [replace(law, symbol=f"C{k}.{i}") for i, law in enumerate(term.laws(model.robot))]
+            if piece.slope:
+                laws = [replace(law, expression=_slope(piece, law.expression)) for law in laws]
             named[j, piece] = [f"{law.symbol}_{law.joint + 1}" for law in laws]
             shelf += laws
     if not shelf:
@@ -259,6 +284,24 @@ def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str,
         Ripple.name: lambda: Ripple(shapes, joints=joints),
     }
     return makers[name]()
+
+
+def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.float64]:
+    """Speed that each joint has reached in some of its rows, shape (n,) [rad/s or m/s]."""
+    result = np.zeros(model.n)
+    for j in range(model.n):
+        speeds = [np.abs(run.motion.dq[run.rows, j][run.mask[:, j]]) for run in observations.runs]
+        if any(len(each) for each in speeds):
+            result[j] = np.quantile(np.concatenate(speeds), SLOWER)
+    return result
+
+
+def _slope(piece: Piece, law: Expression) -> Expression:
+    """Derivative of a refined term's law by the logarithm of its shape."""
+    velocity = symbol("dq")
+    if piece.term == Stribeck.name:  # exp(-(dq / shape)²), the sign having a width of its own
+        return 2.0 * (velocity * (1.0 / piece.shape)) ** 2.0 * law
+    return -velocity * derivative(law, "dq")  # a sigmoid is a function of dq / shape
 
 
 def _unknown(model: DynamicsModel, piece: Piece, observations: Observations) -> NDArray[np.float64]:

@@ -47,6 +47,18 @@ class Prior:
         half = self.precision @ self.mean
         return np.block([[self.precision, half[:, None]], [half[None], np.array([[half @ self.mean]])]])
 
+    def spread(self, count: int, own: NDArray[np.intp]) -> Prior:
+        """The same among more parameters, of which nothing is believed.
+
+        Args:
+            count: How many there are.
+            own: Positions of the parameters of this prior among them.
+        """
+        mean, precision = np.zeros(count), np.zeros((count, count))
+        mean[own] = self.mean
+        precision[np.ix_(own, own)] = self.precision
+        return Prior(mean, precision)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reduced:

@@ -20,7 +20,7 @@ from armid.estimation.friction_candidates import ONE_SHAPE, Piece, Rung, Superse
 from armid.estimation.friction_folds import Reduced, Stretches
 from armid.values import Array
 
-__all__ = ["Climb", "Trial", "climb"]
+__all__ = ["Climb", "Taken", "Trial", "climb"]
 
 RIDGES = (0.003, 0.03)
 """Shrinkage of added columns that is tried, in shares of their squared length: enough to share a torque out among
@@ -34,6 +34,15 @@ LOWEST = 0.1
 
 PASSES = 4
 """Times that all rungs are climbed at most: what was hidden behind something larger shows once that is explained."""
+
+LARGE = 0.1
+"""Share of the squared error that a gain takes at least where few stretches show it, such as slow reversals."""
+
+REST = 0.02
+"""What must then be gained beyond the best stretch, as a share, so that no stretch decides alone."""
+
+TIMES = 10.0
+"""And by how many times that must exceed what all others lose: their scatter says nothing of what a few show."""
 
 HALF = 0.5
 """Share of the evidence that a joint needs by itself where its arm has it."""
@@ -68,21 +77,45 @@ class Trial:
         return float(np.sqrt(max(1.0 - self.gain, 0.0)))
 
 
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What a joint took in one round.
+
+    Attributes:
+        rung: The kind of friction.
+        joint: Index of the joint.
+        pieces: What it consists of.
+        ridge: Shrinkage with which it was judged.
+    """
+
+    rung: str
+    joint: int
+    pieces: tuple[Piece, ...]
+    ridge: float
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Climb:
     """What was chosen.
 
     Attributes:
-        chosen: Pieces of each joint.
+        taken: What joints took and kept, in its order.
         kept: Positions of the columns of the superset that the model then has.
         ridge: Shrinkage of each column of the superset, in shares of its squared length, shape (b,).
         trials: All candidates that were looked at.
     """
 
-    chosen: tuple[frozenset[Piece], ...]
+    taken: tuple[Taken, ...]
     kept: NDArray[np.intp]
     ridge: Array
     trials: tuple[Trial, ...]
+
+    def chosen(self, joints: int) -> tuple[frozenset[Piece], ...]:
+        """Pieces of each of so many joints."""
+        own: list[set[Piece]] = [set() for _ in range(joints)]
+        for each in self.taken:
+            own[each.joint] |= set(each.pieces)
+        return tuple(frozenset(pieces) for pieces in own)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,6 +149,7 @@ def climb(
     superset: Superset,
     allowed: Sequence[frozenset[Piece]],
     rungs: Sequence[Rung],
+    start: Climb | None = None,
 ) -> Climb:
     """Choose friction.
 
@@ -125,19 +159,19 @@ def climb(
         superset: The model with all pieces.
         allowed: Pieces that each joint may get.
         rungs: What to try, in order.
+        start: From where to go on; pieces of the superset. Not given, from the model without any.
     """
     search = _Search(stretches, long, superset, [set(pieces) for pieces in allowed])
-    for _ in range(PASSES):
-        before = sum(len(pieces) for pieces in search.chosen)
-        for rung in rungs:
-            for _ in range(rung.rounds):
-                if not search.round(rung):
-                    break
-        if sum(len(pieces) for pieces in search.chosen) == before:
-            break
+    if start is not None:
+        search.trials = {(trial.joint, trial.pieces): trial for trial in start.trials}
+        for each in start.taken:
+            search.take(each)
+    search.passes(rungs)
+    if start is None:
+        search.forget({rung.name for rung in rungs if rung.anew})
+        search.passes(rungs)
     search.prune({rung.name for rung in rungs if not rung.shared})
-    chosen = tuple(frozenset(pieces) for pieces in search.chosen)
-    return Climb(chosen, search.kept, search.ridge, tuple(search.trials.values()))
+    return Climb(tuple(search.taken), search.kept, search.ridge, tuple(search.trials.values()))
 
 
 class _Search:
@@ -149,9 +183,10 @@ class _Search:
         self.superset = superset
         self.allowed = allowed
         self.chosen: list[set[Piece]] = [set() for _ in allowed]
-        self.taken: list[tuple[str, _Offer]] = []
+        self.taken: list[Taken] = []
         self.ridge = np.zeros(superset.base.count)
         self.trials: dict[tuple[int, tuple[Piece, ...]], Trial] = {}
+        self.made: dict[tuple[bool, bool], tuple[tuple[Taken, ...], Reduced]] = {}
 
     @property
     def kept(self) -> NDArray[np.intp]:
@@ -161,11 +196,29 @@ class _Search:
             kept[self._columns(joint, pieces)] = True
         return np.flatnonzero(kept)
 
+    def passes(self, rungs: Sequence[Rung]) -> None:
+        """Climb all rungs, again and again until nothing is taken any more."""
+        for _ in range(PASSES):
+            before = sum(len(pieces) for pieces in self.chosen)
+            for rung in rungs:
+                for _ in range(rung.rounds):
+                    if not self.round(rung):
+                        break
+            self.round(self.together())
+            if sum(len(pieces) for pieces in self.chosen) == before:
+                break
+
+    def forget(self, rungs: set[str]) -> None:
+        """Take back what joints took of some rungs."""
+        for each in tuple(self.taken):
+            if each.rung in rungs:
+                self._give_back(each)
+
     def round(self, rung: Rung) -> bool:
         """Offer every joint one more candidate of a rung; whether any took one."""
-        strict = self.stretches.reduced(self.kept, self.ridge, all_anew=True)
-        fair = self.stretches.reduced(self.kept, self.ridge, all_anew=False)
-        elsewhere = self.long.reduced(self.kept, self.ridge, all_anew=True) if rung.position else None
+        strict = self._left(self.stretches, all_anew=True)
+        fair = self._left(self.stretches, all_anew=False)
+        elsewhere = self._left(self.long, all_anew=True) if rung.position else None
         offers = self._offers(rung, fair)
         shared = _of_the_arm(rung, offers) if rung.shared else None
         taken: list[_Offer] = []
@@ -176,23 +229,55 @@ class _Search:
                 taken.append(pick)
             self._record(rung, own, pick if pick in taken else None)
         for pick in taken:
-            self._take(rung, pick)
+            self.take(Taken(rung.name, pick.joint, pick.pieces, pick.ridge))
         return bool(taken)
+
+    def together(self) -> Rung:
+        """What is large on a joint but not clear by itself, one of each rung: things that hide each other."""
+        options: list[tuple[Piece, ...]] = []
+        for joint, chosen in enumerate(self.chosen):
+            best: dict[str, Trial] = {}
+            for trial in self.trials.values():
+                open_ = trial.joint == joint and not trial.chosen and chosen.isdisjoint(trial.pieces)
+                if open_ and trial.gain > max(LARGE, best[trial.rung].gain if trial.rung in best else 0.0):
+                    best[trial.rung] = trial
+            pieces = dict.fromkeys(piece for trial in best.values() for piece in trial.pieces)
+            if len(best) > 1:
+                options.append(tuple(pieces))
+        return Rung("together", tuple(options), position=True, least=LARGE)
+
+    def take(self, taken: Taken) -> None:
+        """Give a joint what it takes."""
+        self.chosen[taken.joint] |= set(taken.pieces)
+        self.ridge[self._columns(taken.joint, taken.pieces)] = taken.ridge
+        self.taken.append(taken)
 
     def prune(self, rungs: set[str]) -> None:
         """Let go of what no longer lowers the error once all is together, the last taken first."""
         error = self._error()
-        for rung, offer in reversed(self.taken):
-            if rung not in rungs:
+        for each in tuple(reversed(self.taken)):
+            if each.rung not in rungs:
                 continue
-            self.chosen[offer.joint] -= set(offer.pieces)
+            self.chosen[each.joint] -= set(each.pieces)
             without = self._error()
             if without < error:
                 error = without
-                key = offer.joint, offer.pieces
-                self.trials[key] = replace(self.trials[key], chosen=False)
+                self._give_back(each)
             else:
-                self.chosen[offer.joint] |= set(offer.pieces)
+                self.chosen[each.joint] |= set(each.pieces)
+
+    def _left(self, stretches: Stretches, *, all_anew: bool) -> Reduced:
+        """What the model by now leaves, made anew only where it has changed."""
+        key, state = (stretches is self.long, all_anew), tuple(self.taken)
+        if key not in self.made or self.made[key][0] != state:
+            self.made[key] = state, stretches.reduced(self.kept, self.ridge, all_anew=all_anew)
+        return self.made[key][1]
+
+    def _give_back(self, taken: Taken) -> None:
+        self.chosen[taken.joint] -= set(taken.pieces)
+        self.taken.remove(taken)
+        key = taken.joint, taken.pieces
+        self.trials[key] = replace(self.trials[key], chosen=False)
 
     def _error(self) -> float:
         """Weighted squared error on all stretches, all parameters estimated without each."""
@@ -239,11 +324,6 @@ class _Search:
         own, squares = gains[0], elsewhere.squares[:, pick.joint]
         return bool(own.sum() <= 0.0 and _changes(own, squares).sum() >= 0.0)
 
-    def _take(self, rung: Rung, pick: _Offer) -> None:
-        self.chosen[pick.joint] |= set(pick.pieces)
-        self.ridge[self._columns(pick.joint, pick.pieces)] = pick.ridge
-        self.taken.append((rung.name, pick))
-
     def _record(self, rung: Rung, own: list[_Offer], pick: _Offer | None) -> None:
         """Keep the better shrinkage of every candidate as evidence."""
         for offer in sorted(own, key=lambda offer: (offer is pick, offer.gain)):
@@ -289,7 +369,18 @@ def _is_clear(gains: Array, changes: Array, clear: float, least: float) -> bool:
     if gains.sum() <= least:
         return False
     by_size = gains.sum() > clear * _deviation(gains)
-    return bool(by_size or -changes.sum() > clear * _deviation(changes) or gains.min() > 0.0)
+    in_proportion = -changes.sum() > clear * _deviation(changes)
+    return bool(by_size or in_proportion or gains.min() > 0.0 or _shown_by_few(gains))
+
+
+def _shown_by_few(gains: Array) -> bool:
+    """Whether a few stretches gain much, more than one of them, while the others hardly lose.
+
+    What only slow reversals show is in two or three stretches, and no scatter of eight is small beside that.
+    """
+    beyond = float(np.maximum(gains, 0.0).sum() - gains.max())
+    lost = float(np.maximum(-gains, 0.0).sum())
+    return float(gains.sum()) > LARGE and beyond > max(TIMES * lost, REST)
 
 
 def _changes(gains: Array, squares: Array) -> Array:

@@ -34,6 +34,7 @@ from armid.model.expression import symbols
 from armid.robot import Robot
 from armid.shown import Shown, Summary
 from armid.study import plausibility
+from armid.study.beyond import highest_speeds, speed_finding
 from armid.study.cut import cut, refuse_shared
 from armid.study.doctor import watch
 from armid.study.study import (
@@ -205,7 +206,7 @@ def prepare(
         described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
         estimation = lean_on_prior(study.estimation, ladder.prior_weight, described=described)
         study = replace(study, estimation=estimation)
-        findings.append(_chosen_finding(ladder, estimation.method))
+        findings.append(plausibility.chosen_finding(ladder, estimation.method))
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
@@ -236,6 +237,8 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
         estimate = _estimate(study, model, prepared.base, stated_problem(prepared), recordings)
     except EstimationError as error:
         raise _diagnosed(error, prepared.findings) from error
+    if prepared.problem.observations is not None:
+        estimate = replace(estimate, speeds=highest_speeds(prepared.problem.observations))
     findings = [*prepared.findings, *estimate.findings, *_doubts(prepared, estimate)]
     tell("validation", 0.0)
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
@@ -281,6 +284,9 @@ def score_recordings(
     for choice, recording in recordings:
         observations, found = observe_recordings([(choice, recording)], processing, model.robot)
         findings += found
+        asked = highest_speeds(observations)
+        beyond = speed_finding(model.robot, estimate.speeds, asked, Path(choice.path).name)
+        findings += [] if beyond is None else [beyond]
         scores.append(score(model, estimate, observations, path=choice.path, sha256=recording.sha256))
     return tuple(scores), tuple(findings)
 
@@ -334,17 +340,6 @@ def _estimate(
         made_from=made_from,
         made_by=problem.information.made_by,
     )
-
-
-def _chosen_finding(ladder: Ladder, method: str) -> Finding:
-    """How friction that was chosen is estimated, which a study need not have said."""
-    if ladder.prior_weight is None:
-        return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")
-    evidence = (
-        f"Friction was chosen with bodies under a prior that weighs {ladder.prior_weight:.3g} independent samples; "
-        f"the method {method} estimates with the same. It holds for speeds and poses like those recorded."
-    )
-    return Finding("friction-chosen", "info", "", evidence, "validate on another recording.")
 
 
 def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: Robot) -> Array:

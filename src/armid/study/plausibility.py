@@ -7,7 +7,7 @@ import numpy as np
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.fit import Fit
-from armid.estimation.friction import FEWEST
+from armid.estimation.friction import FEWEST, Ladder
 from armid.estimation.uncertainty import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.information.observations import Observations
@@ -17,6 +17,7 @@ from armid.robot import Robot
 from armid.validation.doctor.excitation_weak import WEAK_CONDITION, hardly_told
 
 __all__ = [
+    "chosen_finding",
     "excitation_finding",
     "few_blocks_finding",
     "gravity_finding",
@@ -46,6 +47,17 @@ def excitation_finding(information: Information) -> Finding | None:
         hardly_told(information.names, directions[-1], condition),
         "record a motion that moves all joints together, fast and wide; on other motion the estimate may fail.",
     )
+
+
+def chosen_finding(ladder: Ladder, method: str) -> Finding:
+    """How friction that was chosen is estimated, which a study need not have said."""
+    if ladder.prior_weight is None:
+        return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")
+    evidence = (
+        f"Friction was chosen with bodies under a prior that weighs {ladder.prior_weight:.3g} independent samples; "
+        f"the method {method} estimates with the same. It holds for speeds and poses like those recorded."
+    )
+    return Finding("friction-chosen", "info", "", evidence, "validate on another recording.")
 
 
 def gravity_finding(robot: Robot) -> Finding | None:

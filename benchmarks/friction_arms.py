@@ -1,0 +1,189 @@
+"""Friction that was chosen beside viscous and Coulomb friction, on motion of real arms that neither has seen.
+
+    python benchmarks/friction_arms.py [--arm NAME]… [--start study|auto]… [--verbose] [--json]
+
+Nested: recordings are left out in turn, or stretches of an arm's one recording with the blocks beside them; what is
+left out is seen neither by the choice nor by the estimate. Recordings and processing are those of the studies in
+`tests/real`; the choice starts from their terms, which have rotor inertia, or from those of `terms = "auto"`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+
+from armid.errors import ArmidError  # noqa: E402
+from armid.estimation.crossvalidation import beside, folds  # noqa: E402
+from armid.estimation.estimate import torque_parameters  # noqa: E402
+from armid.estimation.estimators import Ridge, WeightedLeastSquares  # noqa: E402
+from armid.estimation.friction import choose_friction  # noqa: E402
+from armid.estimation.problem import Problem, standard_of  # noqa: E402
+from armid.information.observations import Observations  # noqa: E402
+from armid.information.residuals import compare  # noqa: E402
+from armid.information.stream import inform  # noqa: E402
+from armid.measurement.process import resolve  # noqa: E402
+from armid.model.base import find_base_parameters  # noqa: E402
+from armid.model.dynamics import DynamicsModel  # noqa: E402
+from armid.study.identify import observe_recordings, read_recording  # noqa: E402
+from armid.study.study import ModelChoice, build_model, load_choice, load_study  # noqa: E402
+from armid.values import Array  # noqa: E402
+
+STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
+
+BLOCKS = {"franka_panda_gaz": (8, 5), "ur10_unisa": (5,), "kuka_iiwa14_lasa": (5,), "staubli_tx40": (5,)}
+"""Stretches into which the only recording of an arm is cut."""
+
+STARTS = ("study", "auto")
+
+WAYS = ("plain", "prior", "auto")
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """An arm with all of its recordings, processed."""
+
+    name: str
+    model: DynamicsModel
+    observations: Observations
+
+
+def load(name: str, start: str) -> Arm:
+    """An arm by its study, every recording whole, with the terms that the choice starts from."""
+    study = load_study(STUDIES / f"{name}.toml")
+    robot = load_choice(study.robot, study.folder)
+    choices = {choice.path: replace(choice, part=(0.0, 1.0)) for choice in study.recordings}.values()
+    read = [(choice, read_recording(choice, study.folder, robot)[0]) for choice in choices]
+    motor = all(c.reading.transmission is not None or c.reading.drive_gain is not None for c in choices)
+    processing = resolve(study.processing, [recording for _, recording in read])
+    return Arm(
+        name,
+        build_model(robot, study.model if start == "study" else ModelChoice(automatic=True), motor_side=motor),
+        observe_recordings(read, processing, robot)[0],
+    )
+
+
+def left_out(arm: Arm, count: int) -> Iterator[tuple[Observations, Observations]]:
+    """Training and unseen observations: recordings in turn where there are several, else so many stretches."""
+    runs = arm.observations.runs
+    recordings = sorted({run.recording for run in runs})
+    if len(recordings) > 1:
+        for out in recordings:
+            yield tuple(
+                replace(arm.observations, runs=tuple(run for run in runs if (run.recording == out) == unseen))
+                for unseen in (False, True)
+            )  # pyright: ignore[reportReturnType]
+        return
+    information = inform(arm.model, find_base_parameters(arm.model), arm.observations)
+    fold = folds(information, count)
+    for out in np.unique(fold):
+        chosen = fold == out
+        yield (
+            _only(arm.observations, ~chosen & ~beside(information, chosen)),
+            _only(arm.observations, chosen),
+        )
+
+
+def _only(observations: Observations, kept: NDArray[np.bool_]) -> Observations:
+    """Observations of which only the rows of some blocks count; blocks are those of all runs one after another."""
+    runs, first = [], 0
+    for run in observations.runs:
+        own = kept[first + run.block]
+        first += int(run.block.max()) + 1
+        runs.append(replace(run, mask=run.mask & own[:, None]))
+    return replace(observations, runs=tuple(runs))
+
+
+def judged(model: DynamicsModel, weight: float | None, training: Observations) -> tuple[DynamicsModel, Array]:
+    """A model with parameters: by `ridge` with a weight of the prior, by least squares without."""
+    base = find_base_parameters(model)
+    problem = Problem(inform(model, base, training), standard_of(model, base), model, base)
+    method = WeightedLeastSquares() if weight is None else Ridge(weight=weight)
+    return model, torque_parameters(base, method.estimate(problem))
+
+
+def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:
+    """Squared unseen error of each way, joint by joint, over all that was left out in turn."""
+    squares = {way: np.zeros(arm.model.n) for way in WAYS}
+    seconds = 0.0
+    for training, unseen in left_out(arm, count):
+        at = time.process_time()
+        ladder = choose_friction(arm.model, training)
+        seconds += time.process_time() - at
+        weight = ladder.prior_weight
+        ways = {"plain": judged(arm.model, None, training)}
+        try:
+            ways["prior"] = judged(arm.model, weight if weight is not None else 0.0, training)
+            ways["auto"] = judged(ladder.model, weight if weight is not None else 0.0, training)
+        except ArmidError:
+            ways["prior"] = ways["auto"] = ways["plain"]
+        parts = {
+            way: [compare(model, theta, run, unseen.band) for run in unseen.runs]
+            for way, (model, theta) in ways.items()
+        }
+        own: dict[str, Array] = {way: np.zeros(arm.model.n) for way in WAYS}
+        for k in range(len(unseen.runs)):
+            mask = np.all([parts[way][k].mask for way in WAYS], axis=0)
+            for way in WAYS:
+                own[way] += np.sum(parts[way][k].residual ** 2 * mask, axis=0)
+        for way in WAYS:
+            squares[way] += own[way]
+        if verbose:
+            print("   ", np.round(np.sqrt(own["auto"] / own["plain"]), 2), *ladder.added, flush=True)
+    return {
+        "arm": arm.name,
+        "left_out": f"{count} blocks" if count else "recordings",
+        **{way: _ratios(squares[way] / squares["plain"]) for way in WAYS[1:]},
+        "ladder_seconds": seconds,
+    }
+
+
+def _ratios(squares: Array) -> dict[str, Any]:
+    """Ratios of the RMS of each joint, and their geometric mean."""
+    return {"joints": np.sqrt(squares).tolist(), "mean": float(np.exp(0.5 * np.log(squares).mean()))}
+
+
+def line(row: dict[str, Any]) -> str:
+    """A row of the table."""
+    joints, prior = (" ".join(f"{x:.2f}" for x in row[way]["joints"]) for way in WAYS[1:][::-1])
+    return (
+        f"{row['arm']:<22}{row['start']:<7}{row['left_out']:<12}{joints:<36}{row['auto']['mean']:.2f}   "
+        f"{prior:<36}{row['prior']['mean']:.2f}   {row['ladder_seconds']:.0f} s"
+    )
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--arm", action="append", help="only these arms, by the name of their study")
+    parser.add_argument("--start", action="append", choices=STARTS, help="terms that the choice starts from")
+    parser.add_argument("--verbose", action="store_true", help="print each recording or stretch by itself")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    options = parser.parse_args()
+    rows: list[dict[str, Any]] = []
+    for start in options.start or STARTS:
+        for name in options.arm or sorted(path.stem for path in STUDIES.glob("*.toml")):
+            arm = load(name, start)
+            for count in BLOCKS.get(name, (0,)):
+                rows.append(measure(arm, count, verbose=options.verbose) | {"start": start})
+                if not options.json:
+                    print(line(rows[-1]), flush=True)
+    if options.json:
+        print(json.dumps({"results": rows}))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
