@@ -117,6 +117,11 @@ def keys_of(table: dict[str, Any], *names: str) -> None:
     assert set(names) <= set(table)
 
 
+def only_faster(err: str) -> bool:
+    """Whether nothing was noticed but that the second run is faster than the one that trained."""
+    return err.startswith("warning speed-beyond run2.csv") and len(err.splitlines()) <= 4
+
+
 # base ----------------------------------------------------------------------------------------------------------
 
 
@@ -187,7 +192,7 @@ RUN_FILES = {
 
 def test_identify_a_study(armid: Armid, small: Path, tmp_path: Path):
     done = armid("identify", small / "study.toml")
-    assert (done.code, done.err) == (0, "")
+    assert done.code == 0 and only_faster(done.err)
     assert {path.name for path in (tmp_path / "runs" / "small").iterdir()} == RUN_FILES
     assert done.out.endswith(f"run written to {Path('runs') / 'small'}\n")
     for words in ("small: 24 base parameters, wls", "95 % interval", "N·m·s/rad", "unseen", "in band", "pass"):
@@ -198,7 +203,7 @@ def test_identify_a_study(armid: Armid, small: Path, tmp_path: Path):
 def test_identify_compares_every_method(armid: Armid, small: Path, tmp_path: Path):
     plain = armid("identify", small / "study.toml", "--out", tmp_path / "plain")
     done = armid("identify", small / "study.toml", "--compare", "--out", tmp_path / "run")
-    assert (done.code, done.err) == (plain.code, plain.err) == (0, "")
+    assert (done.code, done.err) == (plain.code, plain.err) and plain.code == 0 and only_faster(plain.err)
     assert {path.name for path in (tmp_path / "run").iterdir()} == RUN_FILES | {"compare.json"}
     table = done.out.split("Methods: torque error of all joints together, RMS in N·m")[1]
     for name in ESTIMATORS:
@@ -231,7 +236,7 @@ def test_compare_json_stands_in_the_object_and_in_the_run(armid: Armid, small: P
 
 def test_identify_json_is_one_object_with_the_contract(armid: Armid, small: Path):
     done = armid("identify", small / "study.toml", "--json")
-    assert (done.code, done.err) == (0, "")
+    assert done.code == 0 and only_faster(done.err)
     found = done.json
     keys_of(found, "robot", "method", "terms", "base_parameters", "parameters", "residual", "condition")
     keys_of(found, "scaled_condition", "samples", "covariance", "certificate", "seconds", "warnings", "run")
@@ -385,7 +390,8 @@ def test_an_arm_with_an_unruly_name_writes_where_it_should(armid: Armid, small: 
 
 def test_validate_a_run(armid: Armid, run: Path, small: Path):
     done = armid("validate", run, small / "run2.csv")
-    assert (done.code, done.err) == (0, "") and "unseen" in done.out and "train" not in done.out.splitlines()[2]
+    assert done.code == 0 and "unseen" in done.out and "train" not in done.out.splitlines()[2]
+    assert only_faster(done.err)
     found = armid("validate", run, small / "run2.csv", "--json").json
     keys_of(found, "joints", "recordings", "verdict", "checks")
     kept = json.loads((run / "validation.json").read_text(encoding="utf-8"))
@@ -624,8 +630,8 @@ def program(*arguments: object, cwd: Path, **environment: str) -> subprocess.Com
 
 def test_in_a_pipe_there_are_neither_colours_nor_bars(small: Path, tmp_path: Path):
     done = program("identify", small / "study.toml", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "\x1b" not in done.stdout and "\r" not in done.stdout and "run written to" in done.stdout
+    assert done.returncode == 0 and only_faster(done.stderr)
+    assert "\x1b" not in done.stdout + done.stderr and "\r" not in done.stdout and "run written to" in done.stdout
 
 
 def test_the_program_ends_with_the_code_of_its_verdict_or_error(run: Path, small: Path, tmp_path: Path):
