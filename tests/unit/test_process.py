@@ -33,6 +33,7 @@ from motions import PERIOD, clock, codes, motion, one, recording
         ({"slow": float("inf")}, "slow"),
         ({"motion_cutoff": 0.0}, "motion_cutoff"),
         ({"saturation": 1.5}, "share of the limit"),
+        ({"standstill": "mask"}, "drop, keep"),
         ({"average": True}, "average gives one period"),
         ({"derivatives": "periodic"}, 'needs edges = "periodic"'),
         ({"derivatives": "filter", "family": "none"}, "differentiates by the filter"),

@@ -83,6 +83,7 @@ trim = 0.25
 slow = 0.1
 motion_cutoff = 4.0
 average = false
+standstill = "keep"
 saturation = 0.9
 [estimation]
 method = "ols"
@@ -142,7 +143,7 @@ def test_every_key_arrives():
     }
     assert (reading.joint_map, reading.exclude) == ({"a": "joint_1", "b": "joint_2"}, ((1.0, 2.0), (5.0, 6.0)))
     assert study.processing == Processing(
-        3.0, 2, "fir", False, 20.0, "filter", "pad", 0.25, 0.1, 4.0, False, 0.9
+        3.0, 2, "fir", False, 20.0, "filter", "pad", 0.25, 0.1, 4.0, False, 0.9, "keep"
     )  # in the order of its fields
     assert study.estimation == EstimationChoice(
         "ols", friction_per_recording=True, options={"wls": {"iterations": 7}}

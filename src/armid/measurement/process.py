@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.information.observations import Observations, ObservedRun
@@ -20,9 +20,10 @@ from armid.measurement.clock import Stretch, evened, gather, is_even, jitter, st
 from armid.measurement.movement import movement
 from armid.measurement.processing import THESIS, Processing
 from armid.measurement.recording import Recording
-from armid.measurement.rows import edge_margin, run_of, separate_rows
+from armid.measurement.rows import MOST_STILL, edge_margin, moving, run_of, separate_rows
+from armid.measurement.standstill import standing
 from armid.model.motion import Motion
-from armid.values import array
+from armid.values import Array, array
 
 __all__ = ["THESIS", "Processing", "observe", "process", "resolve"]
 
@@ -116,6 +117,7 @@ def process(
         pieces = _circles(pieces, processing, period, start, recording.source, findings)
     repeats = None if period is None or start is None or processing.average else (period, start)
     runs: list[ObservedRun] = []
+    still: list[NDArray[np.bool_]] = []
     for piece in pieces:
         margin = edge_margin(processing, piece.rate)
         enough = piece.samples >= max(SHORTEST, 2 * margin + 1)
@@ -124,12 +126,11 @@ def process(
             findings.append(_nothing_left(piece, margin, recording.source))
         else:
             runs.append(run)
+            still.append(standing(piece.q, piece.rate))
     if not runs:
-        raise RecordingError(
-            f"{recording.source or 'The recording'}: no row is left. {findings[-1].evidence}",
-            remedy="trim less, raise the cut-off, mask less, or record longer.",
-        )
-    return tuple(runs), tuple(findings)
+        problem = f"{recording.source or 'The recording'}: no row is left. {findings[-1].evidence}"
+        raise RecordingError(problem, remedy="trim less, raise the cut-off, mask less, or record longer.")
+    return _moving(runs, still, processing, recording, findings), tuple(findings)
 
 
 def resolve(processing: Processing, recordings: Sequence[Recording]) -> Processing:
@@ -199,6 +200,56 @@ def _without_saturated(
             )
         )
     return replace(recording, valid=recording.valid & ~over)
+
+
+def _moving(
+    runs: Sequence[ObservedRun],
+    still: Sequence[NDArray[np.bool_]],
+    processing: Processing,
+    recording: Recording,
+    findings: list[Finding],
+) -> tuple[ObservedRun, ...]:
+    """The runs without rows at standstill, where the processing leaves these out."""
+    if processing.standstill == "keep":
+        return tuple(runs)
+    kept, share = moving(runs, still, processing)
+    findings.extend(_standstill_findings(recording, share))
+    return tuple(kept)
+
+
+def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
+    """What was left out because a joint stood still, and what was not because it mostly did."""
+
+    def named(joints: NDArray[np.bool_]) -> str:
+        return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(joints))
+
+    spared = share > MOST_STILL
+    gone = (share > 0.0) & ~spared
+    findings: list[Finding] = []
+    if gone.any():
+        findings.append(
+            Finding(
+                "standstill",
+                "info",
+                recording.source,
+                "Joints stop between motion, as where they stick at a reversal. Rows that this reaches: "
+                f"{named(gone)}.",
+                "They do not count for this joint, for dry friction at rest takes any value up to its bound; "
+                'standstill = "keep" counts them.',
+            )
+        )
+    if spared.any():
+        findings.append(
+            Finding(
+                "standstill",
+                "warning",
+                recording.source,
+                f"Joints mostly stand still. Rows that this reaches: {named(spared)}.",
+                "They count, since too few others are left, and friction at rest biases the estimate by up to its "
+                "bound: record motion without rests, or joints that turn round faster.",
+            )
+        )
+    return findings
 
 
 def _separate(

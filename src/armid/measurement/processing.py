@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from armid.errors import StudyError
 from armid.information.band import Band, Edges, Family
 
-__all__ = ["THESIS", "Derivatives", "Processing"]
+__all__ = ["THESIS", "Derivatives", "Processing", "Standstill"]
 
 Derivatives = Literal["given", "velocity", "central", "periodic", "filter"]
+Standstill = Literal["drop", "keep"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,8 @@ class Processing:
         motion_cutoff: Cut-off for the positions [Hz], where it differs from `cutoff`.
         average: The mean of all repetitions of a periodic motion is used, aligned, instead of each of them.
         saturation: Rows near a sample whose effort reaches this share of the joint's limit do not count.
+        standstill: `drop` leaves out, for a joint that stands still between motion, the rows that this reaches: dry
+            friction may have any value up to its bound there. `keep` keeps them.
     """
 
     cutoff: float | Literal["auto"] = 5.0
@@ -51,10 +54,12 @@ class Processing:
     motion_cutoff: float | None = None
     average: bool = False
     saturation: float | None = None
+    standstill: Standstill = "drop"
 
     def __post_init__(self) -> None:
         _choice("family", self.family, ("butterworth", "fir", "none"))
         _choice("edges", self.edges, ("drop", "periodic", "pad"))
+        _choice("standstill", self.standstill, ("drop", "keep"))
         _choice("derivatives", self.derivatives, ("given", "velocity", "central", "periodic", "filter", None))
         for name in ("columns", "average"):
             _choice(name, getattr(self, name), (True, False))
@@ -105,6 +110,11 @@ class Processing:
             )
         return Band(self.family, self.cutoff, self.order, self.edges, self.columns)
 
+    @property
+    def to_judge(self) -> Processing:
+        """The same for judging a model: on every row, those at standstill as well."""
+        return replace(self, standstill="keep")
+
 
 def _choice(name: str, value: object, known: tuple[object, ...]) -> None:
     if not any(value is one or (isinstance(value, str) and value == one) for one in known):
@@ -134,6 +144,7 @@ THESIS = Processing(
     trim=0.0,
     motion_cutoff=3.0,
     average=True,
+    standstill="keep",
 )
 """Section 3.2.2 of the thesis: mean of the repetitions, Butterworth of order 20 at 3 Hz for positions and 3.5 Hz
 for torques but not for the model, central differences. Its text is silent on edges and on rows a second; rows at

@@ -93,7 +93,7 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     recording, _ = read_recording(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
     if recording.effort is None:
         recording = replace(recording, effort=np.zeros_like(recording.q))
-    every_row = replace(run.processing, slow=0.0, saturation=None)
+    every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
     observations, _ = observe([recording], every_row, periods=[how.period], starts=[how.start])
     # What the model remembers begins anew in each run.
     motions = [remember(run.model, observed, observations.band).motion for observed in observations.runs]

@@ -269,7 +269,7 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
         motion = series.sample(1000.0)
     else:
         recording, _ = read_recording(RecordingChoice(path, reading=Reading()), ".", robot)
-        observations, _ = observe([recording], Processing())
+        observations, _ = observe([recording], Processing(standstill="keep"))
         runs = [run.motion for run in observations.runs]
         motion = Motion(*(np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "q", "dq", "ddq")))
     if motion.n != robot.n:

@@ -23,7 +23,8 @@ from armid.measurement.clock import Stretch, evened, stretches
 from armid.measurement.movement import movement
 from armid.measurement.processing import Processing
 from armid.measurement.recording import Recording
-from armid.measurement.rows import run_of, separate_rows
+from armid.measurement.rows import moving, run_of, separate_rows
+from armid.measurement.standstill import standing
 from armid.model.motion import Motion
 from armid.values import Array
 
@@ -207,13 +208,17 @@ def thin(recording: Recording) -> Thin:
     cutoff = min(cutoff, 0.1 * rate)
     processing = Processing(cutoff=cutoff, decimate=ROWS_RATE * cutoff, derivatives="central", trim=0.25)
     runs: list[ObservedRun] = []
+    still: list[NDArray[np.bool_]] = []
     for piece in _ends(even):
-        few = _decimated(piece, max(1, int(piece.rate / (THIN_RATE * cutoff))))
+        step = max(1, int(piece.rate / (THIN_RATE * cutoff)))
+        few = _decimated(piece, step)
         if few.samples < 10 * int(few.rate / cutoff):
             continue
         run = run_of(few, movement(few, processing, given=False), processing)
         if run is not None:
             runs.append(run)
+            still.append(_any_near(standing(piece.q, piece.rate), step))
+    runs, _ = moving(runs, still, processing)
     return Thin(tuple(runs), processing.band, cutoff, rate)
 
 
@@ -235,14 +240,18 @@ def _decimated(piece: Stretch, step: int) -> Stretch:
     if step == 1:
         return piece
     taps = decimation_filter(step, attenuation=60.0)
+    rows = piece.time[::step]
+    return piece.changed(lambda x: decimate(x, taps, step), rows, piece.rate / step, lambda bad: _any_near(bad, step))
 
-    def bad(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        rows = np.arange(0, len(flags), step)
-        counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
-        low, high = np.maximum(rows - step, 0), np.minimum(rows + step, len(flags))
-        return counts[high] > counts[low]
 
-    return piece.changed(lambda x: decimate(x, taps, step), piece.time[::step], piece.rate / step, bad)
+def _any_near(flags: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
+    """Flags of every so many samples: whether any less than a step away is flagged."""
+    if step == 1:
+        return flags
+    rows = np.arange(0, len(flags), step)
+    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
+    low, high = np.maximum(rows - step, 0), np.minimum(rows + step, len(flags))
+    return counts[high] > counts[low]
 
 
 def make_rows(source: ColumnSource, log: Thin) -> Rows:

@@ -1,0 +1,108 @@
+"""Stretches in which a joint stands still between motion, where dry friction takes any value up to its bound.
+
+A joint that turns round passes through rest in a moment: with acceleration a it is slower than v for 2 v / a. A joint
+that sticks stays there, and is fast soon after. So a stretch of slow samples is standstill where a stretch as long
+before or behind it holds a speed that no smooth passage leads to. A joint that is seen to stand in one place may do
+so wherever its velocity lingers about zero: passages that acceleration does not hurry through then count as well.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.values import Array
+
+__all__ = ["standing"]
+
+SPAN = 0.024
+"""Time over which a speed is measured [s]: an encoder's noise of 1e-5 rad at 1 kHz is 3e-4 rad/s then, and what a
+joint that sticks for a twentieth of a second does is seen between its edges."""
+
+NARROWEST = 2
+"""Samples on each side of one whose speed is measured, at least, at low rates."""
+
+SURE = 4.0
+"""Standard deviations of a measured speed below which it is none."""
+
+SLOW = 0.005
+"""Share of a joint's own RMS speed below which it is slow, where noise does not decide that: at 1 rad/s² it passes
+this in some milliseconds."""
+
+BLIND = 0.1
+"""The same share from which on noise hides standstill altogether."""
+
+SHORTEST = 0.04
+"""Shortest standstill that counts [s]; what is shorter moves an estimate by less than its deviation."""
+
+LEAST = 3
+"""Samples of it at low rates."""
+
+STANDS = 25.0
+"""Speed, in limits of slowness, that is reached within the length of a slow stretch before or after it, from which on
+the joint stood: at constant acceleration that is 3, where the velocity touches zero 9, and where it just crosses it
+and comes back 17, or some more when the stretch is a few samples."""
+
+LINGERS = 6.0
+"""The same from which on a joint that stands elsewhere may have stood, too: twice what constant acceleration does."""
+
+
+def standing(q: Array, rate: float) -> NDArray[np.bool_]:
+    """Samples at which a joint stands still, though it moves before or after.
+
+    A joint that never moves has none, nor one whose noise hides whether it does.
+
+    Args:
+        q: Positions at an even rate, not filtered, shape (N, n) [rad or m].
+        rate: Samples a second [Hz].
+
+    Returns:
+        Flags (N, n).
+    """
+    flags = np.zeros(q.shape, dtype=np.bool_)
+    half = max(NARROWEST, round(SPAN * rate / 2))
+    if len(q) <= 2 * half:
+        return flags
+    speed = _speed(q, half, rate)
+    usual = np.sqrt(np.mean(speed**2, axis=0))
+    noise = _noise(q) * np.sqrt(2.0 / half) / (half + 1) * rate
+    limit = np.maximum(SURE * noise, SLOW * usual)
+    for j in np.flatnonzero((usual > 0.0) & (limit <= BLIND * usual)):
+        ends, departure = _slow_stretches(speed[:, j] / limit[j], max(LEAST, round(SHORTEST * rate)))
+        if departure.max(initial=0.0) > STANDS:
+            for begin, end in ends[departure > LINGERS]:
+                flags[max(0, begin - half) : end + half, j] = True
+    return flags
+
+
+def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
+    """Stretches of speeds (N,) below 1, first sample and the one after the last, (K, 2), and the speed near each."""
+    slow = np.concatenate([[False], speed < 1.0, [False]])
+    ends = np.flatnonzero(np.diff(slow)).reshape(-1, 2)
+    ends = ends[ends[:, 1] - ends[:, 0] >= shortest]
+    departure = np.zeros(len(ends))
+    for k, (begin, end) in enumerate(ends):
+        length = end - begin
+        around = np.concatenate([speed[max(0, begin - length) : begin], speed[end : end + length]])
+        departure[k] = around.max(initial=0.0)
+    return ends, departure
+
+
+def _speed(q: Array, half: int, rate: float) -> Array:
+    """Size of the velocity between the means of so many samples before and after each, shape (N, n)."""
+    centred = q - q.mean(axis=0)
+    whole = np.concatenate(
+        [2 * centred[0] - centred[half:0:-1], centred, 2 * centred[-1] - centred[-2 : -half - 2 : -1]]
+    )
+    sums = np.concatenate([np.zeros((1, q.shape[1])), whole.cumsum(axis=0)])
+    means = (sums[half:] - sums[:-half]) / half
+    return np.abs(means[half + 1 :] - means[: -half - 1]) * rate / (half + 1)
+
+
+def _noise(q: Array) -> Array:
+    """Standard deviation of each position's noise, or what rounding makes of it, shape (n,) [rad or m]."""
+    third = np.abs(np.diff(q, 3, axis=0))
+    steps = np.abs(np.diff(q, axis=0))
+    smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0)
+    rounding = np.where(np.isfinite(smallest), smallest, 0.0) / np.sqrt(12.0)
+    return np.maximum(1.4826 * np.median(third, axis=0) / np.sqrt(20.0), rounding)

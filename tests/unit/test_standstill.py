@@ -1,0 +1,124 @@
+"""Standstill between motion: found where a joint sticks, and nowhere else; its rows left out and named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.lab.controller import Controller
+from armid.lab.friction import Friction
+from armid.lab.options import LabOptions
+from armid.lab.sensors import Channel, Sensing
+from armid.lab.simulate import Simulated, simulate
+from armid.measurement.process import THESIS, Processing
+from armid.measurement.reading import Reading
+from armid.measurement.standstill import standing
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.validation.doctor import EXPLAINS, examine
+from armid.validation.doctor.evidence import Evidence
+from labs import FRICTION
+from motions import clock, codes, one, recording
+from plants import short_plan, small_arm
+
+RATE = 1000.0
+SLACK = 0.03  # s: half the span of a measured speed, and how far a joint has moved before it is faster than slow
+NOISE = 1e-5  # rad, of an encoder
+
+
+def stuck(seconds: float, pause: float) -> np.ndarray:
+    """A joint that swings, and stands for a while whenever it turns round; positions (N, 1)."""
+    t = clock(seconds, RATE)
+    cycle = 2.0 * (1.0 + pause)
+    half, inside = np.divmod(t % cycle, 1.0 + pause)
+    angle = np.pi * np.minimum(inside, 1.0)
+    # Speed sin: the joint leaves and reaches rest with an acceleration of π²/4 rad/s².
+    return np.where(half == 0, -np.cos(angle), np.cos(angle))[:, None] / 4.0
+
+
+def truly(seconds: float, pause: float) -> np.ndarray:
+    return (clock(seconds, RATE) % (1.0 + pause)) > 1.0
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+@pytest.mark.parametrize("pause", [0.08, 0.2, 0.7])
+def test_pauses_at_reversals_are_found(pause: float, noise: float):
+    q = stuck(12.0, pause) + noise * np.random.default_rng(1).normal(size=(12000, 1))
+    found, right = standing(q, RATE)[:, 0], truly(12.0, pause)
+    assert found[right].mean() > 0.98
+    reach = int(SLACK * RATE)
+    near = np.convolve(right, np.ones(2 * reach + 1), "same") > 0
+    assert not found[~near].any()
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_smooth_motion_never_stands(rate: float, noise: float):
+    assert not standing(recording(clock(30.0, rate), noise=noise).q, rate).any()
+
+
+def test_a_joint_that_never_moves_and_one_hidden_by_noise_have_no_standstill():
+    q = np.hstack([np.full((12000, 1), 0.3), stuck(12.0, 0.2)])
+    assert not standing(q, RATE)[:, 0].any()
+    assert standing(q, RATE)[:, 1].any()
+    assert not standing(q + 0.05 * np.random.default_rng(1).normal(size=q.shape), RATE).any()
+    assert not standing(q[:5], RATE).any()
+
+
+def both(seconds: float, pause: float) -> np.ndarray:
+    """One joint that sticks beside one that never does."""
+    return np.hstack([stuck(seconds, pause), 0.4 * np.sin(2.0 * clock(seconds, RATE))[:, None]])
+
+
+def test_rows_at_standstill_do_not_count_for_their_joint_and_are_named():
+    log = recording(clock(24.0, RATE), q=both(24.0, 0.2))
+    processing = Processing(cutoff=20.0, decimate=100.0)
+    kept, silent = one(log, processing.to_judge)
+    run, findings = one(log, processing)
+    assert codes(silent) == []
+    assert kept.mask[:, 0].sum() == kept.mask[:, 1].sum()
+    assert np.array_equal(run.mask[:, 1], kept.mask[:, 1])
+    lost = kept.mask[:, 0] & ~run.mask[:, 0]
+    assert lost[truly(24.0, 0.2)[run.rows] & kept.mask[:, 0]].all()
+    (finding,) = findings
+    assert (finding.code, finding.severity) == ("standstill", "info")
+    assert f"{log.channels[0]} {lost.sum() / kept.mask[:, 0].sum():.0%}" in finding.evidence
+    assert log.channels[1] not in finding.evidence
+
+
+def test_a_joint_that_mostly_stands_keeps_its_rows_with_a_warning():
+    log = recording(clock(24.0, RATE), q=both(24.0, 0.9))
+    run, findings = one(log, Processing())  # at 5 Hz standstill reaches 0.4 s to each side
+    assert np.array_equal(run.mask[:, 0], run.mask[:, 1])
+    assert [(f.code, f.severity) for f in findings] == [("standstill", "warning")]
+
+
+def test_the_preset_of_the_thesis_leaves_nothing_out():
+    assert THESIS.standstill == "keep"
+
+
+# Sticking in closed loop ---------------------------------------------------------------------------------------
+
+
+def sticking(delay: float = 0.0) -> Simulated:
+    """The small arm with four times its dry friction under feedback that knows none of it, logged at 1 kHz."""
+    friction = Friction(np.array(FRICTION["FV"]), 4.0 * np.array(FRICTION["FS"]))
+    effort = Channel(noise=0.02, delay=delay)
+    options = LabOptions(repetitions=2, controller=Controller(), sensing=Sensing(RATE, Channel(noise=1e-6), effort))
+    return simulate(small_arm(friction=friction), short_plan(1, 8.0), options, seed=1)
+
+
+def told(done: Simulated) -> list[str]:
+    model = DynamicsModel(small_arm().robot, (RigidBody(), Viscous(), Coulomb(0.0)))
+    log = replace(done.recording, joint_names=model.robot.joint_names)
+    found = examine(Evidence(model.robot, log, Reading(), log, (), model, EXPLAINS))
+    return [f.code for f in found if f.severity == "error"]
+
+
+def test_joints_that_stick_are_no_delay_and_a_delay_is_one():
+    done = sticking()
+    assert (done.trace.dq == 0.0).mean(axis=0).max() > 0.01  # they do stick
+    assert told(done) == []
+    assert told(sticking(delay=0.02)) == ["channel-delay"]
