@@ -75,7 +75,7 @@ def both(seconds: float, pause: float) -> np.ndarray:
 def test_rows_at_standstill_do_not_count_for_their_joint_and_are_named():
     log = recording(clock(24.0, RATE), q=both(24.0, 0.2))
     processing = Processing(cutoff=20.0, decimate=100.0)
-    kept, silent = one(log, processing.to_judge)
+    kept, silent = one(log, replace(processing, standstill="keep"))
     run, findings = one(log, processing)
     assert codes(silent) == []
     assert kept.mask[:, 0].sum() == kept.mask[:, 1].sum()

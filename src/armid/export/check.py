@@ -230,7 +230,7 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
     predictions: list[Prediction] = []
     checks: list[Check] = []
     for choice, recording in unseen.recordings:
-        observations, _ = observe_recordings([(choice, recording)], run.processing.to_judge, run.robot)
+        observations, _ = observe_recordings([(choice, recording)], run.processing, run.robot)
         band = observations.band
         both = [(compare(run.model, estimated, o, band), compare(model, said, o, band)) for o in observations.runs]
         mask = np.concatenate([a.mask for a, _ in both])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from armid.errors import StudyError
@@ -109,11 +109,6 @@ class Processing:
                 remedy="find it with armid.measurement.process.observe, or give it in Hz.",
             )
         return Band(self.family, self.cutoff, self.order, self.edges, self.columns)
-
-    @property
-    def to_judge(self) -> Processing:
-        """The same for judging a model: on every row, those at standstill as well."""
-        return replace(self, standstill="keep")
 
 
 def _choice(name: str, value: object, known: tuple[object, ...]) -> None:

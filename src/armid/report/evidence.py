@@ -115,7 +115,7 @@ def look_at(run: Run, choice: RecordingChoice, recording: Recording) -> Evidence
     Raises:
         RecordingError: The recording does not allow what the run's processing asks.
     """
-    observations, _ = observe_recordings([(choice, recording)], run.processing.to_judge, run.robot)
+    observations, _ = observe_recordings([(choice, recording)], run.processing, run.robot)
     model, estimate, runs, band = run.model, run.estimate, observations.runs, observations.band
     theta = torque_parameters(estimate.base, estimate.fit)
     only_friction = np.where(friction_columns(model), theta, 0.0)

@@ -109,7 +109,7 @@ def compare_methods(
     problem = stated_problem(prepared)
     held_out = [(choice, recording) for choice, recording in prepared.recordings if choice.role == "validate"]
     if held_out:
-        observations, _ = observe_recordings(held_out, prepared.study.processing.to_judge, prepared.model.robot)
+        observations, _ = observe_recordings(held_out, prepared.study.processing, prepared.model.robot)
         kind, unseen = (
             "validation",
             _on_recordings(prepared, total(inform(prepared.model, prepared.base, observations))),

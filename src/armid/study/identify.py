@@ -278,11 +278,11 @@ def score_recordings(
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     processing: Processing,
 ) -> tuple[tuple[Score, ...], tuple[Finding, ...]]:
-    """Torque error on recordings, on every row of each by itself, and what was noticed on the way."""
+    """Torque error on recordings, each processed by itself, and what was noticed on the way."""
     scores: list[Score] = []
     findings: list[Finding] = []
     for choice, recording in recordings:
-        observations, found = observe_recordings([(choice, recording)], processing.to_judge, model.robot)
+        observations, found = observe_recordings([(choice, recording)], processing, model.robot)
         findings += found
         asked = highest_speeds(observations)
         beyond = speed_finding(model.robot, estimate.speeds, asked, Path(choice.path).name)
