@@ -19,9 +19,10 @@ from armid.lab.truths import Truth
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Hysteresis, LoadCoulomb, RigidBody, RotorInertia, Stribeck, Viscous
-from armid.study.forward import load_feedback
+from armid.study.forward import judged_by_motion, load_feedback
 from armid.validation.forward import Feedback, Windows, roll_out, sharpened
-from armid.validation.simulate import score_motion
+from armid.validation.predict import Validation
+from armid.validation.simulate import MotionScore, score_motion
 from labs import small_model, small_truth
 from plants import short_plan, small_arm
 
@@ -244,3 +245,12 @@ def test_a_description_that_runs_away_is_not_flattered_by_its_beginnings():
     strong = replace(run, torque=run.torque + 3e3)
     score = score_motion(small_model(), TRUTH, Observations((strong,), Band()), seconds=0.5)
     assert score.lost == score.windows and score.prior_rms is not None and np.isnan(score.prior_rms).all()
+
+
+@pytest.mark.parametrize(("lost", "verdict"), [(0, "pass"), (25, "pass"), (26, "fail"), (51, "fail")])
+def test_a_model_that_loses_most_windows_fails_its_verdict(lost: int, verdict: str):
+    none = np.zeros(3)
+    score = MotionScore("log.csv", none, none, none, none, None, 51, lost, 0.5, 0.01)
+    judged = judged_by_motion(Validation(("a", "b", "c"), (), "pass", ()), [score])
+    assert (judged.verdict, judged.checks[-1].ok) == (verdict, verdict == "pass")
+    assert judged.checks[-1].value == lost / 51

@@ -41,7 +41,7 @@ def validate(
     from armid.cli.console import output_console, print_findings, print_verdict, validation_table
     from armid.cli.rolled_out import motion_table, roll_out
     from armid.study.apply import validate_run
-    from armid.study.forward import motion_record
+    from armid.study.forward import judged_by_motion, motion_record
     from armid.study.records import to_json, validation_record
     from armid.study.run import load_run
 
@@ -50,6 +50,8 @@ def validate(
     found, findings = validate_run(loaded, recordings, how)
     wanted = simulate or closed
     motion = roll_out(loaded, recordings, how, window, tolerance, controller) if wanted else ()
+    if motion:
+        found = judged_by_motion(found, motion)
     if json:
         record = validation_record(found)
         if motion:

@@ -17,9 +17,13 @@ from armid.study.identify import read_recording
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.validation.forward import Feedback
+from armid.validation.predict import Check, Validation
 from armid.validation.simulate import MotionScore, score_motion
 
-__all__ = ["load_feedback", "motion_record", "roll_out_run"]
+__all__ = ["judged_by_motion", "load_feedback", "motion_record", "roll_out_run"]
+
+MOST_LOST = 0.5
+"""Share of rolled-out windows that a model may lose: of one that loses more there is no median error."""
 
 GAINS = ("proportional", "derivative", "integral")
 
@@ -99,6 +103,14 @@ def roll_out_run(
         scores.append(score)
         findings += _lost(score)
     return tuple(scores), tuple(findings)
+
+
+def judged_by_motion(validation: Validation, scores: Sequence[MotionScore]) -> Validation:
+    """The validation with a check more: that the rolled-out model stays in half of the windows at least."""
+    lost = sum(score.lost for score in scores) / max(sum(score.windows for score in scores), 1)
+    check = Check("rolled-out windows lost, as a share", lost, MOST_LOST, lost <= MOST_LOST)
+    verdict = validation.verdict if check.ok else "fail"
+    return replace(validation, verdict=verdict, checks=(*validation.checks, check))
 
 
 def _lost(score: MotionScore) -> list[Finding]:
