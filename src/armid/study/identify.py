@@ -239,7 +239,9 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
         raise _diagnosed(error, prepared.findings) from error
     if prepared.problem.observations is not None:
         estimate = replace(estimate, speeds=highest_speeds(prepared.problem.observations))
-    findings = [*prepared.findings, *estimate.findings, *_doubts(prepared, estimate)]
+    chosen = prepared.ladder is not None
+    remarks = plausibility.doubts(model, information, stated_problem(prepared), estimate.fit, chosen=chosen)
+    findings = [*prepared.findings, *estimate.findings, *remarks]
     tell("validation", 0.0)
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
     training, _ = score_recordings(model, estimate, train, processing)
@@ -347,20 +349,6 @@ def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: 
     given = [choice.reading.drive_gain_deviation for choice, _ in train]
     said = [np.broadcast_to(np.asarray(each, dtype=np.float64), robot.n) for each in given if each is not None]
     return np.max([np.zeros(robot.n), *said], axis=0)
-
-
-def _doubts(prepared: Prepared, estimate: Estimate) -> list[Finding]:
-    """What speaks against taking the estimate at its word."""
-    problem, fit = stated_problem(prepared), estimate.fit
-    _, _, observations = problem.require_samples(estimate.method)
-    found = [
-        plausibility.gravity_finding(prepared.model.robot),
-        plausibility.excitation_finding(prepared.problem.information),
-        plausibility.few_blocks_finding(fit),
-        plausibility.negative_finding(prepared.model, fit),
-        plausibility.weak_finding(problem.information, observations, fit, chosen=prepared.ladder is not None),
-    ]
-    return [finding for finding in found if finding is not None]
 
 
 def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:

@@ -8,6 +8,7 @@ from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.fit import Fit
 from armid.estimation.friction import FEWEST, Ladder
+from armid.estimation.problem import Problem
 from armid.estimation.uncertainty import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.information.observations import Observations
@@ -18,6 +19,7 @@ from armid.validation.doctor.excitation_weak import WEAK_CONDITION, hardly_told
 
 __all__ = [
     "chosen_finding",
+    "doubts",
     "excitation_finding",
     "few_blocks_finding",
     "gravity_finding",
@@ -32,6 +34,29 @@ NAMED = 4
 
 TELLING = 0.5
 """Share of a value below which it is more the prior's than the data's."""
+
+
+def doubts(
+    model: DynamicsModel, information: Information, problem: Problem, fit: Fit, *, chosen: bool
+) -> list[Finding]:
+    """What speaks against taking an estimate at its word.
+
+    Args:
+        model: Arm and torque terms.
+        information: Factors with friction that all recordings share.
+        problem: What the estimate was made from, with its samples.
+        fit: The estimate.
+        chosen: Whether friction was to be chosen by what it predicts.
+    """
+    _, _, observations = problem.require_samples("identify")
+    found = [
+        gravity_finding(model.robot),
+        excitation_finding(information),
+        few_blocks_finding(fit),
+        negative_finding(model, fit),
+        weak_finding(problem.information, observations, fit, chosen=chosen),
+    ]
+    return [finding for finding in found if finding is not None]
 
 
 def excitation_finding(information: Information) -> Finding | None:
