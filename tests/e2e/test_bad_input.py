@@ -137,7 +137,7 @@ def with_one_joint_still(table: Table) -> None:
         (without_a_joint, ["2 channels; small has 3 joints: joint_1, joint_2, joint_3"]),
         (with_a_joint_too_many, ["4 channels; small has 3 joints", "leave out"]),
         (without_effort, ["effort"]),
-        (with_one_effort_missing, ["effort has shape (1600, 2)"]),
+        (with_one_effort_missing, ["3 of q (q1 … q3), but 2 of effort", "1 of effort missing"]),
         (with_one_sample, ["1 usable sample"]),
         (of_a_moment, ["no row is left"]),
         (with_one_joint_still, ["do not see FV_3, FS_3", "moves the joints"]),

@@ -219,7 +219,7 @@ def test_compare_json_stands_in_the_object_and_in_the_run(armid: Armid, small: P
     done = armid(
         "identify", small / "study.toml", "--compare", "--method", "ridge", "--json", "--out", tmp_path / "run"
     )
-    assert done.code == 0 and done.err.startswith("prior-weight The prior towards the description weighs")
+    assert done.code == 0 and done.err.startswith("info prior-weight The prior towards the description weighs")
     found = done.json["compare"]
     assert found == json.loads((tmp_path / "run" / "compare.json").read_text())
     keys_of(found, "joints", "unseen", "methods", "seconds")
@@ -375,7 +375,7 @@ def test_findings_go_to_standard_error(armid: Armid, small: Path):
     write_recording(replace(log, time=log.time + 2e-3 * np.sin(log.time)), Path("jittered.csv"))
     for more in ((), ("--json",)):
         done = armid("identify", small / "small.urdf", "jittered.csv", *more)
-        assert done.code == 0 and done.err.startswith("clock-jitter ") and "clock-jitter " not in done.out[:20]
+        assert done.code == 0 and done.err.startswith("info clock-jitter ") and "clock-jitter " not in done.out[:20]
 
 
 def test_an_arm_with_an_unruly_name_writes_where_it_should(armid: Armid, small: Path, tmp_path: Path):
@@ -461,7 +461,7 @@ def test_demo(armid: Armid):
     assert found["truth"]["relative_error"] < 0.01
     shown = armid("demo", "--seed", 3, "--out", "there")
     assert shown.code == 0 and "against the truth: base parameters off by" in shown.out
-    assert {path.name for path in Path("there").iterdir()} == RUN_FILES
+    assert {path.name for path in Path("there").iterdir()} == RUN_FILES | {"demo.json"}
 
 
 @pytest.mark.usefixtures("slow_sensors")

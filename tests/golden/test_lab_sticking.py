@@ -49,6 +49,6 @@ def test_sticking_biases_no_parameter_is_no_delay_and_no_change(tmp_path: Path, 
     record_property("error", error)
     assert held >= LEAST
     assert error < ERROR
-    assert [(f.code, f.severity) for f in result.estimate.findings] == [("standstill", "info")]
+    assert [(f.code, f.severity) for f in result.estimate.findings] == [("sticking", "info")]
     run = load_run(save_run(result, tmp_path / "run"))
     assert track(run, [str(tmp_path / "2" / "recording.npz")], {}).events == ()

@@ -50,4 +50,4 @@ def test_table_41_is_suspected_of_the_wrong_gravity():
     findings = certify_named(load_robot("iiwa14-r820", gravity=HANGING), values).findings
     (found,) = (f for f in findings if f.code == "gravity-direction")
     assert "MYR_2 = -5.8" in found.evidence and "MYR_4 = -2.25" in found.evidence
-    assert found.remedy == "gravity = [0, 0, -9.81]"
+    assert found.remedy == "gravity = [0, 0, -9.81]  # in [robot]"

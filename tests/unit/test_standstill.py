@@ -67,6 +67,15 @@ def test_a_joint_that_never_moves_and_one_hidden_by_noise_have_no_standstill():
     assert not standing(q[:5], RATE).any()
 
 
+def test_an_arm_that_rests_between_motion_does_not_stick():
+    """All joints at once, each on its own path; one that stands longer than the others is still seen."""
+    q = stuck(12.0, 0.4) * np.array([1.0, -0.7, 1.3])
+    assert standing(q[:, :1], RATE).any()
+    assert not standing(q, RATE).any()
+    q[:, 2:] = stuck(12.0, 0.15)
+    assert standing(q, RATE).any(axis=0).all()
+
+
 def both(seconds: float, pause: float) -> np.ndarray:
     """One joint that sticks beside one that never does."""
     return np.hstack([stuck(seconds, pause), 0.4 * np.sin(2.0 * clock(seconds, RATE))[:, None]])
@@ -83,7 +92,7 @@ def test_rows_at_standstill_do_not_count_for_their_joint_and_are_named():
     lost = kept.mask[:, 0] & ~run.mask[:, 0]
     assert lost[truly(24.0, 0.2)[run.rows] & kept.mask[:, 0]].all()
     (finding,) = findings
-    assert (finding.code, finding.severity) == ("standstill", "info")
+    assert (finding.code, finding.severity) == ("sticking", "info")
     assert f"{log.channels[0]} {lost.sum() / kept.mask[:, 0].sum():.0%}" in finding.evidence
     assert log.channels[1] not in finding.evidence
 
@@ -92,7 +101,7 @@ def test_a_joint_that_mostly_stands_keeps_its_rows_with_a_warning():
     log = recording(clock(24.0, RATE), q=both(24.0, 0.9))
     run, findings = one(log, Processing())  # at 5 Hz standstill reaches 0.4 s to each side
     assert np.array_equal(run.mask[:, 0], run.mask[:, 1])
-    assert [(f.code, f.severity) for f in findings] == [("standstill", "warning")]
+    assert [(f.code, f.severity) for f in findings] == [("sticking", "warning")]
 
 
 def test_the_preset_of_the_thesis_leaves_nothing_out():

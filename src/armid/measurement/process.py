@@ -229,11 +229,11 @@ def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
     if gone.any():
         findings.append(
             Finding(
-                "standstill",
+                "sticking",
                 "info",
                 recording.source,
-                "Joints stop between motion, as where they stick at a reversal. Rows that this reaches: "
-                f"{named(gone)}.",
+                "Joints stand, or all but stand, among others that move, as where they stick at a reversal. Rows that "
+                f"this reaches: {named(gone)}.",
                 "They do not count for this joint, for dry friction at rest takes any value up to its bound; "
                 'standstill = "keep" counts them.',
             )
@@ -241,7 +241,7 @@ def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
     if spared.any():
         findings.append(
             Finding(
-                "standstill",
+                "sticking",
                 "warning",
                 recording.source,
                 f"Joints mostly stand still. Rows that this reaches: {named(spared)}.",

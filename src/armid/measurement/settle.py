@@ -287,8 +287,8 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
             "there is no clock and no rate.",
             lines(f"Hz; q and dq imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
             if known
-            else "find out the rate in Hz and say it, name a time column, or say consecutive = false if rows are "
-            "separate samples.",
+            else "find out the rate in Hz and say it (rate = …), name a time column, or say consecutive = false if "
+            "rows are separate samples.",
         )
     if coherent >= COHERENT:
         if np.isfinite(implied) and abs(implied / recording.rate - 1) > RATE_TOLERANCE:

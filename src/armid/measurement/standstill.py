@@ -4,6 +4,10 @@ A joint that turns round passes through rest in a moment: with acceleration a it
 that sticks stays there, and is fast soon after. So a stretch of slow samples is standstill where a stretch as long
 before or behind it holds a speed that no smooth passage leads to. A joint that is seen to stand in one place may do
 so wherever its velocity lingers about zero: passages that acceleration does not hurry through then count as well.
+
+Where all joints stand at once, the arm rests. It does so before and after a motion and between poses, not by
+sticking; what it was moved by says on which side friction holds it, and its weight is to be seen. Such stretches are
+no standstill, unless a single joint moves at all.
 """
 
 from __future__ import annotations
@@ -46,9 +50,12 @@ and comes back 17, or some more when the stretch is a few samples."""
 LINGERS = 6.0
 """The same from which on a joint that stands elsewhere may have stood, too: twice what constant acceleration does."""
 
+RESTING = 0.5
+"""Share of a slow stretch in which all joints are slow, from which on it is the arm that rests."""
+
 
 def standing(q: Array, rate: float) -> NDArray[np.bool_]:
-    """Samples at which a joint stands still, though it moves before or after.
+    """Samples at which a joint stands still among others that move, though it moves before or after.
 
     A joint that never moves has none, nor one whose noise hides whether it does.
 
@@ -67,8 +74,12 @@ def standing(q: Array, rate: float) -> NDArray[np.bool_]:
     usual = np.sqrt(np.mean(speed**2, axis=0))
     noise = _noise(q) * np.sqrt(2.0 / half) / (half + 1) * rate
     limit = np.maximum(SURE * noise, SLOW * usual)
-    for j in np.flatnonzero((usual > 0.0) & (limit <= BLIND * usual)):
+    seen = (usual > 0.0) & (limit <= BLIND * usual)
+    rests = (speed[:, seen] < limit[seen]).all(axis=1) & (seen.sum() > 1)
+    for j in np.flatnonzero(seen):
         ends, departure = _slow_stretches(speed[:, j] / limit[j], max(LEAST, round(SHORTEST * rate)))
+        alone = np.array([rests[begin:end].mean() < RESTING for begin, end in ends], dtype=np.bool_)
+        ends, departure = ends[alone], departure[alone]
         if departure.max(initial=0.0) > STANDS:
             for begin, end in ends[departure > LINGERS]:
                 flags[max(0, begin - half) : end + half, j] = True

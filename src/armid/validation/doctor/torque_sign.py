@@ -104,7 +104,9 @@ def relative(state: State) -> tuple[Array, float, NDArray[np.bool_]]:
     first = cost_of(rows, pairs)
     sign, cost = np.ones(rows.n), first
     if CALM < state.conflict and rows.n <= MOST_TOGETHER:
-        sign, cost = _best_of_all(rows, pairs, first)
+        together, less = _best_of_all(rows, pairs, first)
+        if less < first - FLIP:
+            sign, cost = together, less
     while True:
         trials = np.array([cost_of(rows, pairs, _flipped(sign, j)) for j in range(rows.n)])
         best = int(np.argmin(trials))
