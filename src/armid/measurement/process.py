@@ -232,8 +232,8 @@ def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
                 "sticking",
                 "info",
                 recording.source,
-                "Joints stand, or all but stand, among others that move, as where they stick at a reversal. Rows that "
-                f"this reaches: {named(gone)}.",
+                "Joints stand, or all but stand, among others that move, as where they stick at a reversal. Rows "
+                f"that this reaches: {named(gone)}.",
                 "They do not count for this joint, for dry friction at rest takes any value up to its bound; "
                 'standstill = "keep" counts them.',
             )
