@@ -9,6 +9,7 @@ from armid.report.plots import Plot, line
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
 from armid.report.thesis.chapter import Figures, Text, chapter, named, number
+from armid.study.thesis.algorithm import NOISE
 from armid.study.thesis.published import published
 from armid.study.thesis.results import Pictures, Table41
 from armid.study.thesis.retell import Thesis
@@ -33,6 +34,13 @@ PHYSICAL = (
 )  # fmt: skip
 
 
+def _noise_of(rate: float) -> str:
+    """What the noise of 8 kHz is at another rate."""
+    if rate == NOISE.rate:
+        return ""
+    return f" for 8&nbsp;kHz, times {short(np.sqrt(rate / NOISE.rate), 2)} at this rate, which is as much in any band"
+
+
 def show_steps(thesis: Thesis) -> Section:
     """Algorithm 3 as it is printed and with corrections."""
     spread, setting = thesis.steps.spread, thesis.setting
@@ -42,9 +50,9 @@ def show_steps(thesis: Thesis) -> Section:
         Text(
             "The virtual arm has the inertials of its public description and the friction of Table 4.1. It follows "
             f"Table A.1 in 27&nbsp;s exactly, five times, and is logged at {setting.extent.rate:g}&nbsp;Hz with "
-            "noise of 10⁻⁵&nbsp;rad and 0.3&nbsp;N·m (at 8&nbsp;kHz). Each row estimates the base parameters in "
-            "another way; each is held against the truth, and against the true torque along Table A.2, which no "
-            "estimate has seen."
+            f"noise of 10⁻⁵&nbsp;rad and 0.3&nbsp;N·m{_noise_of(setting.extent.rate)}. Each row estimates the base "
+            "parameters in another way; each is held against the truth, and against the true torque along Table A.2, "
+            "which no estimate has seen."
         ),
         _steps(thesis.steps.rows),
         Text(

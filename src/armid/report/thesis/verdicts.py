@@ -11,11 +11,24 @@ from armid.report.thesis.chapter import List, Numbers, Text, chapter, counted, n
 from armid.study.thesis.errata import Erratum
 from armid.study.thesis.published import published
 from armid.study.thesis.retell import Thesis
+from armid.study.thesis.setting import Extent
 
 __all__ = ["show_audit", "show_errata", "show_provenance", "show_summary"]
 
 TELLING = ("MYR_2", "MYR_4", "MYR_5", "MYR_6", "XXR_2", "ZZR_2", "ZZR_1")
 """Parameters by which the sign of gravity shows."""
+
+
+def _extent(thesis: Thesis) -> str:
+    """That a study is shorter than the whole one, where it is."""
+    had, whole = thesis.setting.extent, Extent()
+    if had == whole:
+        return ""
+    return (
+        f" <b>This is a shortened study</b>: {had.seeds} seeds of the noise (the whole one has {whole.seeds}), "
+        f"{had.starts} random starts ({whole.starts}), logs at {had.rate:g}&nbsp;Hz ({whole.rate:g}); "
+        "<code>armid thesis</code> runs the whole one."
+    )
 
 
 def show_summary(thesis: Thesis) -> Section:
@@ -37,7 +50,7 @@ def show_summary(thesis: Thesis) -> Section:
             "This page runs the study of [Halper2024], the identification of the dynamic parameters of a hanging "
             "KUKA LBR iiwa 14 R820, from its first table to its last figure on an arm that is not there, so that "
             "every estimate can be held against the truth. Nothing on it is copied but what is marked as being in "
-            "print."
+            f"print.{_extent(thesis)}"
         ),
         List(
             (
