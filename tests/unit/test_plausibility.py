@@ -14,7 +14,7 @@ from armid.excitation.plans import builtin_plan
 from armid.lab.virtual import thesis_truth
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
-from armid.study.plausibility import excitation_finding, gravity_finding, weak_finding
+from armid.study.plausibility import excitation_finding, far_finding, gravity_finding, weak_finding
 from armid.values import Array
 from problems import one_run, raw
 
@@ -90,3 +90,15 @@ def test_a_motion_that_hardly_moves_is_remarked_however_long_it_is():
     found = weak(20.0, "log-det", slowly=0.01)
     assert found is not None and "of prior and physics" in found.evidence
     assert "record" not in found.remedy and "fast and wide" in found.remedy
+
+
+def test_masses_that_nothing_says_are_named_with_the_prior_that_keeps_them():
+    """Torques see no mass of the first link: by the mass prior it is next to none, by log-det the described one."""
+    model, motion, torque = measured()
+    base = find_base_parameters(model)
+    observations = raw(one_run(motion, torque, 50.0, block_rows=50))
+    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    light = far_finding(problem.standard, PhysicallyConsistent(prior="mass").estimate(problem))
+    assert light is not None and "M_1" in light.evidence and 'prior = "log-det"' in light.remedy
+    assert far_finding(problem.standard, PhysicallyConsistent(prior="log-det").estimate(problem)) is None
+    assert far_finding(problem.standard, WeightedLeastSquares().estimate(problem)) is None

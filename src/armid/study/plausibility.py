@@ -8,7 +8,7 @@ from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.fit import Fit
 from armid.estimation.friction import FEWEST, Ladder
-from armid.estimation.problem import Problem
+from armid.estimation.problem import Problem, Standard
 from armid.estimation.uncertainty import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.information.observations import Observations
@@ -21,6 +21,7 @@ __all__ = [
     "chosen_finding",
     "doubts",
     "excitation_finding",
+    "far_finding",
     "few_blocks_finding",
     "gravity_finding",
     "negative_finding",
@@ -29,6 +30,9 @@ __all__ = [
 
 STRONGEST_GRAVITY = 15.0
 """Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
+
+FAR = 20.0
+"""Factor between the mass of a link and the described one from which on they have nothing to do with each other."""
 
 NAMED = 4
 
@@ -55,8 +59,34 @@ def doubts(
         few_blocks_finding(fit),
         negative_finding(model, fit),
         weak_finding(problem.information, observations, fit, chosen=chosen),
+        far_finding(problem.standard, fit),
     ]
     return [finding for finding in found if finding is not None]
+
+
+def far_finding(standard: Standard | None, fit: Fit) -> Finding | None:
+    """Links whose mass the data leave open and that came out far from the described one, or `None`."""
+    found = fit.standard
+    if found is None or standard is None or standard.nominal is None:
+        return None
+    masses = standard.inertial[:, 0]
+    described, had = standard.nominal[masses], found.values[masses]
+    far = (described > 0.0) & ((had < described / FAR) | (had > described * FAR))
+    if not far.any():
+        return None
+    said = ", ".join(
+        f"{found.names[masses[k]]} {had[k]:.3g} kg (described: {described[k]:.3g})"
+        for k in np.flatnonzero(far)[:NAMED]
+    )
+    return Finding(
+        "mass-far-from-description",
+        "warning",
+        "",
+        f"Torques do not tell these masses apart from others, and they came out far from the description's: {said}"
+        f"{' and more' if far.sum() > NAMED else ''}. Torque is the same; a body that is shown or simulated on its own "
+        "is not.",
+        'physical = { prior = "log-det" }  # in [estimation]: what data leave open stays near the description',
+    )
 
 
 def excitation_finding(information: Information) -> Finding | None:
