@@ -83,8 +83,8 @@ def far_finding(standard: Standard | None, fit: Fit) -> Finding | None:
         "warning",
         "",
         f"Torques do not tell these masses apart from others, and they came out far from the description's: {said}"
-        f"{' and more' if far.sum() > NAMED else ''}. Torque is the same; a body that is shown or simulated on its own "
-        "is not.",
+        f"{' and more' if far.sum() > NAMED else ''}. Torque is the same; a body that is shown or simulated on its "
+        "own is not.",
         'physical = { prior = "log-det" }  # in [estimation]: what data leave open stays near the description',
     )
 
