@@ -75,8 +75,7 @@ def standing(q: Array, rate: float) -> NDArray[np.bool_]:
     noise = _noise(q) * np.sqrt(2.0 / half) / (half + 1) * rate
     limit = np.maximum(SURE * noise, SLOW * usual)
     seen = (usual > 0.0) & (limit <= BLIND * usual)
-    # A joint that settles or trembles while the others stand is no motion of the arm.
-    rests = (speed[:, seen] < LINGERS * limit[seen]).all(axis=1) & (seen.sum() > 1)
+    rests = (speed[:, seen] < limit[seen]).all(axis=1) & (seen.sum() > 1)
     for j in np.flatnonzero(seen):
         ends, departure = _slow_stretches(speed[:, j] / limit[j], max(LEAST, round(SHORTEST * rate)))
         alone = np.array([rests[begin:end].mean() < RESTING for begin, end in ends], dtype=np.bool_)
