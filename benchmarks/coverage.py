@@ -7,21 +7,22 @@ kind, and the share of unseen torque inside the 95 % band.
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import argparse
 import json
-import os
 import sys
 import time
 from collections import Counter
 from typing import Any
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-from armid.information.band import Band  # noqa: E402
-from simulated import COLOURS, COMMON, UNEQUAL, Case, Simulation  # noqa: E402
+from armid.information.band import Band
+from simulated import COLOURS, COMMON, UNEQUAL, Case, Simulation
 
 OPEN, LOGS = Band(), Band("butterworth", 3.5, 4, "periodic")
 KINDS: dict[str, dict[str, Any]] = {

@@ -9,23 +9,25 @@ missed.
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import argparse
 import json
-import os
 import sys
 import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from armid.errors import ArmidError, Finding  # noqa: E402
-from armid.study.doctor import diagnose_recording  # noqa: E402
-from healing import delay_error, is_right  # noqa: E402
-from sick import FAULTS, Case, sound  # noqa: E402
+from armid.errors import ArmidError, Finding
+from armid.study.doctor import diagnose_recording
+from healing import delay_error, is_right
+from sick import FAULTS, Case, sound
 
 SOUND = 4
 """Logs without a fault for each with one of a class: two false alarms in a hundred are not seen among forty."""

@@ -7,30 +7,31 @@ names the true terms with their true shapes. Both are estimated by `ridge`.
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-from armid.estimation.estimate import torque_parameters  # noqa: E402
-from armid.excitation.fourier import Excitation  # noqa: E402
-from armid.information.residuals import compare  # noqa: E402
-from armid.maths.inertia import vector_from_pseudo_inertia  # noqa: E402
-from armid.measurement.recording import Recording  # noqa: E402
-from armid.model.dynamics import DynamicsModel  # noqa: E402
-from armid.robot import Robot, load_robot  # noqa: E402
-from armid.study.identify import Result, identify, observe_recordings  # noqa: E402
-from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model  # noqa: E402
-from armid.values import Array, digest  # noqa: E402
+from armid.estimation.estimate import torque_parameters
+from armid.excitation.fourier import Excitation
+from armid.information.residuals import compare
+from armid.maths.inertia import vector_from_pseudo_inertia
+from armid.measurement.recording import Recording
+from armid.model.dynamics import DynamicsModel
+from armid.robot import Robot, load_robot
+from armid.study.identify import Result, identify, observe_recordings
+from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
+from armid.values import Array, digest
 
 ARMS = ("iiwa14-r820", "panda", "ur5e")
 

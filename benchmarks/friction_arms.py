@@ -9,9 +9,13 @@ left out is seen neither by the choice nor by the estimate. Recordings and proce
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Iterator
@@ -19,27 +23,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+import numpy as np
+from numpy.typing import NDArray
 
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
-
-from armid.errors import ArmidError  # noqa: E402
-from armid.estimation.crossvalidation import beside, folds  # noqa: E402
-from armid.estimation.estimate import torque_parameters  # noqa: E402
-from armid.estimation.estimators import Ridge, WeightedLeastSquares  # noqa: E402
-from armid.estimation.friction import choose_friction  # noqa: E402
-from armid.estimation.problem import Problem, standard_of  # noqa: E402
-from armid.information.observations import Observations  # noqa: E402
-from armid.information.residuals import compare  # noqa: E402
-from armid.information.stream import inform  # noqa: E402
-from armid.measurement.process import resolve  # noqa: E402
-from armid.model.base import find_base_parameters  # noqa: E402
-from armid.model.dynamics import DynamicsModel  # noqa: E402
-from armid.study.identify import observe_recordings, read_recording  # noqa: E402
-from armid.study.study import ModelChoice, build_model, load_choice, load_study  # noqa: E402
-from armid.values import Array  # noqa: E402
+from armid.errors import ArmidError
+from armid.estimation.crossvalidation import beside, folds
+from armid.estimation.estimate import torque_parameters
+from armid.estimation.estimators import Ridge, WeightedLeastSquares
+from armid.estimation.friction import choose_friction
+from armid.estimation.problem import Problem, standard_of
+from armid.information.observations import Observations
+from armid.information.residuals import compare
+from armid.information.stream import inform
+from armid.measurement.process import resolve
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.study.identify import observe_recordings, read_recording
+from armid.study.study import ModelChoice, build_model, load_choice, load_study
+from armid.values import Array
 
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
 

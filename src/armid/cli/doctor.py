@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, Terms, known_arms, model_choice, robot_choice
+from armid.cli.options import Gravity, Json, Lock, Rate, Terms, TorqueSign, known_arms, model_choice, robot_choice
 from armid.errors import ArmidError
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ def doctor(
     recordings: Annotated[
         list[str] | None, typer.Argument(metavar="[RECORDING…]", help="Recordings of the arm.")
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
-    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    rate: Rate = None,
+    torque_sign: TorqueSign = None,
     units: Annotated[str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles.")] = None,
     period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
     gravity: Gravity = None,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Json, Out
+from armid.cli.options import Json, Out, Rate, TorqueSign
 from armid.cli.validate import changed_reading
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def payload(
     same_friction: Annotated[
         bool, typer.Option("--same-friction", help="Friction is that of the run; by default it may have changed.")
     ] = False,
-    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
-    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    rate: Rate = None,
+    torque_sign: TorqueSign = None,
     out: Out = None,
     json: Json = False,
 ) -> None:

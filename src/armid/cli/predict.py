@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from armid.cli.options import Json
+from armid.cli.options import Json, TorqueSign
 from armid.cli.validate import changed_reading
 from armid.errors import ArmidError
 
@@ -23,7 +23,7 @@ def predict(
     ),
     plan_rate: Annotated[float, typer.Option(help="Samples a second of a plan, Hz.")] = 100.0,
     rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock, Hz.")] = None,
-    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    torque_sign: TorqueSign = None,
     json: Json = False,
 ) -> None:
     """Predict joint torques along a recording's motion or a plan and write them to a file.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Json, Out, run_folder
+from armid.cli.options import Json, Out, Rate, TorqueSign, run_folder
 from armid.cli.validate import changed_reading
 from armid.errors import OutputError, StudyError
 
@@ -28,8 +28,8 @@ def recalibrate(
     everything: Annotated[
         bool, typer.Option("--all", help="Everything may have changed: only the new recordings count.")
     ] = False,
-    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
-    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    rate: Rate = None,
+    torque_sign: TorqueSign = None,
     out: Out = None,
     json: Json = False,
 ) -> None:

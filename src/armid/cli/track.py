@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Json, Out
+from armid.cli.options import Json, Out, Rate, TorqueSign
 from armid.cli.validate import changed_reading
 from armid.errors import StudyError
 
@@ -32,8 +32,8 @@ def track(
     block: Annotated[float, typer.Option(metavar="S", help="Time from one estimate to the next, s.")] = 1.0,
     tool: Annotated[bool, typer.Option("--tool", help="Follow a load at the tip, too.")] = False,
     everything: Annotated[bool, typer.Option("--all", help="Every parameter may change.")] = False,
-    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
-    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    rate: Rate = None,
+    torque_sign: TorqueSign = None,
     out: Out = None,
     json: Json = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from armid.cli.options import Json
+from armid.cli.options import Json, Rate, TorqueSign
 
 __all__ = ["changed_reading", "validate"]
 
@@ -16,8 +16,8 @@ __all__ = ["changed_reading", "validate"]
 def validate(
     run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings of the same arm.")],
-    rate: Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")] = None,
-    torque_sign: Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")] = None,
+    rate: Rate = None,
+    torque_sign: TorqueSign = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Also roll the model out and compare motion, in short windows.")
     ] = False,
