@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tree_sitter
+import tree_sitter_julia
 
 from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -192,10 +194,16 @@ def run_module(each: Case, module: Mapping[str, Any], *, parameters_first: bool)
     return along(each, call)
 
 
+def is_julia(text: str) -> bool:
+    """Whether a text keeps the grammar of Julia."""
+    language = tree_sitter.Language(tree_sitter_julia.language())
+    return not tree_sitter.Parser(language).parse(text.encode()).root_node.has_error
+
+
 def julia_as_python(text: str) -> dict[str, Any]:
     """Functions of a Julia module, run as Python: the statements are of a kind that both read alike.
 
-    Indices are moved by one. What Julia alone would refuse is not seen here.
+    Indices are moved by one. What Julia alone would refuse is not seen here, but for its grammar: `is_julia`.
     """
     lines = ["from math import *", "def sign(x): return (x > 0) - (x < 0)"]
     for name, arguments, statements in re.findall(r"function (\w+)!\((.*?)\)\n(.*?)\n    return", text, re.DOTALL):

@@ -21,6 +21,7 @@ from coded import (
     STRICT,
     Case,
     case,
+    is_julia,
     julia_as_python,
     run_c,
     run_module,
@@ -126,7 +127,8 @@ def test_python(name: str):
 def test_julia_statements(name: str):
     each, files, prefix = generated(name, "julia")
     text = files[f"{prefix}.jl"]
-    assert text.count("\nend") == text.count("\nfunction ") + 1  # the module's own
+    assert is_julia(text)
+    assert not is_julia(text.replace("\nend\n", "\n", 1)) and not is_julia(text.replace("] = ", "] = = ", 1))
     each.compare(run_module(each, julia_as_python(text), parameters_first=True))
 
 
