@@ -91,6 +91,31 @@ def test_what_is_not_there_is_said(run: Run, tmp_path: Path):
         assert draw(load_run(tmp_path), data=Path(run.folder).parent).data
 
 
+def test_what_is_no_value_of_armids_is_refused(run: Run):
+    """A notebook gets one sentence with what to write instead, whatever it has handed over."""
+    robot, plan = small_model().robot, small_plan(1)
+    for draw, _ in KINDS.values():
+        for wrong in ("runs/today", Path("runs/today"), None, {"run": 1}, run.robot):
+            with pytest.raises(ArmidError, match=r"(?s)A run must be given; found .*load_run"):
+                draw(wrong)
+        with pytest.raises(ArmidError, match="A folder as data must be given; found 5"):
+            draw(run, data=5)
+        with pytest.raises(ArmidError, match="no theme"):
+            draw(run, theme=["dark"])
+        with pytest.raises(ArmidError, match="has no joint 2"):
+            draw(run, joint=2)
+    for arguments, expected in {
+        ("plan.json", robot): "load_plan",
+        (run, robot): "load_plan",
+        (plan, "arm.urdf"): "load_robot",
+        (robot, plan): "load_plan",
+    }.items():
+        with pytest.raises(ArmidError, match=rf"(?s)must be given; found .*{expected}"):
+            figures.plot_plan(*arguments)
+    with pytest.raises(ArmidError, match=r"(?s)Limits of joints must be given; found a dict"):
+        figures.plot_plan(plan, robot, limits={})
+
+
 def test_a_plan_stands_against_its_limits():
     robot, plan = small_model().robot, small_plan(1)
     figure = figures.plot_plan(plan, robot)

@@ -5,13 +5,17 @@
 
     plot_torque(load_run("runs/today"), joint="joint_2")
 
-They need the extra `report`. Joints stand one below the other; `joint` asks for one of them.
+They need the extra `report`. Joints stand one below the other; `joint` asks for one of them, `theme` is `light` or
+`dark`. Recordings of a run are read again; `data` is a folder in which they are looked for first. All of them raise
+`MissingExtraError` where plotly is not installed and `ArmidError` where an argument is not what it should be, there
+is no such joint, or no recording of a run can be read again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,41 +59,15 @@ Rows = Sequence[tuple[str, Sequence[Plot]]]
 def plot_torque(
     run: Run, *, joint: str | None = None, data: Path | str | None = None, theme: Theme = "light"
 ) -> Figure:
-    """Torque measured and predicted over time, with the band that should hold 95 % of it.
-
-    Args:
-        run: The run; its recordings are read again.
-        joint: Name of the one joint that is wanted.
-        data: Folder in which recordings are looked for first.
-        theme: `light` or `dark`.
-
-    Raises:
-        MissingExtraError: plotly is not installed.
-        ArmidError: No recording can be read again, or there is no such joint.
-    """
-    material = _material(run, data)
-    return figure_of(_of_joint(show_torque(material), joint, material.run.robot), theme=theme)
+    """Torque measured and predicted over time, with the band that should hold 95 % of it."""
+    return _of_run(run, show_torque, joint, data, theme)
 
 
 def plot_residuals(
     run: Run, *, joint: str | None = None, data: Path | str | None = None, theme: Theme = "light"
 ) -> Figure:
-    """What the model leaves over time, over velocity and in frequency.
-
-    Args:
-        run: The run; its recordings are read again.
-        joint: Name of the one joint that is wanted.
-        data: Folder in which recordings are looked for first.
-        theme: `light` or `dark`.
-
-    Raises:
-        MissingExtraError: plotly is not installed.
-        ArmidError: No recording can be read again, or there is no such joint.
-    """
-    material = _material(run, data)
-    section = show_residuals(material)
-    assert section is not None  # there are recordings
-    return figure_of(_of_joint(section, joint, material.run.robot), theme=theme)
+    """What the model leaves over time, over velocity and in frequency."""
+    return _of_run(run, show_residuals, joint, data, theme)
 
 
 def plot_friction(
@@ -97,23 +75,10 @@ def plot_friction(
 ) -> Figure:
     """Friction as it is seen and as the law says: over velocity, over position and around reversals.
 
-    Args:
-        run: The run; its recordings are read again.
-        joint: Name of the one joint that is wanted.
-        data: Folder in which recordings are looked for first.
-        theme: `light` or `dark`.
-
     Raises:
-        MissingExtraError: plotly is not installed.
-        ArmidError: The model has no friction, no recording can be read again, or there is no such joint.
+        ArmidError: The model has no friction, or as said above.
     """
-    material = _material(run, data)
-    section = show_friction(material)
-    if section is None:
-        raise ArmidError(
-            f"The model of {run.folder} has no friction.", remedy="identify with friction among its terms."
-        )
-    return figure_of(_of_joint(section, joint, material.run.robot), theme=theme)
+    return _of_run(run, show_friction, joint, data, theme)
 
 
 def plot_plan(
@@ -134,10 +99,12 @@ def plot_plan(
         theme: `light` or `dark`.
 
     Raises:
-        MissingExtraError: plotly is not installed.
-        ArmidError: The plan is of another arm, or there is no such joint.
+        ArmidError: The plan is of another arm, or as said above.
     """
     require_extra("plotly")
+    _require(plan, (Plan, Excitation), "A plan", 'load_plan("plan.json") of armid.excitation.fourier')
+    _require(robot, (Robot,), "An arm", 'load_robot("arm.urdf")')
+    _require(limits, (Limits, NoneType), "Limits of joints", "described_limits(robot) of armid.excitation.limits")
     whole = Plan(plan) if isinstance(plan, Excitation) else plan
     if whole.excitation.n != robot.n:
         raise ArmidError(
@@ -193,28 +160,47 @@ def figure_of(rows: Rows, *, theme: Theme = "light") -> Figure:
     return figure
 
 
-def _material(run: Run, data: Path | str | None) -> Material:
-    """The run with its recordings.
-
-    Raises:
-        MissingExtraError: plotly is not installed.
-        ArmidError: None can be read again.
-    """
+def _of_run(
+    run: Run,
+    show: Callable[[Material], Section | None],
+    joint: str | None,
+    data: Path | str | None,
+    theme: Theme,
+) -> Figure:
+    """A section of a run's page as a figure."""
     require_extra("plotly")
+    _require(run, (Run,), "A run", 'load_run("runs/today")')
+    _require(data, (Path, str, NoneType), "A folder as data", 'a folder, "recordings"')
     material = with_evidence(run, data=data)
     if not material.drawn:
         raise ArmidError(
             f"None of the recordings of {run.folder} can be read again: {' '.join(material.missing)}",
             remedy="say with data=FOLDER where they are.",
         )
-    return material
+    section = show(material)
+    if section is None:  # with recordings at hand, of friction alone
+        raise ArmidError(
+            f"The model of {run.folder} has no friction.", remedy="identify with friction among its terms."
+        )
+    return figure_of(_of_joint(section, joint, run.robot), theme=theme)
+
+
+def _require(value: object, kinds: tuple[type, ...], what: str, example: str) -> None:
+    """Refuse what is of none of these kinds.
+
+    Raises:
+        ArmidError: It is not.
+    """
+    if not isinstance(value, kinds):
+        shown = f"{value!r:.60}" if isinstance(value, str | int | float | Path) else f"a {type(value).__name__}"
+        raise ArmidError(f"{what} must be given; found {shown}.", remedy=f"give it as a value: {example}.")
 
 
 def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
     """The rows of a section, or what of them is about one joint: a row by its heading, a plot by its title.
 
     Raises:
-        ArmidError: There is no such joint.
+        ArmidError: There is no such joint, or no plot of it.
     """
     if joint is None:
         return section.plots
@@ -225,7 +211,13 @@ def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
         )
     kept = ((heading, plots if heading == joint else [p for p in plots if p.title == joint])
             for heading, plots in section.plots)  # fmt: skip
-    return [(heading, plots) for heading, plots in kept if plots]
+    rows = [(heading, plots) for heading, plots in kept if plots]
+    if not rows:
+        drawn = [heading for heading, _ in section.plots]
+        raise ArmidError(
+            f"{section.title} has no plot of {joint}.", possible=", ".join(drawn), remedy="ask for these."
+        )
+    return rows
 
 
 def _placed(rows: Rows, columns: int) -> list[tuple[int, int, str, Plot]]:

@@ -149,7 +149,7 @@ def colours(theme: Theme) -> dict[str, str]:
     """
     blocks = re.findall(r":root[^{]*{(.*?)}", text_of("theme.css"), re.DOTALL)
     themes = dict(zip(get_args(Theme), blocks, strict=True))
-    if theme not in themes:
+    if theme not in list(themes):
         raise ArmidError(f"There is no theme {theme!r}.", possible=", ".join(themes))
     return dict(re.findall(r"--([\w-]+):\s*([^;]+);", themes[theme]))
 
