@@ -57,6 +57,9 @@ PACKAGE = "example-robot-data"
 CLEARANCE, ACCELERATION, JERK, MARGIN = 0.02, 10.0, 200.0, 0.1
 """Distance of bodies [m], limits of every joint [rad/s² or m/s², rad/s³ or m/s³], share of torque kept free."""
 
+NARROW = 0.005
+"""Distance that Baxter's bodies keep [m]: its elbow and forearm are nowhere further apart than 23 mm."""
+
 CHANCES = 20
 """Random plans."""
 
@@ -66,12 +69,13 @@ DRAWS = 20000
 
 @dataclass(frozen=True)
 class Entry:
-    """Where an arm is described, which joints are held, how high the floor is."""
+    """Where an arm is described, which joints are held, how high the floor is, how far bodies keep apart [m]."""
 
     name: str
     path: Path
     floor: float = 0.0
     locked: tuple[str, ...] = ()
+    clearance: float = CLEARANCE
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,9 @@ def entries() -> list[Entry]:
         Entry("so101", robots / "so_arm_description/urdf/so101.urdf"),
         Entry("ur3", robots / "ur_description/urdf/ur3_robot.urdf"),
         Entry("ur10", robots / "ur_description/urdf/ur10_robot.urdf", -0.05),
-        Entry("baxter, both arms", robots / "baxter_description/urdf/baxter.urdf", -0.95, ("head_pan", *fingers)),
+        Entry(
+            "baxter, both arms", robots / "baxter_description/urdf/baxter.urdf", -0.95, ("head_pan", *fingers), NARROW
+        ),
     ]
 
 
@@ -124,7 +130,7 @@ def design(entry: Entry, effort: Effort, seconds: float, harmonics: int, criteri
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
     goal = Goal(model, find_base_parameters(model), criterion)
     rules = Rules(
-        acceleration=ACCELERATION, jerk=JERK, torque_margin=MARGIN, clearance=CLEARANCE,
+        acceleration=ACCELERATION, jerk=JERK, torque_margin=MARGIN, clearance=entry.clearance,
         surroundings=(floor(entry.floor),),
     )  # fmt: skip
     with patch("time.time", time.process_time):
@@ -138,7 +144,7 @@ def flight(entry: Entry, designed: Designed) -> Flight:
     with tempfile.TemporaryDirectory() as folder:
         path = save_plan(designed.plan.excitation, Path(folder) / "plan.json")
         return fly(
-            arm, path, floor=entry.floor, clearance=CLEARANCE, acceleration=ACCELERATION, jerk=JERK,
+            arm, path, floor=entry.floor, clearance=entry.clearance, acceleration=ACCELERATION, jerk=JERK,
             torque=1.0 - MARGIN,
         )  # fmt: skip
 

@@ -226,7 +226,8 @@ class _Watch:
         usual = np.mean([self.touching(pose) for pose in rng.uniform(low, high, (LOOKED, self.model.nv))], axis=0)
         self.skipped: list[str] = []
         for k, pair in enumerate(self.geometry.collisionPairs):
-            if self.between(pair) <= NEIGHBOURS and usual[k] > CONSTRUCTION:
+            beside = self.between(pair) <= (1 if self.floor(pair) else NEIGHBOURS)
+            if usual[k] > (CONSTRUCTION if beside else ALWAYS):
                 self.gaps.activeCollisionPairs[k] = False
                 self.skipped.append(self.name(k))
 

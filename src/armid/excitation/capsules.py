@@ -7,18 +7,24 @@ become much smaller by it, so that an elbow with an offset is not a balloon.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import TypeVar
+
 import numpy as np
 
 from armid.robot.shapes import Shape, capsule_between
 from armid.values import Array
 
-__all__ = ["around", "covering"]
+__all__ = ["around", "box_triangles", "covering", "in_slabs"]
+
+Made = TypeVar("Made")
 
 SLABS = 4
 """A body is cut into no more slabs."""
 
 WORTH = 0.8
-"""A further slab is worth having where it brings the volume of the capsules below this share."""
+"""A further slab is worth having where it brings the volume of what goes around below this share."""
 
 THIN = 1e-6
 """Radius [m] of what has none."""
@@ -43,19 +49,39 @@ def covering(shape: Shape, triangles: Array | None = None) -> tuple[Shape, ...]:
         return (Shape(name, link, "capsule", np.array([radius, 0.0]), placement),)
     if shape.kind == "cylinder":
         return (Shape(name, link, "capsule", np.array([radius, length]), placement),)
-    if shape.kind == "box":
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        triangles = (0.5 * signs * shape.size)[FACES]
+    triangles = box_triangles(shape.size) if shape.kind == "box" else triangles
     assert triangles is not None
+    made = in_slabs(triangles, partial(around, name), _volume)
+    return tuple(capsule.on(link, placement) for capsule in made)
+
+
+def box_triangles(size: Array) -> Array:
+    """Triangles of a box of edges (3,) [m], shape (12, 3, 3)."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return (0.5 * signs * size)[FACES]
+
+
+def in_slabs(triangles: Array, make: Callable[[Array], Made], volume: Callable[[Made], float]) -> tuple[Made, ...]:
+    """What goes around a body, cut into slabs as long as that brings the volume down.
+
+    Args:
+        triangles: Of the body, shape (t, 3, 3) [m].
+        make: What goes around points (v, 3).
+        volume: Of that.
+    """
+
+    def total(made: tuple[Made, ...]) -> float:
+        return sum(volume(each) for each in made)
+
     points = triangles.reshape(-1, 3)
-    best = (around(name, points),)
+    best = (make(points),)
     directions = _principal(points)
     for slabs in range(2, SLABS + 1):
-        cut = [tuple(around(name, part) for part in _slabs(triangles, along, slabs)) for along in directions]
-        smallest = min(cut, key=_volume)
-        if _volume(smallest) < WORTH * _volume(best):
+        cut = [tuple(make(part) for part in _slabs(triangles, along, slabs)) for along in directions]
+        smallest = min(cut, key=total)
+        if total(smallest) < WORTH * total(best):
             best = smallest
-    return tuple(capsule.on(link, placement) for capsule in best)
+    return best
 
 
 def _slabs(triangles: Array, direction: Array, slabs: int) -> list[Array]:
@@ -97,7 +123,7 @@ def around(name: str, points: Array) -> Shape:
         size = max(float(wide.max()), THIN)
         half = float(np.max(np.abs(reach) - np.sqrt(np.maximum(size**2 - wide**2, 0.0)), initial=0.0))
         made = capsule_between(name, -1, middle - half * direction, middle + half * direction, size)
-        if best is None or _volume((made,)) < _volume((best,)):
+        if best is None or _volume(made) < _volume(best):
             best = made
     assert best is not None
     return best
@@ -109,5 +135,6 @@ def _principal(points: Array) -> Array:
     return np.linalg.eigh(away.T @ away)[1].T
 
 
-def _volume(capsules: tuple[Shape, ...]) -> float:
-    return float(sum(np.pi * c.size[0] ** 2 * (c.size[1] + 4.0 / 3.0 * c.size[0]) for c in capsules))
+def _volume(capsule: Shape) -> float:
+    radius, length, _ = capsule.size
+    return float(np.pi * radius**2 * (length + 4.0 / 3.0 * radius))

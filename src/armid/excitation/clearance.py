@@ -2,7 +2,8 @@
 
 A search asks for distances millions of times, so bodies of the arm are taken as capsules here (see
 `armid.excitation.capsules`), several to a body where one would be too wide. Boxes and half-spaces of the surroundings
-are exact. `armid.excitation.coal` measures bodies as they are, when a plan is done.
+are exact. The few pairs whose capsules overlap where bodies do not are measured by convex bodies closer around them
+(`armid.excitation.hulls`). `armid.excitation.coal` measures bodies as they are, when a plan is done.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.excitation.channels import States
+from armid.excitation.hulls import Hulls
 from armid.excitation.places import SCALE, carried_by, point_gradient
 from armid.kernel.tree import Tree
 from armid.maths.spatial import homogeneous
@@ -94,6 +96,9 @@ def _box_distance(point: Array, half: Array) -> tuple[Array, Array]:
     return distance, slope * np.sign(point)
 
 
+NO_HULLS = Hulls((), np.zeros((0, 2), dtype=np.intp), np.zeros(0, dtype=np.intp))
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Bodies:
     """Capsules of the arm, and pairs of bodies with each other or with the surroundings.
@@ -103,12 +108,14 @@ class Bodies:
         solids: Boxes and half-spaces of the surroundings.
         pairs: Indices of two capsules, or of a capsule and, counted on after the capsules, a solid, shape (c, 2).
         groups: Which pair of bodies each pair of capsules belongs to, rising from 0 without gaps, shape (c,).
+        hulls: Pairs of bodies that are measured more closely; nothing of them is outside the capsules.
     """
 
     capsules: tuple[Shape, ...]
     solids: tuple[Shape, ...]
     pairs: NDArray[np.intp]
     groups: NDArray[np.intp]
+    hulls: Hulls = NO_HULLS
 
     def __len__(self) -> int:
         return len(self.first)
@@ -130,7 +137,18 @@ class Bodies:
         return [every[k].link for k in self.pairs[self.first, side]]
 
     def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
-        """Distances (N, m) [m], nearest points of both axes and directions from the second, each (N, m, 3)."""
+        """Distances (N, m) [m], nearest points of both and directions from the second, each (N, m, 3).
+
+        The nearest points of capsules are those of their axes.
+        """
+        result = self._nearest_capsules(poses)
+        if len(self.hulls):
+            for whole, closer in zip(result, self.hulls.nearest(poses), strict=True):
+                whole[:, self.hulls.at] = closer
+        return result
+
+    def _nearest_capsules(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
+        """The same by the capsules."""
         found = self._of_capsules(poses)
         first = self.first
         if len(first) == len(self.pairs):
@@ -205,8 +223,8 @@ class Bodies:
     def only(self, which: Sequence[int] | NDArray[np.intp]) -> Bodies:
         """Some of the pairs of bodies, in rising order."""
         chosen = np.isin(self.groups, np.asarray(which, dtype=np.intp))
-        groups = np.unique(self.groups[chosen], return_inverse=True)[1]
-        return Bodies(self.capsules, self.solids, self.pairs[chosen], groups)
+        kept, groups = np.unique(self.groups[chosen], return_inverse=True)
+        return Bodies(self.capsules, self.solids, self.pairs[chosen], groups, self.hulls.only(kept))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,11 +1,12 @@
-"""Distances of bodies as they are, by Coal, which comes with Pinocchio: primitives, and meshes by their triangles.
+"""Distances by Coal, which comes with Pinocchio: of bodies as they are, meshes by triangles, and of convex ones.
 
-Slower by far than capsules, so it has the last word on a plan and no part in the search.
+Slower by far than capsules, so bodies as they are have the last word on a plan and no part in the search, and convex
+ones (`armid.excitation.hulls`) only where capsules do not do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -17,7 +18,7 @@ from armid.errors import ArmidError
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["between", "distances", "mesh_faces", "mesh_triangles"]
+__all__ = ["between", "convex", "distances", "geometry", "mesh_faces", "mesh_triangles", "nearest"]
 
 
 def _coal() -> Any:
@@ -54,7 +55,7 @@ def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
     return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3), index
 
 
-def _geometry(shape: Shape) -> Any:
+def geometry(shape: Shape) -> Any:
     """The body for Coal, whose primitives lie as ours do."""
     coal = _coal()
     a, b, c = (float(x) for x in shape.size)
@@ -70,7 +71,31 @@ def _geometry(shape: Shape) -> Any:
     return made[shape.kind]()
 
 
-def distances(shapes: tuple[Shape, ...], pairs: NDArray[np.intp], poses: tuple[Array, Array]) -> Array:
+def convex(corners: Array, faces: NDArray[np.intp]) -> Any:
+    """A convex body for Coal.
+
+    Args:
+        corners: Shape (v, 3) [m].
+        faces: Three corners of each triangle, counter-clockwise from outside, shape (t, 3).
+    """
+    coal = _coal()
+    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for corner in corners:
+        points.append(corner)
+    for face in faces.tolist():
+        triangles.append(coal.Triangle(*face))
+    return coal.Convex(points, triangles)
+
+
+def _placed(shape: Shape, pose: tuple[Array, Array]) -> Any:
+    """Where a body is, with rotations (n, 3, 3) and origins (n, 3) of the links."""
+    turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
+    if shape.link >= 0:
+        turn, place = pose[0][shape.link] @ turn, pose[1][shape.link] + pose[0][shape.link] @ place
+    return _coal().Transform3s(turn, place)
+
+
+def distances(shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array]) -> Array:
     """Distance of each pair along a motion.
 
     Args:
@@ -82,21 +107,58 @@ def distances(shapes: tuple[Shape, ...], pairs: NDArray[np.intp], poses: tuple[A
         Shape (N, m) [m]; negative where bodies overlap.
     """
     coal = _coal()
-    R, p = poses
-    bodies = [_geometry(shape) for shape in shapes]
+    bodies = {k: geometry(shapes[k]) for k in np.unique(pairs).tolist()}
     request, result = coal.DistanceRequest(), coal.DistanceResult()
-    out = np.empty((len(p), len(pairs)))
-    for k in range(len(p)):
-        placed: list[Any] = []
-        for shape in shapes:
-            turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
-            if shape.link >= 0:
-                turn, place = R[k, shape.link] @ turn, p[k, shape.link] + R[k, shape.link] @ place
-            placed.append(coal.Transform3s(turn, place))
-        for m, (a, b) in enumerate(pairs):
+    out = np.empty((len(poses[1]), len(pairs)))
+    for k, pose in enumerate(zip(*poses, strict=True)):
+        placed = {each: _placed(shapes[each], pose) for each in bodies}
+        for m, (a, b) in enumerate(pairs.tolist()):
             result.clear()
             out[k, m] = coal.distance(bodies[a], placed[a], bodies[b], placed[b], request, result)
     return out
+
+
+def nearest(
+    shapes: Sequence[Shape],
+    parts: Callable[[Shape], Sequence[Any]],
+    pairs: NDArray[np.intp],
+    poses: tuple[Array, Array],
+) -> tuple[Array, Array, Array, Array]:
+    """Distances of bodies of convex parts along a motion, and where they are nearest.
+
+    Args:
+        shapes: Bodies.
+        parts: The convex parts of each, for Coal.
+        pairs: Indices of two bodies each, shape (m, 2).
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+
+    Returns:
+        Distances (N, m) [m], negative where parts overlap, nearest points of both and the directions from the second
+        body to the first in which they come apart, (N, m, 3).
+    """
+    coal = _coal()
+    used = np.unique(pairs).tolist()
+    of = {k: parts(shapes[k]) for k in used}
+    both = [
+        (m, a, b, coal.ComputeDistance(one, other))
+        for m, (a, b) in enumerate(pairs.tolist())
+        for one in of[a]
+        for other in of[b]
+    ]
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    shape = (len(poses[1]), len(pairs))
+    distance = np.full(shape, np.inf)
+    first, second, normal = (np.zeros((*shape, 3)) for _ in range(3))
+    for k, pose in enumerate(zip(*poses, strict=True)):
+        placed = {each: _placed(shapes[each], pose) for each in used}
+        for m, a, b, measure in both:
+            result.clear()
+            found = measure(placed[a], placed[b], request, result)
+            if found < distance[k, m]:
+                distance[k, m] = found
+                first[k, m], second[k, m] = result.getNearestPoint1(), result.getNearestPoint2()
+                normal[k, m] = -result.normal
+    return distance, first, second, normal
 
 
 def between(shapes: tuple[Shape, ...]) -> Callable[[int, int, tuple[Array, Array]], tuple[float, Array]]:
@@ -110,19 +172,13 @@ def between(shapes: tuple[Shape, ...]) -> Callable[[int, int, tuple[Array, Array
         the distance [m], negative where they overlap, and the nearest points of both in the base frame, (2, 3).
     """
     coal = _coal()
-    bodies = [_geometry(shape) for shape in shapes]
+    bodies = [geometry(shape) for shape in shapes]
     request, result = coal.DistanceRequest(), coal.DistanceResult()
-
-    def placed(k: int, poses: tuple[Array, Array]) -> Any:
-        shape = shapes[k]
-        turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
-        if shape.link >= 0:
-            turn, place = poses[0][shape.link] @ turn, poses[1][shape.link] + poses[0][shape.link] @ place
-        return coal.Transform3s(turn, place)
 
     def measure(a: int, b: int, poses: tuple[Array, Array]) -> tuple[float, Array]:
         result.clear()
-        distance = coal.distance(bodies[a], placed(a, poses), bodies[b], placed(b, poses), request, result)
+        one, other = (_placed(shapes[k], poses) for k in (a, b))
+        distance = coal.distance(bodies[a], one, bodies[b], other, request, result)
         return distance, np.array([result.getNearestPoint1(), result.getNearestPoint2()])
 
     return measure

@@ -15,6 +15,7 @@ from armid.errors import ArmidError
 from armid.excitation.capsules import covering
 from armid.excitation.clearance import Bodies, Clearance
 from armid.excitation.coal import distances, mesh_triangles
+from armid.excitation.hulls import Hulls
 from armid.excitation.limits import Limits
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.kinematics import forward_kinematics
@@ -38,8 +39,8 @@ __all__ = [
 LOOKED = 3000
 """Random poses in which pairs are looked at, to leave out of a search those that never come near each other."""
 
-MEASURED = 200
-"""Of these, poses in which bodies that are left out are measured as they are."""
+MEASURED = 300
+"""Of these, poses in which bodies are measured as they are, or by convex bodies closer around them than capsules."""
 
 NEAR = 0.08
 """Distance beyond the margin [m] within which a pair in any of these poses takes part in the search."""
@@ -61,12 +62,12 @@ other, as a description with an elbow of two pieces has it, and a motion can do 
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Two bodies whose capsules touch by construction and that are not looked at.
+    """Two bodies that touch by construction and are not looked at.
 
     Attributes:
         pair: Their names.
-        share: Of some random poses in which the bodies themselves are closer than what is asked, 0 to 1; capsules
-            are wider than what they go around.
+        share: Of some random poses in which the bodies themselves are closer than what is asked, 0 to 1; what is
+            around them is wider.
     """
 
     pair: str
@@ -111,7 +112,7 @@ class Cell:
     Attributes:
         robot: The arm.
         shapes: The bodies as they are, the surroundings last.
-        bodies: Capsules, solids and their pairs.
+        bodies: Capsules, solids, their pairs, and hulls for pairs whose capsules touch in most poses.
         pairs: Indices into `shapes` of these pairs, shape (m, 2).
         margin: Distance that stays between bodies [m].
         nearest: Least distance of each pair in many random poses, shape (m,) [m].
@@ -133,6 +134,23 @@ class Cell:
     def distances(self, q: Array) -> Array:
         """Distance of each pair in poses (N, n), shape (N, m) [m]."""
         return self.bodies.nearest(forward_kinematics(self.robot, q))[0]
+
+    def closer(self, which: NDArray[np.intp]) -> Cell:
+        """The same with some of the pairs, rising, measured by hulls where that finds them further apart."""
+        hulls = Hulls(self.shapes, self.pairs[which], which)
+        apart = hulls.nearest(forward_kinematics(self.robot, self.tried))[0]
+        share = (apart < self.margin).mean(axis=0)
+        better = share < self.touching[which]
+        kept = np.union1d(self.bodies.hulls.at, which[better])
+        touching, nearest = self.touching.copy(), self.nearest.copy()
+        touching[which[better]], nearest[which[better]] = share[better], apart.min(axis=0)[better]
+        return replace(
+            self,
+            bodies=replace(self.bodies, hulls=Hulls(self.shapes, self.pairs[kept], kept)),
+            nearest=nearest,
+            touching=touching,
+            constructed=_constructed(self.robot, self.shapes, self.pairs, touching),
+        )
 
 
 def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *, margin: float = 0.02) -> Cell:
@@ -157,7 +175,8 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
     touching = (distance < margin).mean(axis=0)
     constructed = _constructed(robot, shapes, pairs, touching)
     nearest = distance.min(axis=0, initial=np.inf)
-    return Cell(robot, shapes, bodies, pairs, margin, nearest, touching, constructed, q[:MEASURED])
+    cell = Cell(robot, shapes, bodies, pairs, margin, nearest, touching, constructed, q[:MEASURED])
+    return cell.closer(np.flatnonzero(touching > CONSTRUCTION))
 
 
 def _constructed(
@@ -198,6 +217,10 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
     """
     distance, labels = cell.distances(start[None])[0], cell.bodies.labels
     wrong = np.flatnonzero((distance < cell.margin) & ~cell.constructed)
+    if len(wrong):
+        cell = cell.closer(np.setdiff1d(wrong, cell.bodies.hulls.at))
+        distance = cell.distances(start[None])[0]
+        wrong = np.flatnonzero((distance < cell.margin) & ~cell.constructed)
     close = (distance < cell.margin + CERTIFICATE) & cell.constructed
     if len(wrong):
         k = int(wrong[distance[wrong].argmin()])

@@ -159,7 +159,7 @@ def show_approaches(designed: Designed) -> Section | None:
     )
     skipped = [
         (said, pairs)
-        for said, pairs in (("they touch in every pose", always), ("their capsules touch", often))
+        for said, pairs in (("they touch in every pose", always), ("they touch in most poses", often))
         if pairs
     ]
     return Section("Closest approaches", {"skipped": skipped}, (table,))

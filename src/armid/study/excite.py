@@ -262,8 +262,8 @@ def _left_out(collision: Collision) -> tuple[Finding, ...]:
         result.append(Finding("pairs-touching-always", "info", "", said))
     if often:
         said = (
-            "capsules around these bodies touch in most poses and in the start pose, so nobody looks at them; the "
-            f"bodies themselves are too close in this share of poses: {'; '.join(often)}"
+            "hulls around these bodies are too close in most poses and in the start pose, so nobody looks at them; "
+            f"the bodies themselves are so in this share of poses: {'; '.join(often)}"
         )
         remedy = "look at these in the preview, or choose a start pose in which they are apart with --start."
         result.append(Finding("pairs-touching-often", "warning", "", said, remedy))

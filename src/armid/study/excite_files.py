@@ -142,7 +142,7 @@ def report_text(designed: Designed) -> str:
         lines += [
             f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s" for a in report.approaches[:MOST_LINES]
         ]
-    for said, always in (("they touch in every pose", True), ("their capsules touch", False)):
+    for said, always in (("they touch in every pose", True), ("they touch in most poses", False)):
         left = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped if each.always == always]
         lines += ["", f"not looked at, because {said} (share of poses too close): {'; '.join(left)}"] if left else []
     noise = ", ".join(f"{x:g}" for x in goal.noise)

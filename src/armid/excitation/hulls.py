@@ -1,0 +1,101 @@
+"""Convex bodies that lie closer around bodies than capsules do, and their distances by Coal.
+
+A capsule around a cylinder or a shell sticks out at both ends by its radius, so two of them may overlap in every
+pose though the bodies never touch. Such pairs, a few of an arm, are measured here: capsules, spheres, boxes and
+half-spaces as they are, a cylinder as a prism around it, a mesh as the convex hulls of its slabs. Coal finds
+distance, direction and nearest points of these to rounding, apart or overlapping, so that gradients are exact; of
+cylinders themselves it finds them to four digits only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from armid.excitation.capsules import in_slabs
+from armid.excitation.coal import convex, geometry, mesh_triangles, nearest
+from armid.robot.shapes import Shape
+from armid.values import Array
+
+__all__ = ["Hulls", "hull_points", "prism"]
+
+SIDES = 32
+"""Of the prism around a cylinder, which is half a percent wider."""
+
+THIN = 1e-5
+"""Half the thickness [m] given to a part that has none."""
+
+
+def prism(radius: float, length: float) -> Array:
+    """Corners (v, 3) of a prism around a cylinder about z [m]."""
+    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    ring = radius / np.cos(np.pi / SIDES) * np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.vstack([np.column_stack([ring, np.full(SIDES, z)]) for z in (-0.5 * length, 0.5 * length)])
+
+
+def hull_points(points: Array) -> ConvexHull:
+    """The convex hull of points (v, 3); of flat ones, that of the points made a little thick."""
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        thick = THIN * np.vstack([np.eye(3), -np.eye(3)])
+        return ConvexHull((points[:, None] + thick).reshape(-1, 3))
+
+
+@lru_cache(maxsize=512)
+def _parts(shape: Shape) -> tuple[Any, ...]:
+    """Convex bodies for Coal, in the frame of a body that lies in them."""
+    radius, length, _ = (float(x) for x in shape.size)
+    if shape.kind == "cylinder":
+        return (_solid(hull_points(prism(radius, length))),)
+    if shape.kind == "mesh":
+        hulls = in_slabs(mesh_triangles(shape), hull_points, lambda hull: float(hull.volume))
+        return tuple(_solid(hull) for hull in hulls)
+    return (geometry(shape),)
+
+
+def _solid(hull: ConvexHull) -> Any:
+    """The hull for Coal."""
+    place = np.full(len(hull.points), -1)
+    place[hull.vertices] = np.arange(len(hull.vertices))
+    corners = hull.points[hull.simplices]
+    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inwards = (outwards * hull.equations[:, :3]).sum(axis=1) < 0.0
+    faces = place[np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)]
+    return convex(hull.points[hull.vertices], faces)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Hulls:
+    """Pairs of bodies that are measured by the convex bodies around them.
+
+    Attributes:
+        shapes: Bodies.
+        pairs: Indices of two of them, shape (r, 2).
+        at: Which of some other pairs each stands for, rising, shape (r,).
+    """
+
+    shapes: tuple[Shape, ...]
+    pairs: NDArray[np.intp]
+    at: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
+        """Distances (N, r) [m], negative where hulls overlap, nearest points of both and directions from the second.
+
+        Args:
+            poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+        """
+        return nearest(self.shapes, _parts, self.pairs, poses)
+
+    def only(self, which: NDArray[np.intp]) -> Hulls:
+        """Those that stand for some of the other pairs, which are rising and counted anew."""
+        kept = np.isin(self.at, which)
+        return Hulls(self.shapes, self.pairs[kept], np.searchsorted(which, self.at[kept]))
