@@ -227,7 +227,8 @@ class _Watch:
         self.skipped: list[str] = []
         for k, pair in enumerate(self.geometry.collisionPairs):
             beside = self.between(pair) <= (1 if self.floor(pair) else NEIGHBOURS)
-            if usual[k] > (CONSTRUCTION if beside else ALWAYS):
+            always = usual[k] >= ALWAYS and not self.floor(pair)
+            if always or (beside and usual[k] > CONSTRUCTION):
                 self.gaps.activeCollisionPairs[k] = False
                 self.skipped.append(self.name(k))
 
