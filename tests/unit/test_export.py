@@ -11,17 +11,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armid import find_base_parameters, inform
 from armid.errors import OutputError
-from armid.export import check
+from armid.estimation.estimators import PhysicallyConsistent
+from armid.estimation.problem import Problem, standard_of
+from armid.excitation.plans import builtin_plan
+from armid.export import check, standard
 from armid.export.bodies import is_possible, share_out
-from armid.export.content import Body, Witness, rpy_of, text_of, unique_names
+from armid.export.content import Body, Content, Witness, rpy_of, text_of, unique_names
 from armid.export.formats import urdf
 from armid.export.write import Exported, export_run
 from armid.maths.spatial import homogeneous, rotation_x, rpy_rotation
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
-from armid.robot import InertialParameters, load_robot
+from armid.robot import InertialParameters, Link, load_robot
+from armid.study.run import Run
 from exports import LOCKED, MJCF, URDF, run_of, run_with
+from problems import one_run, raw
 from trees import random_inertial
 
 
@@ -157,6 +163,47 @@ def test_base_values_get_the_nearest_bodies_that_have_exactly_them(tmp_path: Pat
     side = json.loads(exported.side.read_text())
     theta = np.array([each["value"] for each in side["parameters"]])
     np.testing.assert_allclose(run.estimate.base.values_of(theta), run.estimate.fit.values, rtol=0, atol=1e-14)
+
+
+def smallest_bodies(folder: Path, size: float) -> tuple[Run, Path]:
+    """The smallest bodies that give the torque of the iiwa, all of it smaller: on the edge of what can exist."""
+    robot = load_robot("iiwa14-r820")
+    links = [
+        Link(x.name, InertialParameters.from_vector(size * x.inertial.vector)) for x in robot.links if x.inertial
+    ]
+    path = folder / "arm.urdf"
+    path.write_bytes(urdf.write(Content(replace(robot, links=tuple(links)), {})).data)
+    model = DynamicsModel(load_robot(path), (RigidBody(), Viscous()))
+    base, motion = find_base_parameters(model), builtin_plan("thesis-a1").sample(50.0)
+    truth = np.full(len(model.parameters), size)
+    truth[model.inertial_columns] = np.ravel(model.robot.inertial_vector)
+    noise = 0.3 * size * np.random.default_rng(0).normal(size=(motion.samples, model.n))
+    observations = raw(one_run(motion, model.torque(motion, truth) + noise, 50.0, block_rows=50))
+    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    fit = PhysicallyConsistent(prior="mass").estimate(problem).standard
+    assert fit is not None
+    return run_with(folder / "run", path, model, fit.values), path
+
+
+@pytest.mark.parametrize("size", [1.0, 0.03])
+def test_masses_far_from_the_description_are_told_and_nearest_brings_them_back(tmp_path: Path, size: float):
+    run, path = smallest_bodies(tmp_path, size)
+    plain = export_run(run, "urdf", tmp_path / "plain.urdf")
+    assert plain.standard == "estimated"
+    (far,) = (f for f in plain.findings if f.code == "mass-far-from-description")
+    assert "link_1 1.01e-06 kg" in far.evidence and "--nearest" in far.remedy and "log-det" in far.remedy
+    near = export_run(run, "urdf", tmp_path / "near.urdf", nearest=True)
+    assert near.standard == "nearest"
+    described, found = (load_robot(each).inertial_vector for each in (path, tmp_path / "near.urdf"))
+    assert described is not None and found is not None
+    assert 0.5 < found[0, 0] / described[0, 0] < 2.0  # no torque sees the first link, so that it may be as described
+
+
+def test_bodies_that_are_asked_for_and_not_found_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(standard, "_search", lambda *_: None)
+    exported = export_run(run_of(tmp_path / "run", "ur5e"), "urdf", nearest=True)
+    assert exported.standard == "estimated" and "nearest-not-found" in codes(exported)
+    assert "nearest-not-found" not in codes(export_run(run_of(tmp_path / "run", "ur5e"), "urdf"))
 
 
 def test_base_values_of_no_body_are_refused(tmp_path: Path):

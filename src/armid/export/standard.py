@@ -82,7 +82,8 @@ def values_to_write(
         if found is not None:
             return found, "nearest", (_said(run, theta is not None, nearest),)
     if theta is not None and not theta[empty].any():
-        return theta, "estimated", ()  # no real body's: whoever writes it has to say so
+        # Links of no real body are told by whoever writes them.
+        return theta, "estimated", (_none_nearer(),) if nearest else ()
     if allow_unphysical and anchor is not None:
         particular, basis = every
         change = np.linalg.lstsq(basis, anchor - particular, rcond=None)[0]
@@ -151,8 +152,13 @@ def _nearest(
             "Links without a body cannot be empty with these base values.",
             remedy="identify with --method physical, or give these links a mass in the description.",
         )
+    steps = np.zeros((0, basis.shape[1]))
+    if anchor is not None:
+        there = [own for own in standard.inertial if not np.isin(own, empty).any()]
+        particular, basis, steps = _in_even_steps(
+            _relative_change(standard, anchor, there), particular, basis, anchor
+        )
     z = basis.shape[1]
-    there = [own for own in standard.inertial if not np.isin(own, empty).any()]
     cones: list[Cone] = []
     i, j = upper_triangle(4)
     links = iter(pseudo_inertia(room)[:, i, j])
@@ -169,11 +175,32 @@ def _nearest(
         cost[:z] = size_of_bodies(standard) @ basis
     else:
         cost[z] = 1.0
-        measure = _relative_change(standard, anchor, there)
-        distance = np.pad(measure @ basis, ((1, 0), (0, 1)))
+        distance = np.pad(steps, ((1, 0), (0, 1)))
         distance[0, z] = 1.0
-        cones.append(Cone("norm", distance, np.append(0.0, measure @ (particular - anchor))))
+        cones.append(Cone("norm", distance, np.zeros(1 + len(steps))))
     return particular + basis @ solve_cones(cost, cones).x[:z]
+
+
+def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Array) -> tuple[Array, Array, Array]:
+    """The same parameters counted from those next to the anchor, in steps that the measure finds equally long.
+
+    Light links make steps a ten-thousandth as long as others, and a solver lose its digits.
+
+    Args:
+        measure: Rows whose length is a distance, shape (m, p).
+        particular: Shape (p,).
+        basis: Shape (p, z).
+        anchor: Shape (p,).
+
+    Returns:
+        Particular and basis anew; the measure of the steps (z, z), one, or zero where it sees nothing.
+    """
+    _, sizes, right = np.linalg.svd(measure @ basis)
+    sizes = np.pad(sizes, (0, len(right) - len(sizes)))
+    seen = sizes > SAME * sizes.max(initial=0.0)
+    steps = basis @ (right.T / np.where(seen, sizes, 1.0))
+    back = np.linalg.lstsq((measure @ steps)[:, seen], measure @ (anchor - particular), rcond=None)[0]
+    return particular + steps[:, seen] @ back, steps, np.diag(seen.astype(np.float64))
 
 
 def _relative_change(standard: Standard, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
@@ -214,6 +241,11 @@ def _said(run: Run, estimated: bool, nearest: bool) -> Finding:
     )
     what = f"{why}; written are the real bodies with exactly its base values that lie nearest to the description"
     return Finding("bodies-chosen", "info", "", what)
+
+
+def _none_nearer() -> Finding:
+    what = "no real bodies nearer to the description were found that have exactly these base values"
+    return Finding("nearest-not-found", "warning", "", f"{what}; written are those of the estimate")
 
 
 def _unphysical(run: Run) -> Finding:

@@ -20,6 +20,7 @@ from armid.export.side import side_record
 from armid.export.source import find_source, unseen_recordings
 from armid.export.standard import values_to_write
 from armid.robot.robot import InertialParameters, Link, Robot
+from armid.study.plausibility import far_masses
 from armid.study.records import finding_record, to_json
 from armid.study.run import Run
 from armid.validation.predict import Check
@@ -110,7 +111,8 @@ def export_run(
     )
     record = side_record(run, content, theta, written.data, path.name, kind)
     _write_both(path, written.data, side, to_json(record) + "\n")
-    findings = (*findings, *written.findings, *_not_placed(run, exporter), *verified.findings)
+    far = _far(run, content, bodies, kind)
+    findings = (*findings, *far, *written.findings, *_not_placed(run, exporter), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
 
@@ -195,6 +197,32 @@ def _unphysical(content: Content, placeless: set[int]) -> list[str]:
         if value < 0.0
     ]
     return [*dict.fromkeys([*names, *empty]), *negative]
+
+
+def _far(run: Run, content: Content, bodies: Sequence[Body] | None, kind: str) -> list[Finding]:
+    """A word on bodies of the file whose mass has nothing to do with the description's."""
+    written = content.bodies or {}
+    if bodies is None:
+        pairs = [
+            (new.name, new.inertial, old.inertial)
+            for new, old in zip(content.robot.links, run.robot.links, strict=True)
+        ]
+    else:
+        pairs = [(body.name, written[body.name], body.nominal) for body in bodies if body.name in written]
+    known = [(name, new.mass, old.mass) for name, new, old in pairs if new is not None and old is not None]
+    if not known:
+        return []
+    names, found, described = zip(*known, strict=True)
+    said = far_masses(names, np.array(found), np.array(described))
+    if not said:
+        return []
+    what = f"{said} in the file: torques do not tell these masses apart from others. Torque is the same"
+    remedy = (
+        'identify with physical = { prior = "log-det" } in [estimation] of a study, which keeps near the description'
+    )
+    if kind == "estimated":
+        remedy = f"--nearest writes the bodies nearest to the description with the same torque; or {remedy}"
+    return [Finding("mass-far-from-description", "warning", "", what, remedy)]
 
 
 def _is_nothing(body: InertialParameters) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from armid.errors import Finding
@@ -16,12 +18,14 @@ from armid.maths.linalg import inverse_of, unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.validation.doctor.excitation_weak import WEAK_CONDITION, hardly_told
+from armid.values import Array
 
 __all__ = [
     "chosen_finding",
     "doubts",
     "excitation_finding",
     "far_finding",
+    "far_masses",
     "few_blocks_finding",
     "gravity_finding",
     "negative_finding",
@@ -70,23 +74,28 @@ def far_finding(standard: Standard | None, fit: Fit) -> Finding | None:
     if found is None or standard is None or standard.nominal is None:
         return None
     masses = standard.inertial[:, 0]
-    described, had = standard.nominal[masses], found.values[masses]
-    far = (described > 0.0) & ((had < described / FAR) | (had > described * FAR))
-    if not far.any():
+    said = far_masses([found.names[k] for k in masses], found.values[masses], standard.nominal[masses])
+    if not said:
         return None
-    said = ", ".join(
-        f"{found.names[masses[k]]} {had[k]:.3g} kg (described: {described[k]:.3g})"
-        for k in np.flatnonzero(far)[:NAMED]
-    )
     return Finding(
         "mass-far-from-description",
         "warning",
         "",
-        f"Torques do not tell these masses apart from others, and they came out far from the description's: {said}"
-        f"{' and more' if far.sum() > NAMED else ''}. Torque is the same; a body that is shown or simulated on its "
-        "own is not.",
+        f"Torques do not tell these masses apart from others, and they came out far from the description's: {said}. "
+        "Torque is the same; a body that is shown or simulated on its own is not.",
         'physical = { prior = "log-det" }  # in [estimation]: what data leave open stays near the description',
     )
+
+
+def far_masses(names: Sequence[str], found: Array, described: Array) -> str:
+    """Masses (K,) [kg] that have nothing to do with those described (K,), in words; empty where there are none."""
+    far = (described > 0.0) & ((found < described / FAR) | (found > described * FAR))
+    said = [
+        f"{name} {mass:.3g} kg (described: {nominal:.3g})"
+        for name, mass, nominal, told in zip(names, found, described, far, strict=True)
+        if told
+    ]
+    return ", ".join(said[:NAMED]) + (" and more" if len(said) > NAMED else "")
 
 
 def excitation_finding(information: Information) -> Finding | None:
