@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -191,6 +192,30 @@ def test_a_planar_arm_that_lies_is_no_arm_in_another_order():
     lying = replace(sound(1, robot=robot), robot=robot.with_gravity((0.0, 9.81, 0.0)))
     (found,) = (f for f in examined(lying) if f.severity == "error")
     assert found.remedy == "gravity = [0.0, 0.0, -9.81]  # in [robot]"
+
+
+GANTRY = """<robot name="gantry"><link name="rail"/>
+<link name="bridge"><inertial><mass value="40"/>
+  <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="slide"><inertial><mass value="12"/>
+  <inertia ixx="0.2" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="x" type="prismatic"><parent link="rail"/><child link="bridge"/><axis xyz="1 0 0"/>
+  <limit lower="-1" upper="1" velocity="1.5" effort="300"/></joint>
+<joint name="y" type="prismatic"><parent link="bridge"/><child link="slide"/><axis xyz="0 1 0"/>
+  <limit lower="-0.5" upper="0.5" velocity="1.5" effort="120"/></joint>
+</robot>"""
+"""Two axes that do not feel each other."""
+
+
+@pytest.mark.parametrize("sign", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_joints_that_do_not_feel_each_other_have_signs_of_their_own(tmp_path: Path, sign: tuple[int, int]):
+    path = tmp_path / "gantry.urdf"
+    path.write_text(GANTRY)
+    case = sound(2, robot=load_robot(path))
+    assert case.recording.effort is not None
+    errors = [f for f in examined(case.logged(effort=case.recording.effort * sign)) if f.severity == "error"]
+    told = {(1, 1): [], (-1, -1): ["torque_sign = -1"]}.get(sign, [f"torque_sign = [{sign[0]}, {sign[1]}]"])
+    assert [f.remedy for f in errors] == told
 
 
 def test_a_zero_that_only_the_description_asks_for_is_no_error():
