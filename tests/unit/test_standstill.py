@@ -14,23 +14,26 @@ from armid.lab.sensors import Channel, Sensing
 from armid.lab.simulate import Simulated, simulate
 from armid.measurement.process import THESIS, Processing
 from armid.measurement.reading import Reading
-from armid.measurement.standstill import standing
+from armid.measurement.standstill import position_noise, standing
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.validation.doctor import EXPLAINS, examine
 from armid.validation.doctor.evidence import Evidence
 from labs import FRICTION
-from motions import clock, codes, one, recording
+from motions import clock, codes, motion, one, recording
 from plants import short_plan, small_arm
 
 RATE = 1000.0
 SLACK = 0.03  # s: half the span of a measured speed, and how far a joint has moved before it is faster than slow
 NOISE = 1e-5  # rad, of an encoder
+COARSE = 0.01  # rad, of a joint angle that is logged with two decimals
+FEW = 0.1  # a median of 15000 differences that overlap errs by some percent
+CREEP = 0.005  # rad: 4.5 mrad/s at most, less than a hundredth of the speed in motion
 
 
-def stuck(seconds: float, pause: float) -> np.ndarray:
+def stuck(seconds: float, pause: float, rate: float = RATE) -> np.ndarray:
     """A joint that swings, and stands for a while whenever it turns round; positions (N, 1)."""
-    t = clock(seconds, RATE)
+    t = clock(seconds, rate)
     cycle = 2.0 * (1.0 + pause)
     half, inside = np.divmod(t % cycle, 1.0 + pause)
     angle = np.pi * np.minimum(inside, 1.0)
@@ -74,6 +77,40 @@ def test_an_arm_that_rests_between_motion_does_not_stick():
     assert not standing(q, RATE).any()
     q[:, 2:] = stuck(12.0, 0.15)
     assert standing(q, RATE).any(axis=0).all()
+
+
+def test_an_arm_that_rests_for_long_does_so_while_one_joint_creeps():
+    q = stuck(24.0, 2.0) * np.array([1.0, -0.7, 1.3])
+    creep = CREEP * np.sin(2.0 * np.pi * clock(24.0, RATE) / 7.0)
+    q[:, 2] += creep
+    assert not standing(q, RATE).any()
+    q[:, 2] += 10.0 * creep  # this one moves, and the two others stand beside it
+    assert standing(q, RATE)[:, :2].any(axis=0).all()
+
+
+@pytest.mark.parametrize(("rate", "seen", "unseen"), [(50.0, 0.16, 0.10), (100.0, 0.08, 0.04), (1000.0, 0.06, 0.04)])
+def test_how_short_a_pause_is_seen_depends_on_the_rate(rate: float, seen: float, unseen: float):
+    assert standing(stuck(24.0, seen, rate), rate).any()
+    assert not standing(stuck(24.0, unseen, rate), rate).any()
+
+
+@pytest.mark.parametrize("cutoff", [2.0, 20.0])
+def test_coarse_positions_on_an_uneven_clock_do_not_stick(cutoff: float):
+    """A spline through rounded positions is smooth where they are stairs, and stands on every step."""
+    rng = np.random.default_rng(3)
+    t = clock(30.0, 500.0) + rng.uniform(-0.3, 0.3, 15000) / 500.0
+    log = recording(t, q=COARSE * np.round(motion(t)[0] / COARSE))
+    assert "sticking" not in codes(one(log, Processing(cutoff=cutoff))[1])
+
+
+def test_noise_of_positions_is_found_whatever_their_clock():
+    rng = np.random.default_rng(5)
+    for spread in (0.0, 0.3):
+        t = clock(30.0, 500.0) + rng.uniform(-spread, spread, 15000) / 500.0
+        q = motion(t)[0]
+        assert np.allclose(position_noise(q + NOISE * rng.normal(size=q.shape), t), NOISE, rtol=FEW)
+        assert np.allclose(position_noise(COARSE * np.round(q / COARSE), t), COARSE / np.sqrt(12.0), rtol=FEW)
+    assert not position_noise(np.zeros((3, 2)), np.arange(3.0)).any()
 
 
 def both(seconds: float, pause: float) -> np.ndarray:

@@ -21,7 +21,7 @@ from armid.measurement.movement import movement
 from armid.measurement.processing import THESIS, Processing
 from armid.measurement.recording import Recording
 from armid.measurement.rows import MOST_STILL, edge_margin, moving, run_of, separate_rows
-from armid.measurement.standstill import standing
+from armid.measurement.standstill import position_noise, standing
 from armid.model.motion import Motion
 from armid.values import Array, array
 
@@ -107,12 +107,10 @@ def process(
         return (run,), tuple(findings)
     pieces, gaps = stretches(recording, _highest_cutoff(processing))
     findings.extend(gaps)
+    noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
     if period is not None and start is None:
         start = float(pieces[0].time[0])
-    if processing.edges == "periodic" or processing.family != "none" or not given:
-        pieces = [_even(piece, processing, period, recording.source, findings) for piece in pieces]
-    else:
-        findings.extend(_left_uneven(piece, recording.source) for piece in pieces if not is_even(piece.time))
+    pieces = _on_a_grid(pieces, processing, given, period, recording.source, findings)
     if processing.edges == "periodic":
         pieces = _circles(pieces, processing, period, start, recording.source, findings)
     repeats = None if period is None or start is None or processing.average else (period, start)
@@ -126,7 +124,7 @@ def process(
             findings.append(_nothing_left(piece, margin, recording.source))
         else:
             runs.append(run)
-            still.append(standing(piece.q, piece.rate))
+            still.append(standing(piece.q, piece.rate, noise))
     if not runs:
         problem = f"{recording.source or 'The recording'}: no row is left. {findings[-1].evidence}"
         raise RecordingError(problem, remedy="trim less, raise the cut-off, mask less, or record longer.")
@@ -275,6 +273,21 @@ def _separate(
     )
     motion = Motion(whole.time, whole.q, whole.dq, whole.ddq)
     return separate_rows(whole, motion, processing, index)
+
+
+def _on_a_grid(
+    pieces: Sequence[Stretch],
+    processing: Processing,
+    given: bool,
+    period: float | None,
+    source: str,
+    findings: list[Finding],
+) -> list[Stretch]:
+    """The stretches on even grids, where anything is filtered or differentiated."""
+    if processing.edges == "periodic" or processing.family != "none" or not given:
+        return [_even(piece, processing, period, source, findings) for piece in pieces]
+    findings.extend(_left_uneven(piece, source) for piece in pieces if not is_even(piece.time))
+    return list(pieces)
 
 
 def _even(

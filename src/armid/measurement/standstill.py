@@ -7,7 +7,7 @@ so wherever its velocity lingers about zero: passages that acceleration does not
 
 Where all joints stand at once, the arm rests. It does so before and after a motion and between poses, not by
 sticking; what it was moved by says on which side friction holds it, and its weight is to be seen. Such stretches are
-no standstill, unless a single joint moves at all.
+no standstill, unless a single joint moves at all. In long ones a joint may creep meanwhile.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from armid.values import Array
 
-__all__ = ["standing"]
+__all__ = ["position_noise", "standing"]
 
 SPAN = 0.024
 """Time over which a speed is measured [s]: an encoder's noise of 1e-5 rad at 1 kHz is 3e-4 rad/s then, and what a
@@ -53,8 +53,12 @@ LINGERS = 6.0
 RESTING = 0.5
 """Share of a slow stretch in which all joints are slow, from which on it is the arm that rests."""
 
+LONG = 1.0
+"""Seconds of a slow stretch from which on joints that but linger rest, too. In shorter ones they do not: where a
+motion begins anew, joints that stick come to rest one after another, within a quarter of a second."""
 
-def standing(q: Array, rate: float) -> NDArray[np.bool_]:
+
+def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bool_]:
     """Samples at which a joint stands still among others that move, though it moves before or after.
 
     A joint that never moves has none, nor one whose noise hides whether it does.
@@ -62,6 +66,8 @@ def standing(q: Array, rate: float) -> NDArray[np.bool_]:
     Args:
         q: Positions at an even rate, not filtered, shape (N, n) [rad or m].
         rate: Samples a second [Hz].
+        noise: Of the positions as they were logged, shape (n,) [rad or m]; that of `q` where none is given. Moved
+            to an even grid, positions that were rounded seem to have none.
 
     Returns:
         Flags (N, n).
@@ -72,18 +78,43 @@ def standing(q: Array, rate: float) -> NDArray[np.bool_]:
         return flags
     speed = _speed(q, half, rate)
     usual = np.sqrt(np.mean(speed**2, axis=0))
-    noise = _noise(q) * np.sqrt(2.0 / half) / (half + 1) * rate
-    limit = np.maximum(SURE * noise, SLOW * usual)
+    noise = position_noise(q, np.arange(len(q)) / rate) if noise is None else noise
+    limit = np.maximum(SURE * noise * np.sqrt(2.0 / half) / (half + 1) * rate, SLOW * usual)
     seen = (usual > 0.0) & (limit <= BLIND * usual)
-    rests = (speed[:, seen] < limit[seen]).all(axis=1) & (seen.sum() > 1)
+    several = seen.sum() > 1
+    rests, creeps = ((speed[:, seen] < share * limit[seen]).all(axis=1) & several for share in (1.0, LINGERS))
     for j in np.flatnonzero(seen):
         ends, departure = _slow_stretches(speed[:, j] / limit[j], max(LEAST, round(SHORTEST * rate)))
-        alone = np.array([rests[begin:end].mean() < RESTING for begin, end in ends], dtype=np.bool_)
+        resting = [(creeps if end - begin >= LONG * rate else rests)[begin:end].mean() for begin, end in ends]
+        alone = np.array(resting) < RESTING
         ends, departure = ends[alone], departure[alone]
         if departure.max(initial=0.0) > STANDS:
             for begin, end in ends[departure > LINGERS]:
                 flags[max(0, begin - half) : end + half, j] = True
     return flags
+
+
+def position_noise(q: Array, time: Array) -> Array:
+    """Standard deviation of each position's noise, or what rounding makes of it.
+
+    Args:
+        q: Positions as they were logged, shape (N, n) [rad or m].
+        time: Their times, which need not be even, shape (N,) [s].
+
+    Returns:
+        Shape (n,) [rad or m]; zero where there are too few samples to tell.
+    """
+    steps = np.abs(np.diff(q, axis=0))
+    smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)
+    rounding = np.where(np.isfinite(smallest), smallest, 0.0) / np.sqrt(12.0)
+    if len(q) < 4:
+        return rounding
+    # Third divided differences: what no parabola through the times explains, in units of one sample's noise.
+    times, values = ([x[k : len(x) - 3 + k] for k in range(4)] for x in (time, q))
+    weight = np.array([1.0 / np.prod([t - s for s in times if s is not t], axis=0) for t in times])
+    weight /= np.linalg.norm(weight, axis=0)
+    third = sum((w[:, None] * x for w, x in zip(weight, values, strict=True)), start=np.zeros(()))
+    return np.maximum(1.4826 * np.median(np.abs(third), axis=0), rounding)
 
 
 def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
@@ -108,12 +139,3 @@ def _speed(q: Array, half: int, rate: float) -> Array:
     sums = np.concatenate([np.zeros((1, q.shape[1])), whole.cumsum(axis=0)])
     means = (sums[half:] - sums[:-half]) / half
     return np.abs(means[half + 1 :] - means[: -half - 1]) * rate / (half + 1)
-
-
-def _noise(q: Array) -> Array:
-    """Standard deviation of each position's noise, or what rounding makes of it, shape (n,) [rad or m]."""
-    third = np.abs(np.diff(q, 3, axis=0))
-    steps = np.abs(np.diff(q, axis=0))
-    smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0)
-    rounding = np.where(np.isfinite(smallest), smallest, 0.0) / np.sqrt(12.0)
-    return np.maximum(1.4826 * np.median(third, axis=0) / np.sqrt(20.0), rounding)

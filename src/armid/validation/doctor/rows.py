@@ -24,7 +24,7 @@ from armid.measurement.movement import movement
 from armid.measurement.processing import Processing
 from armid.measurement.recording import Recording
 from armid.measurement.rows import moving, run_of, separate_rows
-from armid.measurement.standstill import standing
+from armid.measurement.standstill import position_noise, standing
 from armid.model.motion import Motion
 from armid.values import Array
 
@@ -201,6 +201,7 @@ def thin(recording: Recording) -> Thin:
         run = separate_rows(piece, movement(piece, processing, given=True), processing)
         return Thin((run,), Band(), 1.0, 1.0)
     pieces, _ = stretches(recording, CUTOFFS[0])
+    noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
     longest = max(pieces, key=lambda piece: piece.samples)
     rate = longest.rate
     even = [evened(piece, None, 0.0, each=False) for piece in pieces]
@@ -217,7 +218,7 @@ def thin(recording: Recording) -> Thin:
         run = run_of(few, movement(few, processing, given=False), processing)
         if run is not None:
             runs.append(run)
-            still.append(_any_near(standing(piece.q, piece.rate), step))
+            still.append(_any_near(standing(piece.q, piece.rate, noise), step))
     runs, _ = moving(runs, still, processing)
     return Thin(tuple(runs), processing.band, cutoff, rate)
 
