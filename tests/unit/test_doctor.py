@@ -218,6 +218,24 @@ def test_joints_that_do_not_feel_each_other_have_signs_of_their_own(tmp_path: Pa
     assert [f.remedy for f in errors] == told
 
 
+def test_a_row_counts_in_another_order_where_motion_and_torque_of_a_joint_do():
+    log = state_of(sound(4)).log
+    channels = np.arange(log.mask.shape[1])
+    bad = replace(log.runs[0], mask=log.runs[0].mask & (channels != 1))  # one of both channels
+    marked = replace(log, runs=(bad, *log.runs[1:]))
+    order = np.array([2, 1, 0, *channels[3:]])
+    order[[1, 3]] = order[[3, 1]]
+    for motion, torque, out in ((channels, channels, {1}), (order, order, {3}), (order, channels, {1, 3})):
+        counted = marked.reordered(motion, torque).runs[0].mask.any(axis=0)
+        assert set(np.flatnonzero(~counted)) == out
+
+
+@pytest.mark.parametrize("seed", [62000, 62004])
+def test_an_order_is_no_rival_of_itself(seed: int):
+    (found,) = (f for f in examined(FAULTS["joint-order"](seed)) if f.code == "joint-order")
+    assert "less of the torque." in found.evidence and "the log does not say" not in found.evidence
+
+
 def test_a_zero_that_only_the_description_asks_for_is_no_error():
     """A sound log whose wrist is heavier than described, so that another zero of it would leave one percent less."""
     assert codes(examined(sound(1039)), "error", "warning") == set()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations
 
@@ -79,7 +79,7 @@ def explain(state: State) -> Explanation | None:
         if step == 0:
             trials += [_tried(state, coarse, same, _assigned(state))]
             trials += [_tried(state, coarse, same[::-1], torque) for torque in (same[::-1], same)]
-        trials = sorted((t for t in trials if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
+        trials = sorted((t for t in _distinct(trials) if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
         close = [_tried(state, state.log, t.motion, t.torque) for t in trials]
         found = min(close, key=lambda order: order.cost, default=best)
         if found.cost > best.cost - GAIN:
@@ -155,12 +155,18 @@ def _renamed(evidence: Evidence, channels: list[int], order: NDArray[np.intp]) -
 
 def _tried(state: State, log: Thin, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
     same = np.arange(len(motion))
-    return _with_torque(make_rows(state.source, log.reordered(motion, same)), motion, torque)
+    return _with_torque(make_rows(state.source, log.reordered(motion, same)), log, motion, torque)
 
 
-def _with_torque(rows: Rows, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
-    """Another order of the torque beside columns that are made already."""
-    changed = replace(rows, torque=rows.torque[:, torque], slope=rows.slope[:, torque], mask=rows.mask[:, torque])
+def _distinct(orders: Iterable[_Order]) -> list[_Order]:
+    """Each order once: an exchange may also be what the joints' own columns say."""
+    return list({(*order.motion, *order.torque): order for order in orders}.values())
+
+
+def _with_torque(rows: Rows, log: Thin, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
+    """Another order of the torque of a log beside columns that are made already."""
+    mask = log.mask[:, motion] & log.mask[:, torque]
+    changed = replace(rows, torque=rows.torque[:, torque], slope=rows.slope[:, torque], mask=mask)
     return _Order(motion, torque, cost_of(changed, products(changed)))
 
 
@@ -170,9 +176,9 @@ def _exchanged(state: State, log: Thin, order: _Order, rows: Rows, i: int, j: in
     for each in (motion, torque):
         each[[i, j]] = each[[j, i]]
     moved = make_rows(state.source, log.reordered(motion, np.arange(len(motion))))
-    yield _with_torque(moved, motion, torque)
-    yield _with_torque(moved, motion, order.torque)
-    yield _with_torque(rows, order.motion, torque)
+    yield _with_torque(moved, log, motion, torque)
+    yield _with_torque(moved, log, motion, order.torque)
+    yield _with_torque(rows, log, order.motion, torque)
 
 
 def _assigned(state: State) -> NDArray[np.intp]:

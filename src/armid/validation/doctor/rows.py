@@ -84,14 +84,19 @@ class Thin:
     rate: float
 
     def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> Thin:
-        """The same log with its channels in another order."""
+        """The same log with its channels in another order; a row counts where it does for both channels of a joint."""
 
         def changed(run: ObservedRun) -> ObservedRun:
-            m = run.motion
+            m, mask = run.motion, run.mask[:, motion] & run.mask[:, torque]
             moved = Motion(m.time, m.q[:, motion], m.dq[:, motion], m.ddq[:, motion])
-            return replace(run, motion=moved, torque=run.torque[:, torque], mask=run.mask[:, torque])
+            return replace(run, motion=moved, torque=run.torque[:, torque], mask=mask)
 
         return replace(self, runs=tuple(changed(run) for run in self.runs))
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Which rows count, shape (M, n)."""
+        return np.concatenate([run.mask for run in self.runs])
 
     def coarse(self) -> Thin:
         """The rows alone, their torque filtered and their columns not: quick, to compare geometries."""
@@ -269,7 +274,6 @@ def make_rows(source: ColumnSource, log: Thin) -> Rows:
         np.concatenate([run.motion.dq[rows] for run, rows in pick]),
         np.concatenate([run.motion.ddq[rows] for run, rows in pick]),
     )
-    mask = np.concatenate([run.mask for run in log.runs])
     return Rows(
         tuple(x[offset[j] : offset[j + 1] - 1] for j in range(n)),
         source.layout.parameters,
@@ -277,7 +281,7 @@ def make_rows(source: ColumnSource, log: Thin) -> Rows:
         motion,
         torque,
         slope,
-        mask,
+        log.mask,
         np.concatenate([np.full(len(run.rows), k) for k, run in enumerate(log.runs)]),
         log.runs[0].rate / log.runs[0].step,
     )
