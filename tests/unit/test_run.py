@@ -264,6 +264,16 @@ def test_a_run_judges_an_unseen_recording_as_its_study_would(result: Result, sav
     assert found.verdict == "pass" and found.checks[0].value == result.validation.checks[0].value
 
 
+def test_the_doctor_looks_at_what_a_run_is_judged_by(saved: Path, folder: Path):
+    run = load_run(saved)
+    unseen = str(folder / "run2.csv")
+    _, findings = validate_run(run, [unseen], {})
+    assert [f.code for f in findings if f.severity == "error"] == []
+    found, findings = validate_run(run, [unseen], {"torque_sign": -1})
+    assert found.verdict == "fail"
+    assert [(f.code, f.remedy) for f in findings if f.severity == "error"] == [("torque-sign", "torque_sign = 1")]
+
+
 def test_a_run_does_not_judge_by_what_trained_it(saved: Path, folder: Path, tmp_path: Path):
     copy = shutil.copy(folder / "run1.csv", tmp_path / "another.csv")
     with pytest.raises(StudyError, match=r"another\.csv is to validate, but the same data trained"):

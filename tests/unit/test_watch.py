@@ -11,6 +11,7 @@ from armid.errors import EstimationError, Finding
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.study.identify import identify
+from armid.study.labels import labels
 from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
 from sick import Case, sound
 
@@ -18,11 +19,17 @@ SEED = 0
 
 
 def findings(
-    case: Case, *more: Recording, reading: Reading | None = None, gravity: tuple[float, float, float] | None = None
+    case: Case,
+    *more: Recording,
+    reading: Reading | None = None,
+    gravity: tuple[float, float, float] | None = None,
+    train: int = 9,
+    name: str = "run{}.csv",
 ) -> list[Finding]:
-    """Errors and warnings of an identification from the case and more recordings, all read alike."""
-    logs = {f"run{k}.csv": log for k, log in enumerate((case.recording, *more))}
-    choices = tuple(RecordingChoice(path, reading=reading or Reading()) for path in logs)
+    """Errors and warnings of an identification from the case and more recordings, all read alike; so many train."""
+    logs = {name.format(k): log for k, log in enumerate((case.recording, *more))}
+    roles = [("train" if k < train else "validate") for k in range(len(logs))]
+    choices = tuple(RecordingChoice(path, role, reading or Reading()) for path, role in zip(logs, roles, strict=True))
     robot = RobotChoice(case.robot.name, gravity)
     result = identify(Study(robot, ModelChoice(), choices), given=logs)
     return [finding for finding in result.estimate.findings if finding.severity != "info"]
@@ -93,6 +100,30 @@ def test_what_is_wrong_with_one_log_alone_is_told_with_its_name():
     found = findings(case, replace(other.recording, effort=effort, dq=None, sha256="another"))
     (dead,) = (f for f in found if f.code == "channel-dead")
     assert dead.evidence.startswith("run1.csv: effort stays") and np.isfinite(len(found))
+
+
+def test_a_recording_that_validates_is_examined_itself_and_told_by_its_name():
+    case, other = described(), described(SEED + 1)
+    assert case.recording.effort is not None and other.recording.effort is not None
+    fine = replace(other.recording, dq=None, sha256="fine")
+    turned = replace(other.recording, effort=-other.recording.effort, dq=None, sha256="turned")
+    days = "day{}/log.csv"
+    (found,) = [f for f in findings(case, fine, turned, train=1, name=days) if f.severity == "error"]
+    assert found.code == "torque-sign" and found.evidence.startswith("day2/log.csv: ")
+    both = replace(case, recording=replace(case.recording, effort=-case.recording.effort, dq=None))
+    (found,) = [f for f in findings(both, turned, fine, train=1) if f.severity == "error"]
+    assert found.evidence.startswith("run0.csv: ") and found.evidence.endswith(" The same on run1.csv.")
+
+
+def test_names_tell_recordings_apart():
+    paths = ("a/log.csv", "b/log.csv", "c.csv", "/a/log.csv")
+    assert labels([RecordingChoice(path) for path in paths[:3]]) == ["a/log.csv", "b/log.csv", "c.csv"]
+    assert labels([RecordingChoice(path) for path in paths[::3]]) == ["a/log.csv", "/a/log.csv"]
+    assert labels([RecordingChoice("c.csv"), RecordingChoice("c.csv", "validate")]) == [
+        "c.csv (train)",
+        "c.csv (validate)",
+    ]
+    assert labels([RecordingChoice("c.csv")]) == [""]
 
 
 def pushed(case: Case, share: float) -> Recording:

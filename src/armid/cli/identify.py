@@ -52,7 +52,10 @@ Inputs = Annotated[
 def identify(
     inputs: Inputs,
     validate: Annotated[
-        list[str] | None, typer.Option("--validate", metavar="RECORDING…", help="Recordings to check the model on.")
+        list[str] | None,
+        typer.Option(
+            "--validate", metavar="RECORDING…", help="Recordings to check the model on, read as the others are."
+        ),
     ] = None,
     preset: Annotated[
         Preset | None, typer.Option(help="`thesis`: its processing, terms and ordinary least squares.")

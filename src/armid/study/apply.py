@@ -20,6 +20,7 @@ from armid.measurement.readers import load_recording
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
+from armid.study.doctor import findings_on
 from armid.study.identify import read_recording, score_recordings
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
@@ -44,11 +45,11 @@ def validate_run(
         RecordingError: A recording cannot be read or does not fit.
     """
     recordings: list[tuple[RecordingChoice, Recording]] = []
-    findings: list[Finding] = []
+    told: list[tuple[Finding, ...]] = []
     for path in paths:
         choice = RecordingChoice(path, "validate", _like(run, reading))
         recording, found = read_recording(choice, ".", run.robot)
-        findings += found
+        told.append(found)
         if recording.sha256 in run.trained_on:
             raise StudyError(
                 f"{path} is to validate, but the same data trained {run.folder} (sha256 {recording.sha256[:12]}…).",
@@ -56,6 +57,7 @@ def validate_run(
             )
         recordings.append((choice, recording))
     scores, found = score_recordings(run.model, run.estimate, recordings, run.processing)
+    findings = findings_on(run.model, recordings, told)
     return validate(run.robot.joint_names, scores, run.estimate), (*findings, *found)
 
 

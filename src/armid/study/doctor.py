@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
+from armid.study.labels import labels, together
 from armid.study.plausibility import gravity_finding
 from armid.study.remedies import tables_of
 from armid.study.study import RecordingChoice, Study, build_model, load_choice
@@ -26,7 +27,7 @@ from armid.validation.doctor.contact import explain as explain_contact
 from armid.validation.doctor.motor_side import explain as explain_scale
 from armid.validation.doctor.state import State
 
-__all__ = ["Diagnosis", "diagnose", "diagnose_recording", "diagnosis_record", "is_ill", "watch"]
+__all__ = ["Diagnosis", "diagnose", "diagnose_recording", "diagnosis_record", "findings_on", "is_ill", "watch"]
 
 CODE = re.compile(r"\[([a-z-]+)\]$")
 """Where an error about a recording ends with the code of its finding."""
@@ -91,7 +92,7 @@ def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> t
     robot = load_choice(study.robot, study.folder)
     model = build_model(robot, study.model) if study.model.terms else None
     result: list[Diagnosis] = []
-    for choice in {each.path: each for each in study.recordings}.values():
+    for choice in {(each.path, repr(each.reading)): each for each in study.recordings}.values():
         raw = (given or {}).get(choice.path)
         if raw is None:
             raw = load_recording(Path(study.folder) / choice.path, choice.reading)
@@ -163,28 +164,58 @@ def _of_currents(evidence: Evidence) -> tuple[Finding, ...]:
     return tuple(f for f in examine(evidence) if f in evidence.noted or f.code in kept)
 
 
-def watch(model: DynamicsModel, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> tuple[Finding, ...]:
-    """What the doctor says while a study is identified, before anything is estimated.
+def findings_on(
+    model: DynamicsModel,
+    recordings: Sequence[tuple[RecordingChoice, Recording]],
+    read: Sequence[Sequence[Finding]],
+    trained: Sequence[Finding] = (),
+) -> list[Finding]:
+    """What reading the recordings told and what the doctor says of them, with their names, each once.
+
+    Args:
+        model: Arm and torque terms.
+        recordings: As read, with their roles.
+        read: What was told of each as it was read.
+        trained: What has been told of those that train, all together.
+    """
+    common = {finding.code for finding in trained if finding.severity != "info"}
+    said = [
+        {finding.code for finding in found if finding.severity != "info"} | (common if c.role == "train" else set())
+        for (c, _), found in zip(recordings, read, strict=True)
+    ]
+    names = labels([choice for choice, _ in recordings])
+    named = [(name, finding) for name, found in zip(names, read, strict=True) for finding in found]
+    return [*together(named), *watch(model, recordings, said)]
+
+
+def watch(
+    model: DynamicsModel,
+    recordings: Sequence[tuple[RecordingChoice, Recording]],
+    said: Sequence[Collection[str]] = (),
+) -> list[Finding]:
+    """What the doctor says while a study is identified, before anything is estimated, or of recordings beside a run.
 
     Args:
         model: Arm and torque terms of the study.
         recordings: As read, with their roles.
+        said: Codes that have been told of each recording already.
     """
-    found: list[Finding] = []
+    told: list[tuple[str, Finding]] = []
     ill: dict[str, bool] = {}
+    names = labels([choice for choice, _ in recordings])
     # The first of each kind tells what is wrong with their reading; the others what is wrong with them alone.
+    # Nothing of a recording that validates is left to others: it may have been read as one that it is not like.
     for k in sorted(range(len(recordings)), key=lambda k: _rank(recordings, k)):
         choice, recording = recordings[k]
         kind = _kind(choice)
         explains, checks = EXPLAINS, (*OF_LOG, *OF_READING, *OF_EACH)
-        if kind in ill:
+        if kind in ill and choice.role == "train":
             explains, checks = EXPLAINS if ill[kind] else OWN, (*OF_LOG, *OF_EACH)
         evidence = Evidence(model.robot, recording, choice.reading, recording, (), model, explains)
-        told = examine(evidence, checks)
+        known = said[k] if said else ()
+        told += [(names[k], finding) for finding in examine(evidence, checks) if finding.code not in known]
         ill.setdefault(kind, any(each.code not in OF_EACH for each in evidence.explanations))
-        where = f"{Path(choice.path).name}: " if len(recordings) > 1 else ""
-        found += [replace(finding, evidence=f"{where}{finding.evidence}") for finding in told]
-    return tuple(found)
+    return together(told)
 
 
 def _rank(recordings: Sequence[tuple[RecordingChoice, Recording]], k: int) -> tuple[bool, int, int]:

@@ -36,7 +36,7 @@ from armid.shown import Shown, Summary
 from armid.study import plausibility
 from armid.study.beyond import highest_speeds, speed_finding
 from armid.study.cut import cut, refuse_shared
-from armid.study.doctor import watch
+from armid.study.doctor import findings_on
 from armid.study.study import (
     RecordingChoice,
     Study,
@@ -186,10 +186,11 @@ def prepare(
     model = build_model(robot, study.model, motor_side=_is_motor_side(study))
     findings = list(robot.findings)
     recordings: list[tuple[RecordingChoice, Recording]] = []
+    told: list[tuple[Finding, ...]] = []
     for k, choice in enumerate(study.recordings):
         tell("recordings", k / len(study.recordings))
         recording, found = read_recording(choice, study.folder, robot, given)
-        findings += found
+        told.append(found)
         recordings.append((choice, recording))
     refuse_shared(recordings)
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
@@ -210,8 +211,7 @@ def prepare(
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
-    said = {finding.code for finding in findings if finding.severity != "info"}
-    findings += [finding for finding in watch(model, recordings) if finding.code not in said]
+    findings += findings_on(model, recordings, told, findings)
     study = replace(study, model=resolve_model(model), processing=processing)
     base = find_base_parameters(model)
     information = inform(

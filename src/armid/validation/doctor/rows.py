@@ -84,7 +84,7 @@ class Thin:
     rate: float
 
     def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> Thin:
-        """The same log with its channels in another order; a row counts where it does for both channels of a joint."""
+        """The same log with its channels in another order; rows count where both channels of a joint do."""
 
         def changed(run: ObservedRun) -> ObservedRun:
             m, mask = run.motion, run.mask[:, motion] & run.mask[:, torque]
