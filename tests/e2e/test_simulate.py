@@ -96,7 +96,9 @@ def test_what_the_lab_writes_identifies_the_truth(armid, tmp_path: Path, mode: s
     rolled = armid("validate", "run", "unseen/recording.csv", "--simulate", "--window", 0.3, "--json")
     assert rolled.code == 0, rolled.err
     motion = json.loads(rolled.out)["motion"]
+    assert "windows of 0.3 s" in json.loads(rolled.out)["checks"][-1]["name"]
     (score,) = motion["recordings"]
+    assert score["ran_away"] == score["not_positive_definite"] == 0
     assert not motion["closed_loop"] and score["windows"] > 30 and score["lost"] == 0
     assert max(score["rms"]) < 0.01 < min(score["travelled"])
     if mode == "closed-loop":

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armid.cli.rolled_out import motion_table
 from armid.errors import ArmidError
 from armid.information.band import Band
 from armid.information.observations import Observations, ObservedRun
@@ -22,7 +23,7 @@ from armid.model.terms import Coulomb, Hysteresis, LoadCoulomb, RigidBody, Rotor
 from armid.study.forward import judged_by_motion, load_feedback
 from armid.validation.forward import Feedback, Windows, roll_out, sharpened
 from armid.validation.predict import Validation
-from armid.validation.simulate import MotionScore, score_motion
+from armid.validation.simulate import Losses, MotionScore, score_motion
 from labs import small_model, small_truth
 from plants import short_plan, small_arm
 
@@ -43,7 +44,7 @@ def exact_windows(model: DynamicsModel, theta: np.ndarray, length: int = 251, co
 
 def test_the_true_model_gives_the_motion_back():
     windows = exact_windows(MODEL, TRUTH)
-    found = roll_out(MODEL, TRUTH, windows)
+    found = roll_out(MODEL, TRUTH, windows).q
     moved = np.abs(windows.q - windows.q[:, :1]).max()
     assert moved > 0.3
     # Half a second in which sgn(q̇) turns between samples: friction of 1 N·m that comes a sample late.
@@ -57,14 +58,14 @@ def test_without_sign_changes_the_error_is_that_of_the_step():
     theta = nominal.copy()
     theta[[k for k, p in enumerate(model.parameters) if p.symbol in ("FV", "IA")]] = 0.3
     windows = exact_windows(model, theta)
-    np.testing.assert_allclose(roll_out(model, theta, windows), windows.q, atol=2e-4)
+    np.testing.assert_allclose(roll_out(model, theta, windows).q, windows.q, atol=2e-4)
 
 
 def test_a_wrong_model_goes_elsewhere():
     windows = exact_windows(MODEL, TRUTH)
     heavy = TRUTH.copy()
     heavy[MODEL.inertial_columns] *= 1.3
-    right, wrong = (np.abs(roll_out(MODEL, theta, windows) - windows.q).max() for theta in (TRUTH, heavy))
+    right, wrong = (np.abs(roll_out(MODEL, theta, windows).q - windows.q).max() for theta in (TRUTH, heavy))
     assert wrong > 20.0 * right
 
 
@@ -74,7 +75,7 @@ def test_feedback_holds_a_wrong_model():
     heavy = TRUTH.copy()
     heavy[MODEL.inertial_columns] *= 1.3
     gains = Feedback(np.full(3, 400.0), np.full(3, 30.0), np.zeros(3))
-    open_loop, closed = (np.abs(roll_out(MODEL, heavy, windows, f) - windows.q).max() for f in (None, gains))
+    open_loop, closed = (np.abs(roll_out(MODEL, heavy, windows, f).q - windows.q).max() for f in (None, gains))
     assert closed < 0.05 * open_loop
 
 
@@ -91,7 +92,7 @@ def test_the_same_controller_moves_another_model_as_it_would_another_plant():
     windows = Windows(*parts, memory=np.zeros((1, 0)), step=4.0 / 2000.0)
     theta = TRUTH.copy()
     theta[[k for k, p in enumerate(MODEL.parameters) if p.symbol in ("FV", "FS")]] *= 2.0
-    found = roll_out(MODEL, theta, windows, Feedback(gain.proportional, gain.derivative, gain.integral))[0]
+    found = roll_out(MODEL, theta, windows, Feedback(gain.proportional, gain.derivative, gain.integral)).q[0]
     apart = np.abs(other.q[::4] - trace.q[::4])[500:].max()
     off = np.abs(found - other.q[::4])[500:].max()  # a second, in which the other state of the beginning has gone
     assert apart > 1e-3 and off < 0.1 * apart
@@ -110,7 +111,7 @@ def test_every_kind_of_friction_is_rolled_out(term):
         if k not in model.inertial_columns:
             theta[k] = values.get(parameter.symbol, 0.3)
     windows = exact_windows(model, theta)
-    np.testing.assert_allclose(roll_out(model, theta, windows), windows.q, atol=4e-3)
+    np.testing.assert_allclose(roll_out(model, theta, windows).q, windows.q, atol=4e-3)
 
 
 def test_stuck_joints_stay():
@@ -120,9 +121,9 @@ def test_stuck_joints_stay():
     push = np.array([0.7, 0.0, 0.0])  # Coulomb friction of the first joint is 0.8 N·m
     torque = np.tile(gravity + push, (1, 200, 1))
     windows = Windows(rest, rest, rest, torque, np.zeros((1, 0)), 1e-3)
-    assert not roll_out(model, TRUTH, windows).any()
+    assert not roll_out(model, TRUTH, windows).q.any()
     harder = replace(windows, torque=torque + np.array([0.2, 0.0, 0.0]))
-    assert roll_out(model, TRUTH, harder)[0, -1, 0] > 1e-4
+    assert roll_out(model, TRUTH, harder).q[0, -1, 0] > 1e-4
 
 
 def test_widths_of_signs_become_zero_and_parameters_stay():
@@ -134,7 +135,8 @@ def test_widths_of_signs_become_zero_and_parameters_stay():
 
 def test_a_mass_matrix_that_is_not_positive_is_no_motion():
     windows = exact_windows(MODEL, TRUTH)
-    assert np.isnan(roll_out(MODEL, -TRUTH, windows)).all()
+    found = roll_out(MODEL, -TRUTH, windows)
+    assert np.isnan(found.q).all() and found.indefinite.all() and not found.ran_away.any()
 
 
 def test_what_runs_away_ends_in_nothing():
@@ -142,7 +144,8 @@ def test_what_runs_away_ends_in_nothing():
     torque = windows.torque.copy()
     torque[1] += 1e5
     found = roll_out(MODEL, TRUTH, replace(windows, torque=torque))
-    assert np.isnan(found[1, -1]).all() and np.isfinite(found[[0, 2, 3]]).all()
+    assert np.isnan(found.q[1, -1]).all() and np.isfinite(found.q[[0, 2, 3]]).all()
+    assert found.ran_away.tolist() == [False, True, False, False] and not found.indefinite.any()
 
 
 # Scores ----------------------------------------------------------------------------------------------------------
@@ -177,6 +180,7 @@ def test_windows_leave_out_masked_rows():
 def test_lost_windows_are_counted():
     score = score_motion(small_model(), -TRUTH, observed(), seconds=1.0)
     assert score.lost == score.windows == 7 and np.isnan(score.rms).all() and (score.held == 0.0).all()
+    assert score.losses == Losses(ran_away=0, indefinite=7, nominal=0)
 
 
 @pytest.mark.parametrize(
@@ -245,12 +249,16 @@ def test_a_description_that_runs_away_is_not_flattered_by_its_beginnings():
     strong = replace(run, torque=run.torque + 3e3)
     score = score_motion(small_model(), TRUTH, Observations((strong,), Band()), seconds=0.5)
     assert score.lost == score.windows and score.prior_rms is not None and np.isnan(score.prior_rms).all()
+    assert score.losses == Losses(ran_away=score.windows, indefinite=0, nominal=score.windows)
+    table = motion_table(small_model().robot, [score], closed=False)
+    assert f"which lost {score.windows} of the {score.windows} windows" in str(table.caption)
 
 
 @pytest.mark.parametrize(("lost", "verdict"), [(0, "pass"), (25, "pass"), (26, "fail"), (51, "fail")])
 def test_a_model_that_loses_most_windows_fails_its_verdict(lost: int, verdict: str):
     none = np.zeros(3)
-    score = MotionScore("log.csv", none, none, none, none, None, 51, lost, 0.5, 0.01)
-    judged = judged_by_motion(Validation(("a", "b", "c"), (), "pass", ()), [score])
+    score = MotionScore("log.csv", none, none, none, none, None, 51, Losses(lost), 0.5, 0.01)
+    judged = judged_by_motion(Validation(("a", "b", "c"), (), "pass", ()), [score], closed=False)
     assert (judged.verdict, judged.checks[-1].ok) == (verdict, verdict == "pass")
     assert judged.checks[-1].value == lost / 51
+    assert judged.checks[-1].name == "windows of 0.5 s lost under the recorded torque alone, as a share"

@@ -32,7 +32,7 @@ def roll_out(
 
     feedback = None if controller is None else load_feedback(controller)
     scores, findings = roll_out_run(run, recordings, reading, seconds=window, tolerance=tolerance, feedback=feedback)
-    print_findings([finding for finding in findings if finding.code == "roll-out-lost"])
+    print_findings([finding for finding in findings if finding.code.startswith("roll-out")])
     return scores
 
 
@@ -58,9 +58,18 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
     table.caption = (
         f"{count} windows of {first.seconds:g} s; moved: RMS distance from a window's start; until: median time "
         "until the error exceeds the tolerance in rad or m; nominal: the description without friction"
+        f"{_nominal(scores, count)}"
     )
     table.caption_justify = "left"
     return table
+
+
+def _nominal(scores: Sequence[MotionScore], count: int) -> str:
+    """Why there is no nominal error, where there is none."""
+    if all(score.prior_rms is None for score in scores):
+        return ", which has no inertias here"
+    lost = sum(score.losses.nominal for score in scores)
+    return f", which lost {lost} of the {count} windows, so that no error of it is told" if lost else ""
 
 
 def _mean_square(values: Sequence[float]) -> float:

@@ -51,7 +51,7 @@ def validate(
     wanted = simulate or closed
     motion = roll_out(loaded, recordings, how, window, tolerance, controller) if wanted else ()
     if motion:
-        found = judged_by_motion(found, motion)
+        found = judged_by_motion(found, motion, closed=closed)
     if json:
         record = validation_record(found)
         if motion:

@@ -105,28 +105,47 @@ def roll_out_run(
     return tuple(scores), tuple(findings)
 
 
-def judged_by_motion(validation: Validation, scores: Sequence[MotionScore]) -> Validation:
-    """The validation with a check more: that the rolled-out model stays in half of the windows at least."""
+def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, closed: bool) -> Validation:
+    """The validation with a check more: that the rolled-out model stays in half of the windows at least.
+
+    Args:
+        validation: By torque.
+        scores: By motion.
+        closed: Whether the recorded controller held the model; if not, the recorded torque alone.
+    """
     lost = sum(score.lost for score in scores) / max(sum(score.windows for score in scores), 1)
-    check = Check("rolled-out windows lost, as a share", lost, MOST_LOST, lost <= MOST_LOST)
+    how = "the same controller" if closed else "the recorded torque alone"
+    name = f"windows of {scores[0].seconds:g} s lost under {how}, as a share"
+    check = Check(name, lost, MOST_LOST, lost <= MOST_LOST)
     verdict = validation.verdict if check.ok else "fail"
     return replace(validation, verdict=verdict, checks=(*validation.checks, check))
 
 
 def _lost(score: MotionScore) -> list[Finding]:
     """What to say of windows that did not stay."""
-    if not score.lost:
-        return []
-    return [
-        Finding(
-            "roll-out-lost",
-            "warning",
-            "",
-            f"{score.lost} of {score.windows} windows of {score.path} ran away, or met a mass matrix that is not "
-            "positive definite.",
-            "choose shorter windows, or estimate with a method that keeps to real bodies.",
+    of = f"of {score.windows} windows of {score.seconds:g} s of {score.path}"
+    found: list[Finding] = []
+    if score.losses.ran_away:
+        found.append(
+            Finding(
+                "roll-out-lost",
+                "warning",
+                "",
+                f"{score.losses.ran_away} {of} ran away: a joint became faster than any arm.",
+                "choose shorter windows, or give the controller's gains: under torque alone every model drifts away.",
+            )
         )
-    ]
+    if score.losses.indefinite:
+        found.append(
+            Finding(
+                "roll-out-indefinite",
+                "warning",
+                "",
+                f"{score.losses.indefinite} {of} met a mass matrix of the estimate that is not positive definite.",
+                'estimate with a method that keeps to real bodies: method = "physical".',
+            )
+        )
+    return found
 
 
 def motion_record(scores: Sequence[MotionScore], *, closed: bool) -> dict[str, Any]:
@@ -143,6 +162,9 @@ def motion_record(scores: Sequence[MotionScore], *, closed: bool) -> dict[str, A
                 "prior_rms": score.prior_rms,
                 "windows": score.windows,
                 "lost": score.lost,
+                "ran_away": score.losses.ran_away,
+                "not_positive_definite": score.losses.indefinite,
+                "nominal_lost": None if score.prior_rms is None else score.losses.nominal,
                 "seconds": score.seconds,
                 "tolerance": score.tolerance,
             }

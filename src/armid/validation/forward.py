@@ -26,7 +26,7 @@ from armid.model.expression import symbols
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["Feedback", "Windows", "roll_out", "sharpened"]
+__all__ = ["Feedback", "RolledOut", "Windows", "roll_out", "sharpened"]
 
 SIGNED = ("coulomb", "asymmetric-coulomb", "load-coulomb", "stribeck")
 """Terms whose width only blurs a sign."""
@@ -104,10 +104,30 @@ def sharpened(model: DynamicsModel) -> DynamicsModel:
     return dataclasses.replace(model, terms=tuple(sharp))
 
 
-def roll_out(model: DynamicsModel, parameters: Array, windows: Windows, feedback: Feedback | None = None) -> Array:
-    """Positions (W, S, n) [rad or m] that follow from the first states and the torque.
+@dataclass(frozen=True, eq=False, slots=True)
+class RolledOut:
+    """What a model makes of windows.
 
-    A window ends in NaN from where it runs away, or where the mass matrix is not positive.
+    Attributes:
+        q: Positions, shape (W, S, n) [rad or m]; NaN from where a window is lost.
+        ran_away: Windows that were lost because a joint was faster than any arm, shape (W,).
+        indefinite: Those that were lost because the mass matrix was not positive definite, shape (W,).
+    """
+
+    q: Array
+    ran_away: NDArray[np.bool_]
+    indefinite: NDArray[np.bool_]
+
+    @property
+    def stayed(self) -> NDArray[np.bool_]:
+        """Windows that have positions to their end, shape (W,)."""
+        return ~(self.ran_away | self.indefinite)
+
+
+def roll_out(
+    model: DynamicsModel, parameters: Array, windows: Windows, feedback: Feedback | None = None
+) -> RolledOut:
+    """The motion that follows from the first states and the torque.
 
     Args:
         model: Arm and torque terms.
@@ -122,7 +142,9 @@ def roll_out(model: DynamicsModel, parameters: Array, windows: Windows, feedback
         found[:, k] = np.where(run.alive[:, None], run.q, np.nan)
         if k + 1 < samples:
             run.advance(k)
-    return found
+    # What is lost in the last step was there to the end.
+    alive = np.isfinite(found).all(axis=(1, 2))
+    return RolledOut(found, ~alive & ~run.indefinite, ~alive & run.indefinite)
 
 
 class _RollOut:
@@ -133,9 +155,10 @@ class _RollOut:
         self.friction = _Friction(model, parameters)
         self.inertial = parameters[model.inertial_columns].reshape(model.n, 10)
         self.alive = np.ones(len(windows.q), dtype=bool)
+        self.indefinite = np.zeros(len(windows.q), dtype=bool)
         self.q = windows.q[:, 0].copy()
         mass = model.mass_matrix(self.q, parameters)
-        self._bury(np.linalg.eigvalsh(mass)[:, 0] > 0.0)
+        self._look_at(mass)
         self.substeps = self._substeps(mass)
         self.h = windows.step / self.substeps
         self.a = windows.ddq[:, 0].copy()
@@ -152,8 +175,11 @@ class _RollOut:
             rate = max(rate, math.sqrt(float((self.feedback.proportional * mobility).max())) / STABLE)
         return max(1, math.ceil(rate * self.windows.step * (1.0 - 1e-9)))
 
-    def _bury(self, well: NDArray[np.bool_]) -> None:
-        self.alive &= well
+    def _look_at(self, mass: Array) -> None:
+        """Leave windows whose mass matrix (W, n, n) is not positive definite."""
+        positive = np.linalg.eigvalsh(mass)[:, 0] > 0.0
+        self.indefinite |= self.alive & ~positive
+        self.alive &= positive
 
     def advance(self, k: int) -> None:
         """From sample k to the next."""
@@ -181,7 +207,7 @@ class _RollOut:
         bias = kernel.inverse_dynamics(model.tree, self.inertial, self.q, now, zero)
         mass = model.mass_matrix(self.q, self.theta)
         if self.count % LOOKED_AT == 0:
-            self._bury(np.linalg.eigvalsh(mass)[:, 0] > 0.0)
+            self._look_at(mass)
         self.count += 1
         matrix = mass + 0.5 * h * linear[:, :, None] * np.eye(model.n)
         matrix[~self.alive] = np.eye(model.n)
@@ -191,7 +217,7 @@ class _RollOut:
         new = free
         if dry.any():
             _, new = settle_friction(mobility, free, dry, dry)
-        self._bury(np.abs(new).max(axis=1) < RUNAWAY)
+        self.alive &= np.abs(new).max(axis=1) < RUNAWAY
         new = np.where(self.alive[:, None], new, self.half)
         self.a = np.where(self.alive[:, None], (new - self.half) / h, 0.0)
         self.half = np.where(self.alive[:, None], new, 0.0)

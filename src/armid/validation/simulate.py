@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,25 @@ from armid.model.dynamics import DynamicsModel
 from armid.validation.forward import Feedback, Windows, roll_out
 from armid.values import Array, array
 
-__all__ = ["MotionScore", "score_motion"]
+__all__ = ["Losses", "MotionScore", "score_motion"]
 
 MOST_WINDOWS = 200
 """Windows that are rolled out of a recording; of more, some evenly spread."""
+
+
+@dataclass(frozen=True, slots=True)
+class Losses:
+    """Windows that did not stay to their end.
+
+    Attributes:
+        ran_away: How many became faster than any arm.
+        indefinite: How many met a mass matrix that is not positive definite.
+        nominal: How many the description's inertias without friction lost, by either.
+    """
+
+    ran_away: int = 0
+    indefinite: int = 0
+    nominal: int = 0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -33,7 +48,7 @@ class MotionScore:
         prior_rms: `rms` of the description's inertias without friction, NaN where it loses a window; `None` where it
             has none.
         windows: How many windows there were.
-        lost: How many of them ran away, or met a mass matrix that is not positive.
+        losses: How many of them were lost, and to what.
         seconds: Length of a window [s].
         tolerance: The tolerance [rad or m].
     """
@@ -45,9 +60,14 @@ class MotionScore:
     travelled: Array
     prior_rms: Array | None
     windows: int
-    lost: int
+    losses: Losses
     seconds: float
     tolerance: float
+
+    @property
+    def lost(self) -> int:
+        """How many windows the model lost."""
+        return self.losses.ran_away + self.losses.indefinite
 
     def __post_init__(self) -> None:
         for name in ("rms", "peak", "held", "travelled", "prior_rms"):
@@ -84,13 +104,15 @@ def score_motion(
         raise ArmidError(f"A window and a tolerance must be positive; found {seconds:g} s and {tolerance:g}.")
     windows = _cut(model, observations, seconds)
     found = roll_out(model, parameters, windows, feedback)
-    error = found - windows.q
+    error = found.q - windows.q
+    losses = Losses(int(found.ran_away.sum()), int(found.indefinite.sum()))
     prior = model.nominal_parameters()
     prior_rms = None
     if prior is not None:
-        off = roll_out(model, prior, windows, feedback) - windows.q
+        said = roll_out(model, prior, windows, feedback)
+        losses = replace(losses, nominal=int((~said.stayed).sum()))
         # Of a model that runs away only the beginnings would count, which flatters it.
-        prior_rms = _rms(off) if _stayed(off).all() else np.full(model.n, np.nan)
+        prior_rms = _rms(said.q - windows.q) if said.stayed.all() else np.full(model.n, np.nan)
     return MotionScore(
         path,
         _rms(error),
@@ -99,7 +121,7 @@ def score_motion(
         _rms(windows.q - windows.q[:, :1]),
         prior_rms,
         len(error),
-        int((~_stayed(error)).sum()),
+        losses,
         (error.shape[1] - 1) * windows.step,
         tolerance,
     )
