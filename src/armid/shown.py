@@ -6,13 +6,15 @@ Any value takes part by deriving from `Shown` and giving a `summary`. Text is es
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
+from pathlib import PurePath
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Shown", "Summary", "html_of", "spans"]
+__all__ = ["Shown", "Summary", "html_of", "names_apart", "spans"]
 
 MOST_ROWS = 200
 """Rows that are shown; a notebook becomes slow with more, and nobody reads them."""
@@ -46,6 +48,19 @@ class Shown:
 
     def _repr_html_(self) -> str:
         return html_of(self.summary())
+
+
+def names_apart(paths: Iterable[str]) -> dict[str, str]:
+    """Names of files by their paths, with as many of their folders as it takes to tell them apart."""
+    parts = {path: PurePath(path).parts for path in paths}
+
+    def name(path: str) -> str:
+        ends = (PurePath(*parts[path][-k:]).as_posix() for k in range(1, len(parts[path]) + 1))
+        others = [each for other, each in parts.items() if other != path]
+        alone = (end for k, end in enumerate(ends, 1) if not any(other[-k:] == parts[path][-k:] for other in others))
+        return next(alone, path)
+
+    return {path: name(path) for path in parts}
 
 
 def spans(*channels: NDArray[np.float64]) -> tuple[tuple[str, ...], ...]:

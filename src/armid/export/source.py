@@ -77,7 +77,7 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
         data: Folder in which they are looked for first, by their path in the study or by their name.
     """
     study = _record(run)
-    folders = [Path(str(study["folder"]))] if data is None else [Path(data), Path(str(study["folder"]))]
+    folders = [*([] if data is None else [Path(data)]), Path(str(study["folder"])), Path()]
     digests = [entry.rpartition(" ") for entry in run.estimate.made_from]
     known = [sha256 for role, _, sha256 in digests if role in ("train", "validate")]
     found: list[tuple[RecordingChoice, Recording]] = []

@@ -1,4 +1,4 @@
-"""What of a run can be trusted, what cannot, and what to record next: sentences made from its numbers."""
+"""What of a run can be trusted, what cannot, and what to record or change next: sentences made from its numbers."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.report.material import Material, velocity_unit
+from armid.report.noticed import evidence_words, remedy_words, serious
 from armid.report.numbers import share, short
 from armid.report.remains import MUCH, find_remains
 from armid.report.section import effort_unit
@@ -45,11 +46,11 @@ class Judgement:
 
 
 def judge(material: Material) -> Judgement:
-    """Judge a run."""
+    """Judge a run; what weighs most comes first."""
     trusted: list[str] = []
     doubted: list[str] = []
     wanted: list[str] = []
-    for look in (_torque, _bands, _parameters, _bodies, _findings, _motion, _laws):
+    for look in (_torque, _errors, _bodies, _bands, _parameters, _warnings, _motion, _laws):
         good, bad, next_ = look(material)
         trusted += good
         doubted += bad
@@ -129,7 +130,7 @@ def _parameters(material: Material) -> Words:
     never = {p.name for p in material.run.model.parameters if p.nonnegative}
     negative = [name for name, top in zip(names, high, strict=True) if name in never and top < 0.0]
     next_: list[str] = []
-    if negative:
+    if negative and not any(each.code == "not-physical" for each in estimate.findings):
         bad.append(f"Negative where physics forbids it, intervals included: {_listed(negative)}.")
     rotors = [name for name in unclear + negative if name.startswith("IA")]
     if rotors:
@@ -166,16 +167,20 @@ def _bodies(material: Material) -> Words:
     return [], bad, []
 
 
-BESIDE = ("mesh-missing",)
-"""Findings that say nothing of the model; the provenance lists them all."""
+def _errors(material: Material) -> Words:
+    """What contradicts the recordings or the description."""
+    return _noticed(material, "error")
 
 
-def _findings(material: Material) -> Words:
-    """What was noticed on the way."""
-    serious = [f for f in material.run.estimate.findings if f.severity != "info" and f.code not in BESIDE]
-    bad = list(dict.fromkeys(f"{f.channel}: {f.evidence}" if f.channel else f.evidence for f in serious))
-    remedies = [f.remedy for f in serious if f.remedy]
-    return [], bad, [text[:1].upper() + text[1:] for text in remedies]
+def _warnings(material: Material) -> Words:
+    """What else was noticed on the way."""
+    return _noticed(material, "warning")
+
+
+def _noticed(material: Material, severity: str) -> Words:
+    found = serious(material.run.estimate.findings, severity)
+    bad = list(dict.fromkeys(map(evidence_words, found)))
+    return [], bad, [remedy_words(each) for each in found if each.remedy]
 
 
 def _motion(material: Material) -> Words:

@@ -197,7 +197,7 @@ def _found(path: str, folder: str, data: Path | str | None) -> Path:
     Raises:
         ArmidError: Nowhere that was looked at.
     """
-    places = [Path(folder) / path]
+    places = [Path(folder) / path, Path(path)]  # or in the working folder, where all of it was moved
     if data is not None:
         places = [Path(data) / path, Path(data) / Path(path).name, *places]
     for place in places:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from armid.information.rows import all_rows
 from armid.information.setup import column_source
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
-from armid.shown import Shown, Summary
+from armid.shown import Shown, Summary, names_apart
 from armid.values import Array, array
 
 __all__ = ["Check", "Score", "Validation", "score", "validate"]
@@ -107,7 +106,8 @@ class Validation(Shown):
 
     def summary(self) -> Summary:
         """Torque error of every joint on each recording."""
-        columns = ("joint", *(f"{Path(each.path).name}, RMS" for each in self.recordings))
+        names = names_apart(each.path for each in self.recordings)
+        columns = ("joint", *(f"{names[each.path]}, RMS" for each in self.recordings))
         rows = tuple(
             (joint, *(f"{each.rms[j]:.4g}" for each in self.recordings)) for j, joint in enumerate(self.joints)
         )

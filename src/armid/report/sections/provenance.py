@@ -6,6 +6,7 @@ import platform
 from importlib.metadata import version
 
 from armid.report.material import Material
+from armid.report.noticed import remedy_words
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
 from armid.report.toml import study_to_toml
@@ -31,7 +32,7 @@ def show_provenance(material: Material) -> Section:
         ("page made with", ", ".join(f"{name} {version(name)}" for name in PACKAGES)),
         ("Python", platform.python_version()),
     ]
-    findings = [(f.code, f.severity, f.channel, f.evidence, f.remedy) for f in estimate.findings]
+    findings = [(f.code, f.severity, f.channel, f.evidence, remedy_words(f)) for f in estimate.findings]
     content = {
         "made": made,
         "study": study_to_toml(material.study),

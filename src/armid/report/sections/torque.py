@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import PurePath
-
 import numpy as np
 
 from armid.report.evidence import Evidence
@@ -13,6 +11,7 @@ from armid.report.numbers import fixed, share, short
 from armid.report.plots import Plot, line, spread
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Cell, Column, Table
+from armid.shown import names_apart
 
 __all__ = ["show_torque"]
 
@@ -20,8 +19,12 @@ __all__ = ["show_torque"]
 def show_torque(material: Material) -> Section:
     """Errors of every joint, and pictures of the recordings that are at hand."""
     drawn = material.drawn
+    names = names_apart(each["path"] for each in material.study["recordings"])
     rows = tuple(
-        (recording_name(each), tuple(_plot(material, number, each, j) for j in range(len(material.joints))))
+        (
+            _heading(each, names[each.choice.path]),
+            tuple(_plot(material, number, each, j) for j in range(len(material.joints))),
+        )
         for number, each in enumerate(drawn)
     )
     legend = (
@@ -33,12 +36,12 @@ def show_torque(material: Material) -> Section:
     return Section("Torque, measured and predicted", content, (_table(material),), rows, legend if rows else ())
 
 
-def recording_name(evidence: Evidence) -> str:
-    """How a recording is called on the page: its role, its file, its part."""
+def _heading(evidence: Evidence, name: str) -> str:
+    """What stands above a recording's plots: its role, its name, its part."""
     choice = evidence.choice
     part = "" if choice.part == (0.0, 1.0) else f", {share(choice.part[0])} to {share(choice.part[1])} of it"
     role = "Unseen motion" if choice.role == "validate" else "Training"
-    return f"{role}: {PurePath(choice.path).name}{part}"
+    return f"{role}: {name}{part}"
 
 
 def _table(material: Material) -> Table:

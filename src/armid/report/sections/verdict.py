@@ -1,4 +1,4 @@
-"""The verdict: what can be trusted, what cannot, and what to record next."""
+"""The verdict: what can be trusted, what cannot, and what to record or change next."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from armid.report.section import Section, effort_unit
 from armid.report.tables import Cell, Column, Table
 
 __all__ = ["show_verdict"]
+
+FIRST = 5
+"""Sentences of a column that are shown at once; a page of them hides the numbers below."""
 
 SENTENCES = {
     "pass": "Every check on unseen motion holds.",
@@ -26,6 +29,7 @@ def show_verdict(material: Material) -> Section:
         "verdict": verdict,
         "sentence": SENTENCES.get(verdict, ""),
         "judgement": judge(material),
+        "first": FIRST,
         "figures": _figures(material),
     }
     rows = [

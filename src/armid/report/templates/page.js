@@ -78,6 +78,15 @@
     drawn.forEach((place) => Plotly.relayout(place, { width: place.clientWidth, height: place.clientHeight }));
   }
 
+  // Paper has nothing to press.
+  const folded = [...document.querySelectorAll("details")];
+  let opened = [];
+  addEventListener("beforeprint", () => {
+    opened = folded.filter((each) => !each.open);
+    opened.forEach((each) => { each.open = true; });
+  });
+  addEventListener("afterprint", () => opened.forEach((each) => { each.open = false; }));
+
   addEventListener("beforeprint", () => {
     if (!window.Plotly) return;
     root.classList.add("paper");
