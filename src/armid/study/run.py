@@ -163,7 +163,8 @@ def _write(result: Result, draft: Path) -> None:
 
 def _study_record(study: Study) -> dict[str, Any]:
     """The study as it was resolved, without what stands at its default in a recording."""
-    record = {**dataclasses.asdict(study), "folder": str(Path(study.folder).resolve())}  # found from anywhere
+    record: dict[str, Any] = dataclasses.asdict(study)
+    record["folder"] = str(Path(study.folder).resolve())  # found from anywhere
     for recording, choice in zip(record["recordings"], study.recordings, strict=True):
         recording["reading"] = _given(choice.reading)
     return record
