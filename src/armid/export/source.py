@@ -52,7 +52,7 @@ def find_source(run: Run, description: Path | str | None = None) -> Source:
     if name in builtin_arms():
         return Source(name, "dh", b"", locked)
     places = [Path(description)] if description is not None else []
-    places += [Path(str(study["folder"])) / name, Path(run.robot.source)] if description is None else []
+    places += [_from_here(study) / name, Path(run.robot.source)] if description is None else []
     path = next((place for place in places if place.is_file()), None)
     if path is None:
         raise OutputError(
@@ -77,7 +77,7 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
         data: Folder in which they are looked for first, by their path in the study or by their name.
     """
     study = _record(run)
-    folders = [*([] if data is None else [Path(data)]), Path(str(study["folder"])), Path()]
+    folders = [*([] if data is None else [Path(data)]), _from_here(study), Path()]
     digests = [entry.rpartition(" ") for entry in run.estimate.made_from]
     known = [sha256 for role, _, sha256 in digests if role in ("train", "validate")]
     found: list[tuple[RecordingChoice, Recording]] = []
@@ -102,6 +102,12 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
         else:
             missing.append(f"{path} has changed since the run was made")
     return Unseen(tuple(found), tuple(missing))
+
+
+def _from_here(study: Mapping[str, Any]) -> Path:
+    """The study's folder, seen from the working folder where it lies below."""
+    folder, here = Path(str(study["folder"])), Path.cwd()
+    return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
 
 def _read(path: Path, locked: Mapping[str, float]) -> Source:
