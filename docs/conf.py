@@ -11,7 +11,7 @@ version = release = version_of("armid")
 copyright = "the armid authors"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "from_code"]
 source_suffix = {".md": "markdown"}
-exclude_patterns = ["extensions"]
+exclude_patterns = ["extensions", "style"]
 nitpicky = False
 
 # Pages are read on GitHub as well, so they use little beyond plain Markdown.
@@ -25,6 +25,7 @@ suppress_warnings = [
 default_role = "code"  # docstrings write names in single backticks
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
+autodoc_type_aliases = {"Array": "Array", "ArrayLike": "ArrayLike"}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
@@ -35,6 +36,8 @@ python_use_unqualified_type_names = True
 # Equations are drawn by the browser itself where there is no network: MathJax is a script from elsewhere.
 html_math_renderer = "mathml"
 html_theme = "furo"
+html_static_path = ["style"]
+html_css_files = ["site.css"]
 html_title = "armid"
 html_copy_source = False
 html_show_sphinx = False

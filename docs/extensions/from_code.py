@@ -6,13 +6,16 @@ package. Equations become MathML, which browsers draw without a script.
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import importlib
 import pkgutil
 import re
+import tomllib
 import typing
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from contextlib import suppress
 from inspect import cleandoc, getdoc
 from typing import Any, ClassVar
 
@@ -23,6 +26,11 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 MISSING = dataclasses.MISSING
+
+INDENT = "    "
+
+ARRAY = "numpy.ndarray[tuple[Any, ...], numpy.dtype[numpy.float64]]"
+"""`armid.values.Array`, spelled out."""
 
 
 class Made(SphinxDirective, ABC):
@@ -177,10 +185,58 @@ def cell(text: str) -> str:
 
 
 def plain_rst(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """Docstrings are plain text with names in backticks; what reStructuredText would make of the rest is undone."""
-    for k, line in enumerate(lines):
-        parts = re.split(r"(`[^`]*`)", line)
-        lines[k] = "".join(p if p.startswith("`") else re.sub(r"([*|]|(?<=\w)_(?!\w))", r"\\\1", p) for p in parts)
+    """Docstrings are plain text with names in backticks; what reStructuredText would make of the rest is undone.
+
+    What a module indents is code or an equation; elsewhere sections are indented.
+    """
+    told: list[str] = []
+    for block in blocks(lines) if what == "module" else [lines]:
+        if block[0].startswith(INDENT):
+            told += [f".. code-block:: {language_of(block)}", "", *block]
+        else:
+            told += [plain(line) for line in block]
+    lines[:] = told
+
+
+def blocks(lines: list[str]) -> list[list[str]]:
+    """Lines in turn as prose and as what is indented, blank lines in between being of what came before."""
+    found: list[list[str]] = []
+    for line in lines:
+        if not found or (line and line.startswith(INDENT) != found[-1][0].startswith(INDENT)):
+            found.append([])
+        found[-1].append(line)
+    return found
+
+
+def language_of(block: list[str]) -> str:
+    """What a block of code is written in, as far as it can be parsed."""
+    for language, parse in (("toml", tomllib.loads), ("python", ast.parse)):
+        with suppress(ValueError, SyntaxError):
+            parse(cleandoc("\n".join(block)))
+            return language
+    return "text"
+
+
+def plain(line: str) -> str:
+    """A line of prose that shows its characters; names in backticks stay code."""
+    parts = re.split(r"(`[^`]*`)", line)
+    return "".join(p if p.startswith("`") else re.sub(r"([*|]|(?<=\w)_(?!\w))", r"\\\1", p) for p in parts)
+
+
+def short_types(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Types of attributes as the code writes them; a name that ends in `_` would be a link."""
+    lines[:] = [line.replace(ARRAY, "Array").replace("np.bool_", "bool") for line in lines]
+
+
+def short_signature(
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, signature: str | None, result: str | None
+) -> tuple[str | None, str | None]:
+    """Aliases inside other types by their names."""
+
+    def short(text: str | None) -> str | None:
+        return text and re.sub(r"~?(?:[\w.]*\.)?TypeAliasForwardRef\('(\w+)'\)", r"\1", text)
+
+    return short(signature), short(result)
 
 
 def _inline(writer: Any, node: nodes.math) -> None:
@@ -205,6 +261,8 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_directive("study-keys", StudyKeys)
     app.add_directive("modules", Modules)
+    app.connect("autodoc-process-signature", short_signature)
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.connect("autodoc-process-docstring", plain_rst, priority=400)
+    app.connect("autodoc-process-docstring", short_types, priority=600)  # after napoleon, which writes them
     return {"parallel_read_safe": True, "parallel_write_safe": True}
