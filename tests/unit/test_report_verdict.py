@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from armid.errors import Finding
@@ -39,6 +40,30 @@ def test_bands_that_do_not_hold_are_doubted(material: Material):
     words = judge(replace(material, validation={**material.validation, "recordings": [record]}))
     (narrow,) = [each for each in words.doubted if "too narrow" in each]
     assert "joint_1 (50\u00a0%)" in narrow and "joint_2" not in narrow
+
+
+def test_an_error_where_joints_stand_asks_for_no_more_motions(material: Material):
+    (unseen,) = material.of_role("validate")
+    others = [each for each in material.evidence if each is not unseen]
+    speed = unseen.dq.copy()
+    speed[:3] = 0.0
+    wrong = 100.0 * float(max(material.training_rms()))
+    doubted: dict[bool, str] = {}
+    for standing in (True, False):
+        error = np.zeros_like(unseen.predicted)
+        error[: 3 if standing else 50] = wrong
+        predicted = unseen.measured + error
+        record = {**material.validation["recordings"][0], "rms": np.sqrt(np.nanmean(error**2, axis=0)).tolist()}
+        changed = replace(
+            material,
+            evidence=(*others, replace(unseen, dq=speed, predicted=predicted)),
+            validation={**material.validation, "recordings": [record]},
+        )
+        words = judge(changed)
+        doubted[standing] = " ".join(words.doubted)
+        assert any("More and other motions" in each for each in words.wanted) is not standing
+    assert "where joints stand" in doubted[True] and "times that of training" not in doubted[True]
+    assert "where joints stand" not in doubted[False] and "times that of training" in doubted[False]
 
 
 def test_friction_below_zero_is_doubted(material: Material):
