@@ -20,7 +20,7 @@ MORE_FIELDS = {
     "Fit": 17,  # what an estimate is judged by, each number of a kind of its own
     "Processing": 13,  # each field is a key of `[processing]` in a study
     "Rules": 11,  # each field is a limit that a design may have
-    "Reading": 17,  # each field is a key of `[[recording]]` in a study
+    "Reading": 18,  # each field is a key of `[[recording]]` in a study
     "Recording": 13,  # what a log may hold: five quantities, and how far they can be trusted
 }
 """Dataclasses past the budget, with their number of fields."""

@@ -63,6 +63,7 @@ drive_gain = [14.87, 13.26]
 drive_gain_deviation = 0.1
 transmission = [[32.0, 0.0], [0.0, 32.0]]
 joint_offset = [0.0, 1.5]
+delay = [0.004, 0.0]
 columns = { q = "q{}", dq = "dq{}", ddq = "ddq{}", effort = "tau{}", time = "t" }
 units = "deg"
 joints = { a = "joint_1", b = "joint_2" }
@@ -133,6 +134,7 @@ def test_every_key_arrives():
     assert np.array_equal(reading.drive_gain, [14.87, 13.26])  # pyright: ignore[reportArgumentType]
     assert np.array_equal(reading.drive_gain_deviation, [0.1])  # pyright: ignore[reportArgumentType]
     assert np.array_equal(reading.transmission, 32.0 * np.eye(2))  # pyright: ignore[reportArgumentType]
+    assert np.array_equal(reading.delay, [0.004, 0.0])
     assert np.array_equal(reading.joint_offset, [0.0, 1.5])  # pyright: ignore[reportArgumentType]
     assert reading.columns == {
         "q": ("q{}",),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
+from armid.measurement.delay import in_time
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
@@ -25,7 +26,7 @@ FAR = 0.5
 """How far outside its limits a joint must be, relative to their span, to show more than a loose limit."""
 
 
-SIGNS = ("torque_sign", "position_sign")
+COMMON = ("torque_sign", "position_sign", "delay", "drive_gain_deviation")
 """What may be one number for all joints."""
 
 
@@ -60,15 +61,16 @@ def interpret(recording: Recording, reading: Reading, robot: Robot) -> Interpret
     standing = _check_channels(recording, reading)
     _check_gains(recording, reading)
     recording, wrapped = _on_joint_side(recording, reading, robot)
+    recording = in_time(recording, reading)
     offset = _check_limits(recording, reading, robot)
     return Interpreted(recording, (*findings, *standing, *wrapped, *offset))
 
 
 def _check_lengths(reading: Reading, robot: Robot) -> None:
-    for name in (*SIGNS, "units", "drive_gain", "drive_gain_deviation", "transmission", "joint_offset"):
+    for name in (*COMMON, "units", "drive_gain", "transmission", "joint_offset"):
         shape = np.shape(getattr(reading, name))
         fits = shape in ((), (robot.n,), (robot.n, robot.n))
-        if not fits and not (shape == (1,) and name in (*SIGNS, "drive_gain_deviation")):
+        if not fits and not (shape == (1,) and name in COMMON):
             raise RecordingError(
                 f"{name} has {shape[0]} entries; {robot.name} has {robot.n} joints.",
                 possible=", ".join(robot.joint_names),

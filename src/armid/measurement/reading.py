@@ -22,6 +22,9 @@ SINGULAR = 1e-12
 """Smallest over largest singular value below which a transmission counts as singular: rounding of gear ratios
 leaves 1e-16, real gears stay above 1e-4."""
 
+LONGEST_DELAY = 1.0
+"""Delay between channels beyond which it was surely not given in seconds [s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Preset:
@@ -80,6 +83,8 @@ class Reading:
         transmission: Where the log is motor-side: N, shape (n, n), with q_motor = N (q - joint_offset) and
             torque_joint = Nᵀ torque_motor.
         joint_offset: Joint position where the logged one is zero, shape (n,) [rad or m].
+        delay: By how much later the torque was logged than the positions of its time, negative where earlier; one for
+            all joints or shape (n,) [s].
         columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
             the name of one column or matrix, or a list of names. An empty name leaves the quantity out.
         units: Unit of the logged angles, `rad` or `deg` (velocities and accelerations alike), one for all joints or
@@ -102,6 +107,7 @@ class Reading:
     drive_gain_deviation: ArrayLike | None = None
     transmission: ArrayLike | None = None
     joint_offset: ArrayLike | None = None
+    delay: ArrayLike = 0.0
     columns: Mapping[str, str | Sequence[str]] = field(default_factory=dict[str, "str | Sequence[str]"])
     units: Literal["rad", "deg"] | Sequence[str] = "rad"
     time_unit: float | None = None
@@ -145,10 +151,10 @@ class Reading:
     def _check_joint_side(self) -> None:
         """Check what is listed joint by joint."""
         lengths: dict[str, int] = {} if isinstance(self.units, str) else {"units": len(self.units)}
-        for name in ("torque_sign", "position_sign"):
-            sign = _signs(getattr(self, name), name)
-            _set(self, name, sign)
-            lengths |= {name: sign.size} if sign.size > 1 else {}
+        given = {name: _signs(getattr(self, name), name) for name in ("torque_sign", "position_sign")}
+        for name, value in (given | {"delay": _delays(self.delay)}).items():
+            _set(self, name, value)
+            lengths |= {name: value.size} if value.size > 1 else {}
         for name in ("drive_gain", "joint_offset"):
             if getattr(self, name) is not None:
                 value = _numbers(getattr(self, name), (None,), name)
@@ -225,6 +231,13 @@ def _signs(value: object, name: str) -> Array:
     if sign.ndim != 1 or not np.isin(sign, (-1.0, 1.0)).all():
         raise _wrong(name, value, "1, -1, or a list of these")
     return array(sign, (None,), name)
+
+
+def _delays(value: object) -> Array:
+    delay = np.atleast_1d(_numbers(value, None, "delay"))
+    if delay.ndim != 1 or (np.abs(delay) > LONGEST_DELAY).any():
+        raise _wrong("delay", value, f"seconds, at most {LONGEST_DELAY:g}; one for all joints or one each")
+    return array(delay, (None,), "delay")
 
 
 def _units(value: Any) -> str | tuple[str, ...]:

@@ -10,6 +10,7 @@ from armid.errors import Finding
 from armid.information.observations import ObservedRun
 from armid.maths.spectrum import frequencies, inverse, spectrum
 from armid.maths.spline import spline_slopes
+from armid.measurement.remedy import lines
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.rows import solve
 from armid.validation.doctor.state import Explanation, State
@@ -37,6 +38,9 @@ SURE = 6.0
 
 STEPS = 4
 """Rounds of shifting the torque and estimating what is left; two are enough for what one round finds."""
+
+DIGITS = 5
+"""Decimals of a delay that is told [s]: a twentieth of a sample at 5 kHz."""
 
 PADDING = 0.25
 """Seconds that a run is continued by at its ends before it is shifted."""
@@ -67,9 +71,15 @@ def explain(state: State) -> Explanation | None:
         f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
         f"({abs(delay) * state.log.rate:.1f} samples); without it {1 - np.exp(-gain):.0%} less of the torque is "
         "left.",
-        lambda _: f"rewrite the log with the effort moved by {-1e3 * delay:+.2f} ms against the positions",
+        lambda evidence: lines("s", delay=_besides(evidence, delay)),
         after,
     )
+
+
+def _besides(evidence: Evidence, delay: float) -> float | list[float]:
+    """The delay on top of those that the reading takes out already [s], one where all joints have the same."""
+    whole = [round(float(d) + delay, DIGITS) for d in np.asarray(evidence.reading.delay)]
+    return whole[0] if len(set(whole)) == 1 else whole
 
 
 def delay_of(state: State) -> tuple[float, float, State]:
