@@ -19,7 +19,8 @@ import pytest
 from rich.console import Console
 
 from armid.cli import main as cli
-from armid.cli.console import estimate_table, print_verdict, validation_table
+from armid.cli.console import estimate_table, print_findings, print_verdict, validation_table
+from armid.errors import Finding
 from armid.estimation.estimators import ESTIMATORS
 from armid.excitation.fourier import save_plan
 from armid.excitation.plans import builtin_plan
@@ -219,7 +220,7 @@ def test_compare_json_stands_in_the_object_and_in_the_run(armid: Armid, small: P
     done = armid(
         "identify", small / "study.toml", "--compare", "--method", "ridge", "--json", "--out", tmp_path / "run"
     )
-    assert done.code == 0 and done.err.startswith("info prior-weight The prior towards the description weighs")
+    assert done.code == 0 and "info prior-weight The prior towards the description weighs" in done.err
     found = done.json["compare"]
     assert found == json.loads((tmp_path / "run" / "compare.json").read_text())
     keys_of(found, "joints", "unseen", "methods", "seconds")
@@ -651,3 +652,16 @@ def test_the_arm_of_a_study_may_be_anywhere(small: Path, tmp_path: Path):
     write_arm(tmp_path)
     done = program("identify", os.path.relpath(small / "study.toml", tmp_path), "--json", cwd=tmp_path)
     assert done.returncode == 0 and json.loads(done.stdout)["validation"]["verdict"] == "pass"
+
+
+def test_findings_are_told_once_and_the_worst_first_and_shapes_to_who_plans(capsys: pytest.CaptureFixture[str]):
+    note = Finding("clock-gap", "info", "", "a gap")
+    found = [note, Finding("mesh-missing", "warning", "", "no mesh"), note, Finding("degrees", "error", "", "far")]
+    print_findings(found)
+    assert [line.split()[1] for line in capsys.readouterr().err.splitlines()] == ["degrees", "clock-gap"]
+    print_findings(found, shapes=True)
+    assert [line.split()[1] for line in capsys.readouterr().err.splitlines()] == [
+        "degrees",
+        "mesh-missing",
+        "clock-gap",
+    ]

@@ -20,6 +20,14 @@ def test_a_joint_far_beyond_its_speeds_is_named_with_both():
     assert "other.csv" in found.evidence and "joint_1" not in found.evidence
 
 
+def test_a_joint_that_rested_may_tremble():
+    robot = robot_of(structured_tree(np.random.default_rng(1), 3, prismatic=0.0, branching=0.0))
+    rested = np.zeros(3)
+    assert speed_finding(robot, rested, np.full(3, 1e-6), "other.csv") is None
+    found = speed_finding(robot, rested, np.array([1e-6, 0.1, 0.01]), "other.csv")
+    assert found is not None and found.evidence.count("was trained up to") == 1 and "joint_2" in found.evidence
+
+
 def test_only_rows_that_count_have_trained():
     motion = lively_motion(np.random.default_rng(2), 2, 50.0, 10.0)
     run = one_run(motion, np.zeros_like(motion.q), 50.0, step=2)

@@ -234,6 +234,22 @@ def test_moved_recordings_are_found(run: Run, folder: Path, tmp_path: Path):
     assert len(found.evidence) == 2 and found.missing == ()
 
 
+def test_recordings_of_one_name_in_several_folders_are_told_apart_by_what_they_hold(
+    run: Run, folder: Path, tmp_path: Path
+):
+    there = tmp_path / "elsewhere"
+    for name, day in (("run1.csv", "monday"), ("run2.csv", "tuesday")):
+        (there / day).mkdir(parents=True)
+        shutil.copy(folder / name, there / day / name)
+    write_recording(small_recording(33), there / "run1.csv")  # the first that is met is another
+    elsewhere = moved(run, tmp_path)
+    found = gather(elsewhere, data=there)
+    assert len(found.evidence) == 2 and found.missing == ()
+    (there / "monday" / "run1.csv").unlink()
+    (missing,) = gather(elsewhere, data=there).missing
+    assert "run1.csv has changed since the run was made" in missing and str(there / "run1.csv") in missing
+
+
 def test_other_recordings_of_that_name_are_not_taken(run: Run, tmp_path: Path):
     there = tmp_path / "elsewhere"
     there.mkdir()

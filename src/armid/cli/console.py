@@ -40,6 +40,9 @@ WIDTH_IN_A_PIPE = 120
 
 FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
 
+SHAPES = ("mesh-missing", "visual-left-out")
+"""Findings about the shapes of an arm, which say nothing of its dynamics."""
+
 MOST_COLUMNS = 2
 """Recordings that have a column each; of more the mean is shown."""
 
@@ -64,12 +67,18 @@ def print_error(error: ArmidError) -> None:
         console.print(f"[bold]do[/] {escape(error.remedy)}")
 
 
-def print_findings(findings: Sequence[Finding]) -> None:
-    """Warnings and notes, one line each, behind what is on standard output by now."""
+def print_findings(findings: Sequence[Finding], *, shapes: bool = False) -> None:
+    """Findings, one line each and each once, errors first, behind what is on standard output by now.
+
+    Args:
+        findings: What was noticed.
+        shapes: Whether the command has to do with the space that bodies take; else `SHAPES` are not told.
+    """
     sys.stdout.flush()
     console = error_console()
     colours = {"error": "red", "warning": "yellow", "info": "dim"}
-    for finding in findings:
+    told = [finding for finding in dict.fromkeys(findings) if shapes or finding.code not in SHAPES]
+    for finding in sorted(told, key=lambda finding: list(colours).index(finding.severity)):
         where = f"{finding.channel}: " if finding.channel else ""
         stop = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
         text = stop.join(part for part in (where + finding.evidence, finding.remedy) if part)

@@ -182,7 +182,7 @@ def excite(robot: str, **options: Any) -> None:
     else:
         sys.stdout.write(report_text(designed))
         output_console().print(f"written to [bold]{folder}[/]")
-    print_findings((*arm.findings, *designed.findings))
+    print_findings((*arm.findings, *designed.findings), shapes=True)
     if designed.search.interrupted:
         sys.stderr.write("stopped by hand; this is the best plan so far\n")
 

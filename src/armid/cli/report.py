@@ -19,6 +19,9 @@ __all__ = ["NoReport", "attempt", "report", "write_page"]
 
 PAGE = "report.html"
 
+MISSING = "say with --data FOLDER where it is; the page has its numbers but not its pictures."
+"""What to do about a recording that a page could not be drawn from."""
+
 NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE} into the run's folder.")]
 
 
@@ -43,21 +46,28 @@ def report(
 
         armid report runs/last_year runs/today --out change.html
     """
-    from armid.report.page import write_comparison, write_report
+    from armid.cli.console import print_findings
+    from armid.errors import Finding
+    from armid.report.material import gather
+    from armid.report.page import write_comparison
+    from armid.report.page import write_page as write_one
     from armid.report.rendering import require_extra
     from armid.study.records import to_json
     from armid.study.run import load_run
 
     require_extra()
     first = load_run(run)
+    missing: tuple[str, ...] = ()
     if other is None:
-        page = write_report(first, out or Path(run) / PAGE, data=data)
+        material = gather(first, data=data)
+        page, missing = write_one(material, out or Path(run) / PAGE), material.missing
     else:
         page = write_comparison(first, load_run(other), out or Path(other) / "comparison.html")
     if json:
         sys.stdout.write(to_json({"report": str(page), "bytes": page.stat().st_size}) + "\n")
     else:
         sys.stdout.write(f"page written to {page}\n")
+    print_findings([Finding("recording-missing", "warning", "", text, MISSING) for text in missing])
 
 
 def write_page(folder: Path, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> None:

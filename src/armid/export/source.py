@@ -16,6 +16,7 @@ from armid.measurement.recording import Recording
 from armid.robot.load import builtin_arms, load_robot
 from armid.robot.markup import root_tag
 from armid.robot.readers.xacro import expand
+from armid.study.again import find_again
 from armid.study.identify import read_recording
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
@@ -77,7 +78,6 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
         data: Folder in which they are looked for first, by their path in the study or by their name.
     """
     study = _record(run)
-    folders = [*([] if data is None else [Path(data)]), _from_here(study), Path()]
     digests = [entry.rpartition(" ") for entry in run.estimate.made_from]
     known = [sha256 for role, _, sha256 in digests if role in ("train", "validate")]
     found: list[tuple[RecordingChoice, Recording]] = []
@@ -85,22 +85,14 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
     for each, sha256 in zip(study["recordings"], known, strict=True):
         if each["role"] != "validate":
             continue
-        path = Path(each["path"])
-        places = [folder / p for folder in folders for p in (path, path.name)]
-        place = next((p for p in places if p.is_file()), None)
-        if place is None:
-            missing.append(f"{path} is not there any more")
-            continue
-        choice = RecordingChoice(str(place), each["role"], Reading(**each["reading"]), tuple(each["part"]))
         try:
+            place = find_again(each["path"], sha256, _from_here(study), data)
+            choice = RecordingChoice(str(place), each["role"], Reading(**each["reading"]), tuple(each["part"]))
             recording, _ = read_recording(choice, ".", run.robot)
         except ArmidError as error:
             missing.append(error.problem)
-            continue
-        if recording.sha256 == sha256:
-            found.append((choice, recording))
         else:
-            missing.append(f"{path} has changed since the run was made")
+            found.append((choice, recording))
     return Unseen(tuple(found), tuple(missing))
 
 

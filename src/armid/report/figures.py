@@ -172,10 +172,11 @@ def _of_run(
     _require(run, (Run,), "A run", 'load_run("runs/today")')
     _require(data, (Path, str, NoneType), "A folder as data", 'a folder, "recordings"')
     material = with_evidence(run, data=data)
-    if not material.drawn:
+    if not material.drawn or (material.missing and data is not None):
+        many = "Not all" if material.drawn else "None"
         raise ArmidError(
-            f"None of the recordings of {run.folder} can be read again: {' '.join(material.missing)}",
-            remedy="say with data=FOLDER where they are.",
+            f"{many} of the recordings of {run.folder} can be read again: {' '.join(material.missing)}",
+            remedy="say with data=FOLDER where they are; without it, what is left is drawn.",
         )
     section = show(material)
     if section is None:  # with recordings at hand, of friction alone

@@ -15,6 +15,7 @@ from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.report.evidence import Evidence, look_at
 from armid.robot import Joint
+from armid.study.again import find_again
 from armid.study.certify import Verdict, certify_run
 from armid.study.demo import MOTIONS, demo_recordings
 from armid.study.identify import read_recording
@@ -181,7 +182,7 @@ def read_again(
     if choice.path in MOTIONS:
         recording, _ = read_recording(choice, ".", run.robot, demo_recordings(run.folder))
     else:
-        place = _found(choice.path, str(study["folder"]), data)
+        place = find_again(choice.path, sha256, str(study["folder"]), data)
         recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
     if recording.sha256 != sha256:
         raise ArmidError(
@@ -189,24 +190,6 @@ def read_again(
             remedy="put the file of that time back, or identify again.",
         )
     return recording
-
-
-def _found(path: str, folder: str, data: Path | str | None) -> Path:
-    """Where a recording of the study lies now.
-
-    Raises:
-        ArmidError: Nowhere that was looked at.
-    """
-    places = [Path(folder) / path, Path(path)]  # or in the working folder, where all of it was moved
-    if data is not None:
-        places = [Path(data) / path, Path(data) / Path(path).name, *places]
-    for place in places:
-        if place.is_file():
-            return place
-    raise ArmidError(
-        f"{path} is not in {folder if data is None else f'{data} nor in {folder}'} any more.",
-        remedy="say with --data FOLDER where it is.",
-    )
 
 
 def _numbers(values: Any) -> Array:

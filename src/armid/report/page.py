@@ -23,7 +23,7 @@ from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.values import replace_file
 
-__all__ = ["assemble", "render", "write_comparison", "write_report"]
+__all__ = ["assemble", "render", "write_comparison", "write_page", "write_report"]
 
 
 def write_report(
@@ -46,7 +46,16 @@ def write_report(
         ArmidError: A record of the run is damaged, or the file cannot be written.
     """
     require_extra()
-    return replace_file(path, render(gather(run, recordings=recordings, data=data)))
+    return write_page(gather(run, recordings=recordings, data=data), path)
+
+
+def write_page(material: Material, path: Path | str) -> Path:
+    """Write the page of a run whose records and recordings have been gathered.
+
+    Raises:
+        ArmidError: The file cannot be written.
+    """
+    return replace_file(path, render(material))
 
 
 def write_comparison(before: Run, after: Run, path: Path | str) -> Path:

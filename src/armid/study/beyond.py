@@ -15,6 +15,10 @@ FAR = 1.25
 """Speed asked for over the highest that trained, from which on it is worth a word: a quarter beyond is more than the
 difference of two draws of one kind of motion."""
 
+LEAST = 0.02
+"""Speed by which it must be more [rad/s or m/s]: the width over which dry friction turns its sign, below which a
+joint that rested in training still creeps."""
+
 
 def highest_speeds(observations: Observations) -> Array:
     """Highest speed of each joint in its rows that count, shape (n,) [rad/s or m/s]; 0 where none does."""
@@ -36,7 +40,7 @@ def speed_finding(robot: Robot, trained: Array | None, asked: Array, where: str)
     beyond = [
         f"{joint.name} was trained up to {known:.3g} {joint.unit}/s and is asked for {speed:.3g} {joint.unit}/s"
         for joint, known, speed in zip(robot.joints, trained, asked, strict=True)
-        if speed > FAR * known
+        if speed > max(FAR * known, known + LEAST)
     ]
     if not beyond:
         return None

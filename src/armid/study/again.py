@@ -1,0 +1,49 @@
+"""The recordings that a run was made from, found again wherever they lie now: known by what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from armid.errors import ArmidError
+from armid.values import sha256_of_file
+
+__all__ = ["find_again"]
+
+
+def find_again(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
+    """Where a recording of a study lies now: the file of that name that holds the same bytes.
+
+    Args:
+        path: As the study has it.
+        sha256: Of its bytes when the run was made.
+        folder: That the study's paths are relative to.
+        data: Folder in which it is looked for first, by its path and then by its name, as deep as the folder goes.
+
+    Raises:
+        ArmidError: There is none; the message says where files of its name lie that hold other bytes.
+    """
+    others: list[Path] = []
+    for place in dict.fromkeys(_places(Path(path), Path(folder), None if data is None else Path(data))):
+        if sha256_of_file(place) == sha256:
+            return place
+        others.append(place)
+    where = f"{folder}" if data is None else f"{data} or {folder}"
+    if others:
+        listed = ", ".join(str(place) for place in others)
+        raise ArmidError(
+            f"{path} has changed since the run was made: {listed} "
+            f"{'holds' if len(others) == 1 else 'hold'} other data (then sha256 {sha256[:12]}…).",
+            remedy="put the file of that time back, say with --data FOLDER where it is, or identify again.",
+        )
+    raise ArmidError(f"{path} is not in {where} any more.", remedy="say with --data FOLDER where it is.")
+
+
+def _places(path: Path, folder: Path, data: Path | None) -> Iterator[Path]:
+    """Files that it may be, the likeliest first."""
+    likely = [] if data is None else [data / path, data / path.name]
+    yield from (place for place in likely if place.is_file())
+    if data is not None and data.is_dir():
+        yield from sorted(place for place in data.rglob(path.name) if place.is_file())
+    # Or in the working folder, where all of it was moved.
+    yield from (place for place in (folder / path, folder / path.name, path) if place.is_file())
