@@ -62,20 +62,31 @@ def test_without_forgetting_it_is_the_batch_estimate(fixed: bool):
     np.testing.assert_array_equal(found.rows, batch.rows)
 
 
-def test_it_does_not_matter_how_rows_are_cut():
-    """Without forgetting for any cut; with it for rows that come at one time."""
+def test_without_forgetting_it_does_not_matter_how_rows_are_cut():
     information = informed(1)
     weights = np.array([5.0, 5.0, 5.0])
     one = update(begin(information, weights=weights), information, 0.0)
     np.testing.assert_allclose(
         through(begin(information, weights=weights), information).values, one.values, atol=EXACT * 10
     )
+
+
+def test_a_block_that_brings_no_time_is_only_added():
+    """And what is forgotten is asked of the block that brings the time: cut in two, the first part shows less."""
+    information = informed(1)
+    weights = np.array([5.0, 5.0, 5.0])
     first, more = select(information, np.arange(20)), select(information, np.arange(20, 24))
     known = update(begin(information, Memory(5.0), weights=weights), first, 1.0)
+    A, _ = stack(total(more), weights)
+    whole = gram(known) + A.T @ A
+    np.testing.assert_allclose(gram(update(known, more, 0.0)), whole, rtol=0.0, atol=EXACT * np.abs(whole).max())
     together = update(known, more, 2.0)
     apart = update(update(known, select(more, np.arange(2)), 2.0), select(more, np.arange(2, 4)), 0.0)
-    # Which directions are forgotten is asked of the block that brings the time; all of these are shown enough.
     np.testing.assert_allclose(apart.rows, together.rows, rtol=EXACT)
+    # Directions that its first part does not show enough are forgotten less: no direction loses more information.
+    kept = np.linalg.eigvalsh(gram(apart) - gram(together))
+    assert kept[0] > -EXACT * np.abs(whole).max() and kept[-1] > 0.0
+    assert (np.abs(apart.values - together.values) < 0.2 * fit(together).deviation).all()
 
 
 def test_forgetting_is_exponential_where_the_motion_goes_on():
