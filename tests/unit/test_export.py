@@ -206,6 +206,17 @@ def test_bodies_that_are_asked_for_and_not_found_are_told(tmp_path: Path, monkey
     assert "nearest-not-found" not in codes(export_run(run_of(tmp_path / "run", "ur5e"), "urdf"))
 
 
+def test_nothing_is_left_in_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any):
+    """MuJoCo warns of limits that are equal, on standard error and in a file of its own, if it is let."""
+    source = write(tmp_path, URDF.replace('lower="-2" upper="2"', 'lower="0" upper="0"'))
+    run = run_of(tmp_path / "run", source, locked=LOCKED)
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    exported = export_run(run, "urdf")
+    assert "rigid-body torque in mujoco" in {each.name for each in exported.checks}
+    assert list(Path().iterdir()) == [] and "limit" not in capfd.readouterr().err
+
+
 def test_base_values_of_no_body_are_refused(tmp_path: Path):
     run = run_of(tmp_path / "run", write(tmp_path, URDF), locked=LOCKED, standard=False)
     values = np.array(run.estimate.fit.values)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,8 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
     except ImportError:
         return Witness("mujoco", None, {}, "the package mujoco is not installed", is_absent=True)
     try:
-        model = mj.MjModel.from_xml_string(text)
+        with _without_log(mj):
+            model = mj.MjModel.from_xml_string(text)
     except ValueError as error:
         return Witness("mujoco", None, {}, " ".join(str(error).split()))
     disable = mj.mjtDisableBit
@@ -101,6 +103,17 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
         mj.mj_inverse(model, data)
         torque[k] = data.qfrc_inverse[at]
     return Witness("mujoco", torque, joints)
+
+
+@contextmanager
+def _without_log(mj: Any) -> Iterator[None]:
+    """Keep MuJoCo from writing what it warns of into a file in the working folder."""
+    before = mj.get_mju_user_warning()
+    mj.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mj.set_mju_user_warning(before)
 
 
 def _set(model: Any, position: Array, name: str, value: float) -> None:
