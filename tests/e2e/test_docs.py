@@ -16,6 +16,9 @@ pytest.importorskip("rosbags")
 
 PAGES = pages()
 
+LARGEST = 6_000_000
+"""Bytes of the page of a run from five periods of 27 s at 8 kHz, as the demo's: what can still be mailed."""
+
 AFTER = {"tutorials/ros_bag.md": "arm", "tutorials/payload.md": "arm", "tutorials/recalibration.md": "arm"}
 """Pages that go on where another ended, with the folder that this one leaves."""
 
@@ -49,6 +52,7 @@ def test_the_first_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys:
     assert follow(PAGES["start.md"]) == 4
     out = capsys.readouterr().out
     assert "verdict on unseen motion: pass" in out and "torque that holds this pose" in out
+    assert (tmp_path / "runs" / "demo" / "report.html").stat().st_size < LARGEST
 
 
 @pytest.mark.long

@@ -89,6 +89,7 @@ def test_what_is_written(small, tmp_path, capsys):
     report = json.loads((out / "preflight.json").read_text())
     assert all(entry["certified_share"] <= 1.0 for entry in report["limits"])
     assert all(entry["deviation"] > 0.0 for entry in report["base_parameters"])
+    assert "--collision" in (out / "preflight.txt").read_text()
 
 
 PAGE = Path(__file__).parents[2] / "docs" / "excitation.md"

@@ -247,9 +247,19 @@ def place(
             )
             findings = (Finding("start-chosen", "info", "", said, "choose another with --start."),)
     if cell is None:
-        return start, None, findings
+        return start, None, (*findings, UNSEEN)
     collision = kept_apart(cell, start)
     return start, collision, (*findings, *_left_out(collision))
+
+
+UNSEEN = Finding(
+    "collision-unseen",
+    "warning",
+    "",
+    "what space links and surroundings take was not looked at: the arm may meet itself, the floor or what stands by",
+    "look at the preview and run the rehearsal first; --collision --floor HEIGHT keeps them apart.",
+)
+"""What is to be known of a plan that keeps the limits of joints alone."""
 
 
 def _left_out(collision: Collision) -> tuple[Finding, ...]:
