@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -106,14 +106,18 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
 
 
 @contextmanager
-def _without_log(mj: Any) -> Iterator[None]:
+def _without_log(mj: Any) -> Generator[None]:
     """Keep MuJoCo from writing what it warns of into a file in the working folder."""
     before = mj.get_mju_user_warning()
-    mj.set_mju_user_warning(lambda _: None)
+    mj.set_mju_user_warning(_unheard)
     try:
         yield
     finally:
         mj.set_mju_user_warning(before)
+
+
+def _unheard(_: str) -> None:
+    """A warning that is not written down."""
 
 
 def _set(model: Any, position: Array, name: str, value: float) -> None:
