@@ -11,7 +11,7 @@ import pytest
 from armid import find_base_parameters, identify, load_robot, load_run, load_study, save_run
 from armid.excitation.objective import Goal
 from armid.excitation.plan import Plan
-from armid.shown import MOST_ROWS, Shown, Summary, html_of
+from armid.shown import MOST_ROWS, Shown, Summary, html_of, names_apart
 from armid.study.certify import certify_run
 from armid.study.excite import Effort, Rules, Wish, design_plan
 from labs import small_model, small_plan, small_recording, write_recordings, write_study
@@ -118,3 +118,16 @@ def test_pages_do_not_promise_more(values: dict[str, Shown]):
     assert "a run and its `run.estimate`, robots, models, plans, recordings" in text
     named = {"Run", "Estimate", "Robot", "DynamicsModel", "Plan", "Recording"}
     assert named <= {type(value).__name__ for value in values.values()}
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders():
+    assert names_apart(["a/run.csv", "b/run.csv", "b/other.csv"]) == {
+        "a/run.csv": "a/run.csv",
+        "b/run.csv": "b/run.csv",
+        "b/other.csv": "other.csv",
+    }
+    assert names_apart(["/x/a/1/run.csv", "/x/b/1/run.csv", "run.csv", "run.csv"]) == {
+        "/x/a/1/run.csv": "a/1/run.csv",
+        "/x/b/1/run.csv": "b/1/run.csv",
+        "run.csv": "run.csv",
+    }
