@@ -368,3 +368,15 @@ def test_a_floor_is_where_things_fall(gravity: tuple[float, float, float]):
     down = np.array(gravity) / np.linalg.norm(gravity)
     np.testing.assert_allclose(below.placement[:3, 2], -down, atol=1e-12)  # out of the floor
     np.testing.assert_allclose(below.placement[:3, 3], 1.5 * down, atol=1e-12)
+
+
+def test_meshes_that_are_missing_are_what_is_missing(tmp_path):
+    """The description does say what space its links take; whoever reads it lacks the files."""
+    text = """<robot name="arm"><link name="base"/><link name="a"><collision><geometry>
+      <mesh filename="package://arm/a.stl"/></geometry></collision></link>
+      <joint name="j" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+      <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
+    (tmp_path / "arm.urdf").write_text(text)
+    robot = load_robot(tmp_path / "arm.urdf")
+    with pytest.raises(ArmidError, match=r"(?s)meshes .* are not there.*beside the description"):
+        cell_of(robot, limits_of(robot))

@@ -160,6 +160,12 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
         ArmidError: The description has no shapes, or the margin is negative.
     """
     if not robot.shapes:
+        if any(finding.code == "mesh-missing" for finding in robot.findings):
+            raise ArmidError(
+                f"The meshes that say what space the links of {robot.name} take are not there, so collisions cannot "
+                "be seen.",
+                remedy="put them beside the description, in the folders that it names; or leave out --collision.",
+            )
         raise ArmidError(
             f"The description of {robot.name} does not say what space its links take, so collisions cannot be seen.",
             remedy="give a URDF with <collision> bodies, or a DH table with capsules; or leave out --collision.",
