@@ -25,6 +25,8 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from armid.toml import toml_line
+
 MISSING = dataclasses.MISSING
 
 INDENT = "    "
@@ -141,7 +143,8 @@ def table(title: str, *kinds: type, without: tuple[str, ...] = ()) -> list[str]:
         hints = typing.get_type_hints(kind)
         for field in dataclasses.fields(kind):
             if field.name not in without and typing.get_origin(hints[field.name]) is not ClassVar:
-                what = prose(cell(said.get(field.name, "")))
+                # TOML has no word for nothing.
+                what = prose(cell(said.get(field.name, "").replace("`None`", "left out")))
                 rows.append(f"| `{field.name}` | {what} | {default_of(field)} |")
     summary = (getdoc(kinds[0]) or "").split("\n\n")[0].replace("\n", " ")
     lines += [prose(summary), ""]
@@ -149,16 +152,15 @@ def table(title: str, *kinds: type, without: tuple[str, ...] = ()) -> list[str]:
 
 
 def default_of(field: dataclasses.Field[Any]) -> str:
-    """What holds where a key is not written."""
+    """What holds where a key is not written, as TOML."""
     if field.default is MISSING and field.default_factory is MISSING:
         return "*needed*"
     value = field.default if field.default is not MISSING else field.default_factory()  # pyright: ignore
     if value is None or value in ((), {}):
         return ""
     if isinstance(value, str | bool | int | float | tuple):
-        written = {True: "true", False: "false"}.get(value) if isinstance(value, bool) else None
-        written = written or (f'"{value}"' if isinstance(value, str) else str(value))
-        return f"`{cell(written)}`"
+        plain_value = list(value) if isinstance(value, tuple) else value
+        return f"`{cell(toml_line('key', plain_value).removeprefix('key = '))}`"
     return ""
 
 
