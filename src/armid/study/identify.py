@@ -287,7 +287,7 @@ def score_recordings(
         observations, found = observe_recordings([(choice, recording)], processing, model.robot)
         findings += found
         asked = highest_speeds(observations)
-        beyond = speed_finding(model.robot, estimate.speeds, asked, Path(choice.path).name)
+        beyond = speed_finding(model.robot, estimate.speeds, asked, recording.source or choice.path)
         findings += [] if beyond is None else [beyond]
         scores.append(score(model, estimate, observations, path=choice.path, sha256=recording.sha256))
     return tuple(scores), tuple(findings)

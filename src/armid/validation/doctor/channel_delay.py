@@ -11,9 +11,14 @@ from armid.information.observations import ObservedRun
 from armid.maths.spectrum import frequencies, inverse, spectrum
 from armid.maths.spline import spline_slopes
 from armid.measurement.remedy import lines
-from armid.validation.doctor.evidence import Evidence
-from armid.validation.doctor.rows import solve
+from armid.model.base import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Stribeck
+from armid.validation.doctor.evidence import WIDTH, Evidence
+from armid.validation.doctor.rows import Rows, solve
 from armid.validation.doctor.state import Explanation, State
+from armid.validation.doctor.stuck import without_stuck
+from armid.validation.doctor.thin import thin
 from armid.values import Array
 
 __all__ = ["check", "delay_of", "explain"]
@@ -36,8 +41,16 @@ friction is most of what moves, the whole."""
 SURE = 6.0
 """Standard deviations by which a delay must differ from none."""
 
-STEPS = 4
-"""Rounds of shifting the torque and estimating what is left; two are enough for what one round finds."""
+STEPS, SETTLED = 8, 0.1
+"""Rounds of shifting the torque and estimating what is left, and the share of a deviation that ends them."""
+
+SHARP = 15.0
+"""Band in which a delay is measured once it is known that there is one [Hz]: reversals of friction say the more of it
+the wider the band, up to where noise of the positions takes over."""
+
+RISE = 0.1
+"""Speed from which on friction is what it is in motion [rad/s]: what friction has more near rest must not look like
+a delay where friction is most of the torque."""
 
 DIGITS = 5
 """Decimals of a delay that is told [s]: a twentieth of a sample at 5 kHz."""
@@ -47,8 +60,27 @@ PADDING = 0.25
 
 
 def check(evidence: Evidence) -> list[Finding]:
-    """The finding, if a delay explains the log."""
-    return evidence.explained(CODE)
+    """The finding, if a delay explains the log; measured in a wider band where nothing else is wrong with it."""
+    found = evidence.explained(CODE)
+    sharp = _sharper(evidence) if found and evidence.explanations[0].code == CODE else None
+    if sharp is None:
+        return found
+    delay, deviation, _ = delay_of(sharp)
+    told = _told(delay, deviation, evidence.explanations[0].gain, sharp.log.rate)
+    return [replace(each, evidence=told, remedy=lines("s", delay=_besides(evidence, delay))) for each in found]
+
+
+def _sharper(evidence: Evidence) -> State | None:
+    """The log in a wider band, beside a model whose friction may rise near rest; `None` where it is too short."""
+    state, recording = evidence.state, evidence.recording
+    assert state is not None and recording is not None  # it was explained
+    log = thin(without_stuck(recording, evidence.stuck), SHARP)
+    if not log.runs:
+        return None
+    names = {term.name for term in state.model.terms}
+    more = () if Stribeck.name in names else (Stribeck(velocity=RISE, width=WIDTH),)
+    model = DynamicsModel(state.model.robot, state.model.terms + more)
+    return State(model, find_base_parameters(model), log)
 
 
 def explain(state: State) -> Explanation | None:
@@ -62,17 +94,23 @@ def explain(state: State) -> Explanation | None:
     gain = state.fit.cost - after.fit.cost
     if gain < GAIN or abs(delay) < SURE * deviation or gain < SHARE * (state.fit.cost - _friction_alone(state)):
         return None
-    word = "lags behind" if delay > 0 else "runs ahead of"
     return Explanation(
         CODE,
         gain,
         "error",
         "effort",
-        f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
-        f"({abs(delay) * state.log.rate:.1f} samples); without it {1 - np.exp(-gain):.0%} less of the torque is "
-        "left.",
+        _told(delay, deviation, gain, state.log.rate),
         lambda evidence: lines("s", delay=_besides(evidence, delay)),
         after,
+    )
+
+
+def _told(delay: float, deviation: float, gain: float, rate: float) -> str:
+    """The delay in words."""
+    word = "lags behind" if delay > 0 else "runs ahead of"
+    return (
+        f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
+        f"({abs(delay) * rate:.1f} samples); without it {1 - np.exp(-gain):.0%} less of the torque is left."
     )
 
 
@@ -83,17 +121,31 @@ def _besides(evidence: Evidence, delay: float) -> float | list[float]:
 
 
 def delay_of(state: State) -> tuple[float, float, State]:
-    """Delay of the torque against the positions that fits best [s], its deviation, and the log without it."""
+    """Delay of the torque against the positions that fits best [s], its deviation, and the log without it.
+
+    The slope that a delay is seen by is the model's: that of the measured torque has its noise, too, by which every
+    round finds less than there is.
+    """
     delay, deviation = 0.0, np.inf
     for _ in range(STEPS):
-        fit = solve(state.rows, extra=state.rows.slope[None])
+        rows = state.rows
+        fit = solve(rows, extra=_slopes(rows, rows.torque - state.fit.residual)[None])
         late, deviation = -float(fit.values[-1]), float(fit.deviation[-1])
         delay += late
         runs = tuple(_advanced(run, late) for run in state.log.runs)
         state = state.on(replace(state.log, runs=runs))
-        if abs(late) < 0.2 * deviation:
+        if abs(late) < SETTLED * deviation:
             break
     return delay, deviation, state
+
+
+def _slopes(rows: Rows, values: Array) -> Array:
+    """Derivative of values at the rows (M, ...), run by run [1/s]."""
+    slopes = np.zeros_like(values)
+    for run in np.unique(rows.run):
+        inside = rows.run == run
+        slopes[inside] = spline_slopes(np.arange(inside.sum()) / rows.rate, values[inside])
+    return slopes
 
 
 def _friction_alone(state: State) -> float:
@@ -106,12 +158,8 @@ def _friction_alone(state: State) -> float:
     extra = np.zeros((rows.n, *rows.torque.shape))
     for j in range(rows.n):
         for symbol, column in zip(state.symbols(j), rows.columns[j], strict=True):
-            if symbol != "FS":
-                continue
-            for run in np.unique(rows.run):
-                inside = rows.run == run
-                time = np.arange(inside.sum()) / rows.rate
-                extra[j, inside, j] = spline_slopes(time, column[inside])
+            if symbol == "FS":
+                extra[j, :, j] = _slopes(rows, column)
     return solve(rows, extra=extra).cost
 
 

@@ -15,9 +15,9 @@ from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.robot import Robot
-from armid.validation.doctor.rows import thin
 from armid.validation.doctor.state import Explanation, State
 from armid.validation.doctor.stuck import stuck_stretches, without_stuck
+from armid.validation.doctor.thin import thin
 
 __all__ = ["Evidence", "Explain"]
 

@@ -14,8 +14,9 @@ from armid.measurement.interpret import channels_of_joints
 from armid.measurement.remedy import lines, naming
 from armid.validation.doctor import velocity_mismatch
 from armid.validation.doctor.evidence import Evidence
-from armid.validation.doctor.rows import Rows, Thin, cost_of, make_rows, products
+from armid.validation.doctor.rows import Rows, cost_of, make_rows, products
 from armid.validation.doctor.state import Explanation, State
+from armid.validation.doctor.thin import Thin
 from armid.values import Array
 
 __all__ = ["check", "explain"]

@@ -1,4 +1,4 @@
-"""A recording reduced to some hundred rows, and fits to them that take milliseconds.
+"""Some hundred rows of a recording, and fits to them that take milliseconds.
 
 The doctor asks many times how well a model explains a log: as it stands, with its channels in another order, with
 another gravity. Torque and columns pass one band, as for an estimate; each joint keeps a triangular factor.
@@ -7,7 +7,7 @@ another gravity. Torque and columns pass one band, as for an estimate; each join
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,35 +17,11 @@ from armid.information.filtering import in_band
 from armid.information.observations import ObservedRun
 from armid.information.rows import all_rows
 from armid.information.setup import ColumnSource
-from armid.maths.sampling import automatic_cutoff
-from armid.maths.signals import decimate, decimation_filter
-from armid.measurement.clock import Stretch, evened, stretches
-from armid.measurement.movement import movement
-from armid.measurement.processing import Processing
-from armid.measurement.recording import Recording
-from armid.measurement.rows import moving, run_of, separate_rows
-from armid.measurement.standstill import position_noise, standing
 from armid.model.motion import Motion
+from armid.validation.doctor.thin import Thin
 from armid.values import Array
 
-__all__ = ["Fit", "Rows", "Thin", "cost_of", "make_rows", "products", "solve", "thin"]
-
-CUTOFFS = (2.0, 6.0)
-"""Limits of the band that is looked at [Hz]: faults of a log show where the motion is, not above it."""
-
-THIN_RATE = 20.0
-"""Samples a second that are kept, in units of the cut-off: reversals of friction are sharper than the band, and
-with fewer their columns alias."""
-
-ROWS_RATE = 4.0
-"""Rows a second in units of the cut-off: twice what the band holds."""
-
-SEPARATE = 1000
-"""Rows that are kept, or up to twice as many, where they do not follow each other: what the band keeps of half a
-minute. What a model lacks makes neighbours alike, and where their order is lost nobody sees by how much."""
-
-LONGEST = 60.0
-"""Seconds of a log that are looked at, half of them from its beginning and half from its end."""
+__all__ = ["Fit", "Rows", "cost_of", "make_rows", "products", "solve"]
 
 PASSES = 4
 """Rounds of weighting each joint by its residual; two are enough but for joints that the first round misjudges."""
@@ -65,68 +41,6 @@ COARSE_FLOOR = 1e-6
 
 MEMORY_SECONDS = 1.0
 """Lags up to here count when correlated residuals are told from white ones [s]."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Thin:
-    """A recording at a moderate rate.
-
-    Attributes:
-        runs: Contiguous runs, motion filtered, torque not.
-        band: For torque and columns.
-        cutoff: Its cut-off [Hz]; that of the motion where the band is open.
-        rate: Samples a second of the recording itself [Hz].
-    """
-
-    runs: tuple[ObservedRun, ...]
-    band: Band
-    cutoff: float
-    rate: float
-
-    def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> Thin:
-        """The same log with its channels in another order; rows count where both channels of a joint do."""
-
-        def changed(run: ObservedRun) -> ObservedRun:
-            m, mask = run.motion, run.mask[:, motion] & run.mask[:, torque]
-            moved = Motion(m.time, m.q[:, motion], m.dq[:, motion], m.ddq[:, motion])
-            return replace(run, motion=moved, torque=run.torque[:, torque], mask=mask)
-
-        return replace(self, runs=tuple(changed(run) for run in self.runs))
-
-    @property
-    def mask(self) -> NDArray[np.bool_]:
-        """Which rows count, shape (M, n)."""
-        return np.concatenate([run.mask for run in self.runs])
-
-    def coarse(self) -> Thin:
-        """The rows alone, their torque filtered and their columns not: quick, to compare geometries."""
-
-        def changed(run: ObservedRun) -> ObservedRun:
-            raw = self.band.is_open or not run.consecutive
-            tau = run.torque if raw else in_band(run.torque, run.rate, self.band)
-            rows, m = run.rows, run.motion
-            few = Motion(m.time[rows], m.q[rows], m.dq[rows], m.ddq[rows])
-            return replace(run, motion=few, torque=tau[rows], rate=run.rate / run.step, step=1, offset=0)
-
-        return replace(self, runs=tuple(changed(run) for run in self.runs), band=Band())
-
-    def moved(self, offset: Array) -> Thin:
-        """The same log with positions offset (n,) [rad or m]."""
-
-        def changed(run: ObservedRun) -> ObservedRun:
-            m = run.motion
-            return replace(run, motion=Motion(m.time, m.q + offset, m.dq, m.ddq))
-
-        return replace(self, runs=tuple(changed(run) for run in self.runs))
-
-    def scaled(self, motion: Array) -> Thin:
-        """The same log with the motion of each joint multiplied (n,)."""
-
-        def changed(run: ObservedRun) -> ObservedRun:
-            m = run.motion
-            return replace(run, motion=Motion(m.time, m.q * motion, m.dq * motion, m.ddq * motion))
-
-        return replace(self, runs=tuple(changed(run) for run in self.runs))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -188,76 +102,6 @@ class Fit:
     def deviation(self) -> Array:
         """Standard deviations (b + e,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
-
-def thin(recording: Recording) -> Thin:
-    """Reduce a recording in the robot's terms to a moderate rate.
-
-    Raises:
-        RecordingError: It cannot be differentiated or is too short.
-    """
-    if recording.consecutive is False:
-        few = slice(None, None, max(1, recording.samples // SEPARATE))
-        values = {name: getattr(recording, name) for name in ("q", "dq", "ddq", "effort", "valid")}
-        kept = {name: None if x is None else x[few] for name, x in values.items()}
-        whole = replace(recording, time=None, rate=1.0, **kept)
-        piece = stretches(whole, None)[0][0]
-        processing = Processing(family="none", derivatives="given")
-        run = separate_rows(piece, movement(piece, processing, given=True), processing)
-        return Thin((run,), Band(), 1.0, 1.0)
-    pieces, _ = stretches(recording, CUTOFFS[0])
-    noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
-    longest = max(pieces, key=lambda piece: piece.samples)
-    rate = longest.rate
-    even = [evened(piece, None, 0.0, each=False) for piece in pieces]
-    cutoff = min(max(automatic_cutoff(evened(longest, None, 0.0, each=False).q, rate), CUTOFFS[0]), CUTOFFS[1])
-    cutoff = min(cutoff, 0.1 * rate)
-    processing = Processing(cutoff=cutoff, decimate=ROWS_RATE * cutoff, derivatives="central", trim=0.25)
-    runs: list[ObservedRun] = []
-    still: list[NDArray[np.bool_]] = []
-    for piece in _ends(even):
-        step = max(1, int(piece.rate / (THIN_RATE * cutoff)))
-        few = _decimated(piece, step)
-        if few.samples < 10 * int(few.rate / cutoff):
-            continue
-        run = run_of(few, movement(few, processing, given=False), processing)
-        if run is not None:
-            runs.append(run)
-            still.append(_any_near(standing(piece.q, piece.rate, noise), step))
-    runs, _ = moving(runs, still, processing)
-    return Thin(tuple(runs), processing.band, cutoff, rate)
-
-
-def _ends(pieces: Sequence[Stretch]) -> list[Stretch]:
-    """What lies in the first and the last half minute of a long log."""
-    begin, end = float(pieces[0].time[0]), float(pieces[-1].time[-1])
-    if end - begin <= 1.25 * LONGEST:
-        return list(pieces)
-    result: list[Stretch] = []
-    for low, high in ((begin, begin + LONGEST / 2), (end - LONGEST / 2, end)):
-        for piece in pieces:
-            first, stop = np.searchsorted(piece.time, (low, high))
-            if stop - first > 1:
-                result.append(piece.cut(int(first), int(stop)))
-    return result
-
-
-def _decimated(piece: Stretch, step: int) -> Stretch:
-    if step == 1:
-        return piece
-    taps = decimation_filter(step, attenuation=60.0)
-    rows = piece.time[::step]
-    return piece.changed(lambda x: decimate(x, taps, step), rows, piece.rate / step, lambda bad: _any_near(bad, step))
-
-
-def _any_near(flags: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
-    """Flags of every so many samples: whether any less than a step away is flagged."""
-    if step == 1:
-        return flags
-    rows = np.arange(0, len(flags), step)
-    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
-    low, high = np.maximum(rows - step, 0), np.minimum(rows + step, len(flags))
-    return counts[high] > counts[low]
 
 
 def make_rows(source: ColumnSource, log: Thin) -> Rows:

@@ -16,7 +16,8 @@ from armid.information.setup import ColumnSource, column_source
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
-from armid.validation.doctor.rows import Fit, Rows, Thin, make_rows, solve
+from armid.validation.doctor.rows import Fit, Rows, make_rows, solve
+from armid.validation.doctor.thin import Thin
 from armid.values import Array
 
 if TYPE_CHECKING:
