@@ -85,7 +85,7 @@ def main() -> None:
         problem = Problem(goal, basis, motion_channels(limits), float(np.median(limits.velocity)) / 1.75)
         began = time.process_time()
         found = search(problem, seed=options.seed, budget=None, rounds=options.rounds)
-        x = certified(problem, fine_grid(problem), found.best.x)
+        x, _ = certified(problem, fine_grid(problem), found.best.x)
         spent = time.process_time() - began
         rows.append({"plan": f"{seconds:g} s", "cpu_seconds": spent} | _row(goal, basis.excitation(x).sample(RATE)))
     first = rows[0]

@@ -71,7 +71,10 @@ def fine_grid(problem: Problem) -> tuple[Objective, ...]:
     )
 
 
-def _peaks(problem: Problem, grid: tuple[Objective, ...], x: Array) -> list[tuple[Array, Array, Array]]:
+Peaks = list[tuple[Array, Array, Array]]
+
+
+def _peaks(problem: Problem, grid: tuple[Objective, ...], x: Array) -> Peaks:
     """For each channel the highest shares (m,), these with what could hide between points (m,), and times (m,) [s].
 
     What hides is bounded chunk by chunk, roughly where a chunk is far from a limit, so it is added before chunks are
@@ -87,7 +90,7 @@ def _peaks(problem: Problem, grid: tuple[Objective, ...], x: Array) -> list[tupl
             times = chunk.times[at] if len(values) > 1 else np.full(len(at), np.nan)
             highest = values.max(axis=0)
             parts.append((highest, highest + channel.between(states, step), times))
-    result: list[tuple[Array, Array, Array]] = []
+    result: Peaks = []
     for parts in found:
         shares, totals, times = (np.array([part[k] for part in parts]) for k in range(3))
         best = shares.argmax(axis=0)
@@ -96,8 +99,8 @@ def _peaks(problem: Problem, grid: tuple[Objective, ...], x: Array) -> list[tupl
     return result
 
 
-def certified(problem: Problem, grid: tuple[Objective, ...], x: Array) -> Array:
-    """The plan drawn together about its start pose until every limit is certified.
+def certified(problem: Problem, grid: tuple[Objective, ...], x: Array) -> tuple[Array, tuple[Margin, ...]]:
+    """The plan drawn together about its start pose until every limit is certified, and how near it comes to each.
 
     Raises:
         ArmidError: Not even a motion that hardly moves keeps them; the message names limit and joint.
@@ -105,9 +108,10 @@ def certified(problem: Problem, grid: tuple[Objective, ...], x: Array) -> Array:
     factor, trial = 1.0, x
     for k in range(STEPS):
         trial = about_start(problem.basis, x, factor)
-        worst = max((float(total.max()) for _, total, _ in _peaks(problem, grid, trial)), default=0.0)
+        peaks = _peaks(problem, grid, trial)
+        worst = max((float(total.max()) for _, total, _ in peaks), default=0.0)
         if worst <= 1.0:
-            return trial
+            return trial, _margins(problem, trial, peaks)
         # Most limits grow with the amplitude; those that hardly do are met with larger and larger steps.
         factor *= max(0.7, 1.0 - max(0.5 * (1 + k) * (worst - 1.0), SLACK * (1 + k)))
     name, label, worst = max(
@@ -130,10 +134,15 @@ UNITS = {0: ("rad", "m"), 1: ("rad/s", "m/s"), 2: ("rad/s²", "m/s²"), 3: ("rad
 
 def margins(problem: Problem, grid: tuple[Objective, ...], x: Array) -> tuple[Margin, ...]:
     """How near a plan comes to every limit."""
+    return _margins(problem, x, _peaks(problem, grid, x))
+
+
+def _margins(problem: Problem, x: Array, peaks: Peaks) -> tuple[Margin, ...]:
+    """The same from the peaks."""
     result: list[Margin] = []
     robot = problem.goal.model.robot
     series = problem.basis.excitation(x)
-    for channel, (shares, totals, times) in zip(problem.channels, _peaks(problem, grid, x), strict=True):
+    for channel, (shares, totals, times) in zip(problem.channels, peaks, strict=True):
         for k, label in enumerate(channel.labels):
             share, total, time = float(shares[k]), float(totals[k]), float(times[k])
             joint = robot.joints[robot.joint_index(label)] if label in robot.joint_names else None

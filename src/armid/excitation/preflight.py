@@ -109,8 +109,17 @@ def expectation(goal: Goal, objective: Objective, x: Array) -> Expectation:
     )
 
 
-def preflight(problem: Problem, x: Array, collision: Collision | None) -> Preflight:
-    """Everything that can be said of a plan; limits on the fine grid, bodies as they are by Coal."""
+def preflight(
+    problem: Problem, x: Array, collision: Collision | None, limits: tuple[Margin, ...] | None = None
+) -> Preflight:
+    """Everything that can be said of a plan; limits on the fine grid, bodies as they are by Coal.
+
+    Args:
+        problem: What was asked.
+        x: The plan.
+        collision: Bodies that are kept apart.
+        limits: How near it comes to every limit, where that is known already.
+    """
     goal, basis = problem.goal, problem.basis
     samples = max(round(goal.rate * basis.period), 40 * basis.harmonics)
     approaches: list[Approach] = []
@@ -119,7 +128,7 @@ def preflight(problem: Problem, x: Array, collision: Collision | None) -> Prefli
         q = basis.excitation(x).at(times).q
         approaches = _closest(collision, times, forward_kinematics(goal.model.robot, q))
     return Preflight(
-        margins(problem, fine_grid(problem), x),
+        margins(problem, fine_grid(problem), x) if limits is None else limits,
         tuple(sorted(approaches, key=lambda each: each.distance)),
         () if collision is None else collision.skipped,
         expectation(goal, Objective(goal, basis, samples), x),

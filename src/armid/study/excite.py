@@ -205,10 +205,11 @@ def design_plan(
             progress=progress,
         )
     whole = replace(problem, channels=(*channels, *every))
-    x = certified(whole, fine_grid(whole), found.best.x)
+    x, margins = certified(whole, fine_grid(whole), found.best.x)
     plan = _with_leads(basis, x, wish, limits, robot.name)
     _check_leads(plan, robot, collision)
-    return Designed(plan, whole, x, limits, found, preflight(whole, x, collision), (*findings, *said), collision)
+    report = preflight(whole, x, collision, margins)
+    return Designed(plan, whole, x, limits, found, report, (*findings, *said), collision)
 
 
 def place(
