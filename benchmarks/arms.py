@@ -1,16 +1,17 @@
 """A dozen arms and more: what a plan costs, whether it keeps every limit, and how much better it is than chance.
 
-    python benchmarks/arms.py [ARM ...] [--cpu 40 | --rounds 1] [--seconds 20] [--harmonics 10] [--json]
+    python benchmarks/arms.py [ARM ...] [--free | --fixed] [--budget 20] [--seconds 20] [--harmonics 10] [--json]
 
-Each arm stands on a floor, keeps its links 20 mm apart from each other and from the floor, and has limits of
-position, velocity, acceleration, jerk and, where its description gives masses and torques, torque. Length and
-harmonics are those that `armid excite` takes by itself. A search has so much CPU time in one process, which is half
-the time on two cores that are idle; start-up, certificate and report come on top. Plans are checked by another
-program (`flown.py`) at 1 kHz.
+Each arm stands on a floor, keeps its links 20 mm apart from each other and from the floor (Baxter's are narrower),
+and has limits of position, velocity, acceleration, jerk and, where its description gives masses and torques, torque.
+`armid excite` is run as it is from a shell, with two processes; measured are the wall time of the whole command and
+the CPU time of all its processes. Plans are checked by another program (`flown.py`) at 1 kHz.
 
-Chance is the median of twenty plans of the same length, harmonics and limits whose coefficients are uniform, drawn
-together by one factor until they keep every limit: at rest at the plan's start pose, and once more at start poses
-that are random, too, uniform among those in which the limits are kept.
+A plan is put beside chance in the space it was looked for in: from the start pose that the command chooses, or, with
+the start pose and the centre among the unknowns (`--free-start --free-centre`), from any. Chance is the median of
+twenty plans of the same length, harmonics and limits whose coefficients are uniform, drawn together by one factor
+until they keep every limit: at rest at the same start pose, or at start poses that are uniform among those in which
+the limits are kept.
 
 Arms that are not built in are those of `tests/tables` and of the package `example-robot-data`
 (`pip install --no-deps example-robot-data`), which is 400 MB of robots; without it they are left out, and that is
@@ -26,6 +27,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import argparse
 import json
+import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -34,20 +37,19 @@ from dataclasses import asdict, dataclass, fields, replace
 from importlib import metadata
 from itertools import islice
 from pathlib import Path
-from unittest.mock import patch
+from typing import Any
 
 import numpy as np
 
 from armid.excitation.clearance import floor
-from armid.excitation.fourier import save_plan
-from armid.excitation.objective import Goal, Objective
+from armid.excitation.fourier import Excitation, load_plan
+from armid.excitation.objective import Goal, information_along
 from armid.excitation.solver import Problem, drawn_together, highest
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.study.excite import Designed, Effort, Rules, Wish, design_plan
-from armid.values import Array
 from flown import ROUNDING, Flight, fly, load_table, load_urdf
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -79,22 +81,33 @@ class Entry:
 
 
 @dataclass(frozen=True)
+class Asked:
+    """What plan is looked for, and how long: lengths in s, the budget of wall time."""
+
+    seconds: float = 20.0
+    harmonics: int = 10
+    criterion: str = "a-optimal"
+    budget: float = 20.0
+    free: bool = False
+
+
+@dataclass(frozen=True)
 class Row:
-    """What was measured; `cpu` is all of it, `beside` what is not search."""
+    """What was measured; `wall` and `cpu` are of the whole command [s]."""
 
     arm: str
+    start: str
     joints: int
     parameters: int
     pairs: int
     left_out: int
+    wall: float
     cpu: float
-    beside: float
+    descents: int
     violations: int
     closest: str
     gain: float
     gain_over_best: float
-    gain_over_any: float
-    usual_start: bool
 
 
 def entries() -> list[Entry]:
@@ -124,29 +137,50 @@ def entries() -> list[Entry]:
     ]
 
 
-def design(entry: Entry, effort: Effort, seconds: float, harmonics: int, criterion: str) -> Designed:
-    """A plan with every limit; the search's clock counts CPU time."""
+def command(entry: Entry, asked: Asked, folder: Path) -> tuple[float, float]:
+    """Run `armid excite` into a folder; wall time and CPU time of all its processes [s].
+
+    Raises:
+        RuntimeError: It failed; the message is its own.
+    """
+    flags = {
+        "--duration": asked.seconds, "--harmonics": asked.harmonics, "--criterion": asked.criterion,
+        "--budget": asked.budget, "--acceleration": ACCELERATION, "--jerk": JERK, "--floor": entry.floor,
+        "--clearance": entry.clearance, "--out": folder,
+    }  # fmt: skip
+    line = [str(Path(sys.executable).with_name("armid")), "excite", str(entry.path)]
+    line += [word for flag, value in flags.items() for word in (flag, str(value))]
+    line += [word for joint in entry.locked for word in ("--lock", joint)]
+    line += ["--free-start", "--free-centre"] if asked.free else []
+    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.time()
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    wall, after = time.time() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    return wall, after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+
+
+def problem_of(entry: Entry, asked: Asked) -> Designed:
+    """What the command was asked, for chance: limits, bodies, start pose; its own search is over at once."""
     robot = load_robot(str(entry.path), locked=dict.fromkeys(entry.locked, 0.0))
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
-    goal = Goal(model, find_base_parameters(model), criterion)
+    goal = Goal(model, find_base_parameters(model), asked.criterion)
     rules = Rules(
         acceleration=ACCELERATION, jerk=JERK, torque_margin=MARGIN, clearance=entry.clearance,
         surroundings=(floor(entry.floor),),
     )  # fmt: skip
-    with patch("time.time", time.process_time):
-        return design_plan(Wish(goal, seconds, harmonics), rules, effort)
+    wish = Wish(goal, asked.seconds, asked.harmonics, free_centre=asked.free)
+    return design_plan(wish, rules, Effort(1e-3, 1, 0))
 
 
-def flight(entry: Entry, designed: Designed) -> Flight:
+def flight(entry: Entry, plan: Path) -> Flight:
     """The plan, checked by the other program."""
     toml = entry.path.suffix == ".toml"
     arm = load_table(entry.path) if toml else load_urdf(entry.path, dict.fromkeys(entry.locked, 0.0))
-    with tempfile.TemporaryDirectory() as folder:
-        path = save_plan(designed.plan.excitation, Path(folder) / "plan.json")
-        return fly(
-            arm, path, floor=entry.floor, clearance=entry.clearance, acceleration=ACCELERATION, jerk=JERK,
-            torque=1.0 - MARGIN,
-        )  # fmt: skip
+    return fly(
+        arm, plan, floor=entry.floor, clearance=entry.clearance, acceleration=ACCELERATION, jerk=JERK,
+        torque=1.0 - MARGIN,
+    )  # fmt: skip
 
 
 def by_chance(problem: Problem, rng: np.random.Generator) -> float:
@@ -156,12 +190,12 @@ def by_chance(problem: Problem, rng: np.random.Generator) -> float:
     c[:, -1] = basis.start
     inside = drawn_together(problem, grid, basis.project(c))
     assert inside is not None
-    return variances(grid, inside)
+    return variances(problem, basis.excitation(inside))
 
 
-def variances(grid: Objective, x: Array) -> float:
+def variances(problem: Problem, series: Excitation) -> float:
     """Sum over the base parameters."""
-    return float(np.trace(np.linalg.inv(grid.information(x))))
+    return float(np.trace(np.linalg.inv(information_along(problem.goal, series.sample(problem.goal.rate)))))
 
 
 def anywhere(designed: Designed, rng: np.random.Generator) -> Iterator[Problem]:
@@ -175,66 +209,76 @@ def anywhere(designed: Designed, rng: np.random.Generator) -> Iterator[Problem]:
             yield moved
 
 
-def measure(entry: Entry, effort: Effort, seconds: float, harmonics: int, criterion: str) -> Row:
+def measure(entry: Entry, asked: Asked) -> Row:
     """One arm."""
-    began = time.process_time()
-    designed = design(entry, effort, seconds, harmonics, criterion)
-    cpu = time.process_time() - began
-    seen = flight(entry, designed)
-    rng = np.random.default_rng(0)
-    chances = [by_chance(designed.problem, rng) for _ in range(CHANCES)]
-    elsewhere = [by_chance(moved, rng) for moved in islice(anywhere(designed, rng), CHANCES)]
-    own = variances(designed.problem.fine, designed.x)
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "plan"
+        wall, cpu = command(entry, asked, out)
+        seen = flight(entry, out / "plan.json")
+        series = load_plan(out / "plan.json")
+        plan, report = (json.loads((out / f"{name}.json").read_text()) for name in ("plan", "preflight"))
+    designed, rng = problem_of(entry, asked), np.random.default_rng(0)
+    spaces = islice(anywhere(designed, rng), CHANCES) if asked.free else [designed.problem] * CHANCES
+    chances = [by_chance(problem, rng) for problem in spaces]
+    own = variances(designed.problem, series)
+    complain(entry, seen)
+    return Row(
+        entry.name,
+        "free" if asked.free else "usual" if usual(plan) else "found",
+        series.n,
+        designed.problem.goal.base.count,
+        seen.pairs,
+        len(seen.skipped),
+        round(wall, 1),
+        round(cpu, 1),
+        plan["descents"],
+        seen.violations,
+        "".join(f"{near['pair']} {1000 * near['distance']:.0f} mm" for near in report["approaches"][:1]),
+        round(float(np.median(chances)) / own, 1),
+        round(min(chances) / own, 1),
+    )
+
+
+def usual(plan: dict[str, Any]) -> bool:
+    """Whether a plan starts where its arm usually does."""
+    return all(finding["code"] != "start-chosen" for finding in plan["findings"])
+
+
+def complain(entry: Entry, seen: Flight) -> None:
+    """Say what is wrong with a plan."""
     for name, count in seen.close.items():
         sys.stderr.write(f"{entry.name}: {name} too close in {count} of {seen.samples} samples\n")
     for name, share in seen.shares.items():
         if share > 1.0 + ROUNDING:
             sys.stderr.write(f"{entry.name}: {100 * share:.7f} % of {name}\n")
-    nearest = designed.preflight.approaches[0] if designed.preflight.approaches else None
-    robot = designed.problem.goal.model.robot
-    return Row(
-        entry.name,
-        robot.n,
-        designed.problem.goal.base.count,
-        seen.pairs,
-        len(seen.skipped),
-        round(cpu, 1),
-        round(cpu - designed.search.seconds, 1),
-        seen.violations,
-        "" if nearest is None else f"{nearest.pair} {1000 * nearest.distance:.0f} mm",
-        round(float(np.median(chances)) / own, 1),
-        round(min(chances) / own, 1),
-        round(float(np.median(elsewhere)) / own, 1),
-        all(finding.code != "start-chosen" for finding in designed.findings),
-    )
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("arm", nargs="*", help="names; all where left out")
-    parser.add_argument("--cpu", type=float, default=40.0, help="CPU time of each search [s]")
-    parser.add_argument("--rounds", type=int, help="rounds of each search in the place of a time")
+    spaces = parser.add_mutually_exclusive_group()
+    spaces.add_argument("--free", action="store_true", help="only with the start pose among the unknowns")
+    spaces.add_argument("--fixed", action="store_true", help="only from the start pose that the command chooses")
+    parser.add_argument("--budget", type=float, default=20.0, help="wall time of each search [s]")
     parser.add_argument("--seconds", type=float, default=20.0, help="length of the motion")
     parser.add_argument("--harmonics", type=int, default=10)
     parser.add_argument("--criterion", default="a-optimal")
     parser.add_argument("--json", action="store_true")
-    asked = parser.parse_args()
-    effort = Effort(None if asked.rounds else asked.cpu, 1, 0, asked.rounds)
+    options = parser.parse_args()
+    asked = Asked(options.seconds, options.harmonics, options.criterion, options.budget)
     rows: list[Row] = []
-    if not asked.json:
+    if not options.json:
         print("| " + " | ".join(field.name.replace("_", " ") for field in fields(Row)) + " |")
         print("|---" * len(fields(Row)) + "|")
     for entry in entries():
-        if asked.arm and entry.name not in asked.arm:
+        if options.arm and entry.name not in options.arm:
             continue
-        row = measure(entry, effort, asked.seconds, asked.harmonics, asked.criterion)
-        rows.append(row)
-        if not asked.json:
-            cells = [*asdict(row).values()]
-            cells[-1] = "usual" if row.usual_start else "found"
-            print("| " + " | ".join(map(str, cells)) + " |", flush=True)
-    if asked.json:
+        for free in [False] * (not options.free) + [True] * (not options.fixed):
+            rows.append(measure(entry, replace(asked, free=free)))
+            if not options.json:
+                print("| " + " | ".join(map(str, asdict(rows[-1]).values())) + " |", flush=True)
+    if options.json:
         print(json.dumps([asdict(row) for row in rows]))
 
 

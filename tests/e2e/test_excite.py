@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
 from armid.study.plan_files import read_whole_plan
 from labs import write_recordings, write_study
+from paged import blocks, pages
 
 QUICK = ["--budget", "1", "--workers", "0", "--harmonics", "4", "--duration", "8"]
 
@@ -114,6 +116,17 @@ def test_the_page_tells_every_key_of_a_plan(small, tmp_path, capsys):
     needed = {key: json.loads(example.read_text())[key] for key in ("robot", "base_frequency", "offset", "a", "b")}
     example.write_text(json.dumps(needed))
     assert read_whole_plan(str(example))[0].repetitions == 1
+
+
+def test_the_python_of_the_page(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = [block.text for block in blocks(pages()["excitation.md"]) if block.language == "python"]
+    names: dict[str, Any] = {}
+    for text in done:
+        exec(text, names)
+    assert done and names["motion"].samples == 1000
+    assert names["slow"].period == pytest.approx(27.0)
+    assert (names["series"].a == names["designed"].plan.excitation.a).all()
 
 
 def test_collisions_and_a_second_plan_after_the_first(tmp_path, capsys):

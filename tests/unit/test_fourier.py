@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError
-from armid.excitation.fourier import Excitation, load_plan, save_plan
+from armid.excitation.fourier import Excitation, load_plan, required_series, save_plan
+from armid.excitation.plan import Plan
 from armid.excitation.plans import PLANS, builtin_plan
 
 STEP, SLOPE = 1e-5, 1e-8
@@ -72,6 +73,7 @@ def test_stretching_keeps_the_path(excitation):
 
 def test_plan_on_disk_to_the_last_bit(excitation, tmp_path):
     loaded = load_plan(save_plan(excitation, tmp_path / "new" / "plan.json"))
+    np.testing.assert_array_equal(load_plan(tmp_path / "new").a, loaded.a)
     assert (loaded.base_frequency, loaded.robot) == (excitation.base_frequency, "arm")
     for name in ("a", "b", "offset"):
         assert np.array_equal(getattr(loaded, name), getattr(excitation, name))
@@ -90,6 +92,18 @@ def test_plans_that_cannot_be_read(excitation, tmp_path):
         load_plan(path)
     with pytest.raises(ArmidError, match="is no plan"):
         load_plan(tmp_path / "missing.json")
+    path.write_text(json.dumps({"robot": "arm", "poses": [[0.0]], "stretches": []}))
+    with pytest.raises(ArmidError, match="plan of poses or sweeps"):
+        load_plan(path)
+
+
+def test_the_name_of_a_file_is_no_motion(excitation, tmp_path):
+    """What takes a motion says so, and how a file becomes one."""
+    path = save_plan(excitation, tmp_path / "plan.json")
+    for take in (Plan, required_series, lambda plan: save_plan(plan, tmp_path / "copy.json")):
+        with pytest.raises(ArmidError, match=r"load_plan\(\"plan.json\"\)"):
+            take(str(path))
+    assert required_series(excitation) is excitation
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from armid import kernel
-from armid.errors import LabError, MissingExtraError
+from armid.errors import ArmidError, LabError, MissingExtraError
 from armid.excitation.fourier import Excitation
 from armid.lab.controller import CONTROLLERS, Controller, Drive
 from armid.lab.faults import Gap, LostRows
@@ -200,6 +200,11 @@ def test_a_slower_log_of_the_same_motion_has_the_same_truth():
     np.testing.assert_allclose(done[0].recording.q, done[1].recording.q[::5], atol=1e-12)
 
 
+def test_the_name_of_a_file_is_no_plan():
+    with pytest.raises(ArmidError, match="load_plan"):
+        simulate(small_arm(), "plan.json")  # pyright: ignore[reportArgumentType]
+
+
 def test_what_the_real_arm_could_not_do_is_said():
     plan = short_plan(period=2.0)
     wide = replace(plan, offset=plan.offset + np.array([0.0, 2.9, 0.0]))
@@ -208,6 +213,17 @@ def test_what_the_real_arm_could_not_do_is_said():
     fast = simulate(small_arm(), plan.stretched(0.3), lab(mode="inverse-dynamics"))
     assert "plan-too-fast" in {f.code for f in doubts(fast)}
     weak = simulate(small_arm(), plan, lab(drive=Drive(saturation=0.1)))
+    closed = simulate(small_arm(), plan, lab())
+    assert "limit-overshot" not in {f.code for f in doubts(closed)}
+    top = np.abs(plan.sample(1000.0).dq).max(axis=0)
+    robot = small_arm().robot
+    joints = [replace(joint, velocity_limit=v) for joint, v in zip(robot.joints, top, strict=True)]
+    at_limit = replace(small_arm(), robot=replace(robot, joints=tuple(joints)))
+    assert not doubts(simulate(at_limit, plan, lab(mode="inverse-dynamics")))
+    loose = doubts(simulate(at_limit, plan, lab(controller=Controller("pid"))))
+    overshot = [f for f in loose if f.code == "limit-overshot"]
+    assert overshot and all("The plan asks for" in f.evidence and ".velocity=" in f.remedy for f in overshot)
+    assert "plan-too-fast" not in {f.code for f in loose}
     assert "drive-saturated" in {f.code for f in doubts(weak)}
     assert not doubts(simulate(small_arm(), short_plan(), lab(mode="inverse-dynamics")))
 
@@ -247,7 +263,7 @@ def test_a_wound_spring_swings_at_the_frequency_of_two_masses():
 def test_the_record_has_the_truth_that_an_identification_should_find():
     options = lab(arm=Arm(("rotor", "hysteresis")), faults=(Gap(),))
     done = simulate(small_arm(), short_plan(period=1.0), options)
-    record = truth_record(done, short_plan(period=1.0), "abc")
+    record = truth_record(done, "abc")
     assert record["recording_sha256"] == "abc"
     assert record["parameters"]["FV_1"] == 1.5
     # Springs that have slipped count: their torque is that of a sliding joint.

@@ -21,10 +21,13 @@ from armid.model.motion import Motion
 from armid.shown import Shown, Summary
 from armid.values import Array, array, replace_file
 
-__all__ = ["Excitation", "load_plan", "save_plan"]
+__all__ = ["Excitation", "load_plan", "required_series", "save_plan"]
 
 SHOWN = 40
 """Samples of a period of the highest harmonic from which a summary is made."""
+
+PLAN_FILE = "plan.json"
+"""Name of the plan in a folder of `armid excite`."""
 
 PLAN_KEYS = ("robot", "base_frequency", "offset", "a", "b")
 
@@ -98,27 +101,56 @@ class Excitation(Shown):
 
 
 def load_plan(path: Path | str) -> Excitation:
-    """Read the excitation of a `plan.json`.
+    """Read the motion of a `plan.json`, once and without the ways to it and from it.
+
+    Args:
+        path: The file, or a folder of `armid excite` with one.
 
     Raises:
-        ArmidError: The file is missing, no JSON, or lacks a key.
+        ArmidError: The file is missing, no JSON, or lacks a key, as one of poses or sweeps does.
     """
     path = Path(path)
+    path = path / PLAN_FILE if path.is_dir() else path
     try:
         plan: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ArmidError(f"{path} is no plan: {error}.", remedy="give a plan.json.") from error
     missing = [key for key in PLAN_KEYS if not isinstance(plan, dict) or key not in plan]
     if missing:
-        raise ArmidError(f"{path} lacks {', '.join(missing)}.", possible=", ".join(PLAN_KEYS))
+        still = isinstance(plan, dict) and "stretches" in plan
+        raise ArmidError(
+            f"{path} lacks {', '.join(missing)}.",
+            possible=", ".join(PLAN_KEYS),
+            remedy="it is a plan of poses or sweeps: armid.study.plan_files.read_whole_plan reads it."
+            if still
+            else "",
+        )
     try:
         return Excitation(plan["base_frequency"], plan["a"], plan["b"], plan["offset"], str(plan["robot"]))
     except (TypeError, ValueError) as error:
         raise ArmidError(f"{path} is no plan: base_frequency must be a number ({error}).") from error
 
 
+def required_series(plan: object) -> Excitation:
+    """What was given as a motion, which has to be one.
+
+    Raises:
+        ArmidError: It is something else, for instance the name of a file.
+    """
+    if isinstance(plan, Excitation):
+        return plan
+    found = repr(plan)[:60] if isinstance(plan, str | Path) else f"a {type(plan).__name__}"
+    remedy = 'give armid.load_plan("plan.json"), or the excitation of a whole plan.'
+    raise ArmidError(f"A motion must be given as an Excitation; found {found}.", remedy=remedy)
+
+
 def save_plan(excitation: Excitation, path: Path | str) -> Path:
-    """Write the excitation as a `plan.json`, numbers in full."""
+    """Write the excitation as a `plan.json`, numbers in full.
+
+    Raises:
+        ArmidError: There is no excitation.
+    """
+    excitation = required_series(excitation)
     plan = {
         "robot": excitation.robot,
         "base_frequency": excitation.base_frequency,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armid.errors import ArmidError
-from armid.excitation.fourier import Excitation
+from armid.excitation.fourier import Excitation, required_series
 from armid.model.motion import Motion
 from armid.shown import Shown, Summary
 from armid.values import Array, array
@@ -54,6 +54,7 @@ class Plan(Shown):
     lead_out: float = 0.0
 
     def __post_init__(self) -> None:
+        required_series(self.excitation)
         if self.repetitions < 1:
             raise ArmidError(f"A plan repeats its excitation at least once; found {self.repetitions}.")
         for name, seconds in (("begin", self.lead_in), ("end", self.lead_out)):

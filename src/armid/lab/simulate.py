@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import Finding, LabError
-from armid.excitation.fourier import Excitation
+from armid.excitation.fourier import Excitation, required_series
 from armid.lab.controller import Gains
 from armid.lab.faults import spoil
 from armid.lab.options import LabOptions
@@ -22,6 +22,7 @@ from armid.measurement.recording import Recording
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
+from armid.robot.robot import Joint
 from armid.values import Array
 
 __all__ = ["Simulated", "doubts", "simulate", "true_model", "truth_record"]
@@ -29,6 +30,12 @@ __all__ = ["Simulated", "doubts", "simulate", "true_model", "truth_record"]
 POSES = 60
 """Poses of a plan at which the frequency of springs is looked at; it changes with the arm's inertia alone."""
 
+
+KEPT = 1.0 + 1e-9
+"""Share of a limit that a plan at the limit may have by rounding."""
+
+ASKED = 1000.0
+"""Points a second at which a plan is looked at [Hz]."""
 
 FULL = 0.999
 """Share of the effort limit that counts as all of it; a current loop only comes near."""
@@ -42,6 +49,7 @@ class Simulated:
         recording: The log.
         trace: What truly happened.
         truth: The arm as it was simulated.
+        plan: The motion that was asked for.
         options: What it was told.
         gains: Of the controller; `None` without one.
         seed: Of noise and faults.
@@ -50,6 +58,7 @@ class Simulated:
     recording: Recording
     trace: Trace
     truth: Truth
+    plan: Excitation
     options: LabOptions
     gains: Gains | None
     seed: int
@@ -69,11 +78,12 @@ def simulate(
 
     Raises:
         LabError: The plan does not fit the arm, or the simulation ran away.
+        ArmidError: What was given is no plan.
         MissingExtraError: Closed loop without MuJoCo.
     """
     options = options or LabOptions()
     truth = options.arm.of(truth)
-    if plan.n != truth.robot.n:
+    if required_series(plan).n != truth.robot.n:
         raise LabError(
             f"The plan moves {plan.n} joints; {truth.robot.name} has {truth.robot.n}.",
             remedy="give a plan for this arm, or lock the joints that it does not move.",
@@ -97,30 +107,60 @@ def simulate(
     recording = sense(trace, options.sensing, names, source, np.random.default_rng(seed))
     if options.faults:
         recording = spoil(recording, options.faults, seed)
-    return Simulated(recording, trace, truth, options, gain, seed)
+    return Simulated(recording, trace, truth, plan, options, gain, seed)
 
 
 def doubts(simulated: Simulated) -> tuple[Finding, ...]:
-    """Where the motion was one that the real arm could not make; the lab has no stops."""
+    """Where the motion was one that the real arm could not make; the lab has no stops.
+
+    What the plan itself asks for is told apart from what a controller adds that overshoots.
+    """
     trace, joints = simulated.trace.from_time(0.0), simulated.truth.robot.joints
+    asked = simulated.plan.sample(ASKED)
     efforts = simulated.options.drive.limits(simulated.truth) if simulated.gains is not None else None
     found: list[Finding] = []
     for j, joint in enumerate(joints):
-        lower, upper = joint.position_limits
-        q, dq = trace.q[:, j], np.abs(trace.dq[:, j])
-        if q.min() < lower or q.max() > upper:
-            evidence = (
-                f"moves from {q.min():.3f} to {q.max():.3f} {joint.unit}; its limits are {lower:.3f}, {upper:.3f}."
-            )
-            found.append(_doubt("plan-outside-limits", joint.name, evidence, "change the plan."))
-        if dq.max() > joint.velocity_limit:
-            evidence = f"reaches {dq.max():.3f} {joint.unit}/s; its limit is {joint.velocity_limit:.3f}."
-            found.append(_doubt("plan-too-fast", joint.name, evidence, "play the plan over a longer period."))
+        found += _range_doubts(joint, asked.q[:, j], trace.q[:, j])
+        found += _speed_doubts(joint, float(np.abs(asked.dq[:, j]).max()), float(np.abs(trace.dq[:, j]).max()))
         share = 0.0 if efforts is None else float(np.mean(np.abs(trace.effort[:, j]) >= FULL * efforts[j]))
         if share > 0.0:
             evidence = f"is asked for its full effort {100.0 * share:.2g} % of the time."
             found.append(_doubt("drive-saturated", joint.name, evidence, "play the plan over a longer period."))
     return tuple(found)
+
+
+def _range_doubts(joint: Joint, asked: Array, reached: Array) -> list[Finding]:
+    """Positions (N,) of a joint outside its limits, of the plan or of the arm alone."""
+    lower, upper = joint.position_limits
+    limits = f"its limits are {lower:.3f}, {upper:.3f} {joint.unit}"
+    slack = (KEPT - 1.0) * (upper - lower)
+    if asked.min() < lower - slack or asked.max() > upper + slack:
+        evidence = f"is asked to move from {asked.min():.3f} to {asked.max():.3f} {joint.unit}; {limits}."
+        return [_doubt("plan-outside-limits", joint.name, evidence, "change the plan.")]
+    if reached.min() < lower - slack or reached.max() > upper + slack:
+        evidence = (
+            f"moves from {reached.min():.3f} to {reached.max():.3f} {joint.unit}; {limits}, which the plan keeps and "
+            "the controller does not."
+        )
+        remedy = f"design the plan with a margin: --limit {joint.name}.position=LOW:HIGH."
+        return [_doubt("limit-overshot", joint.name, evidence, remedy)]
+    return []
+
+
+def _speed_doubts(joint: Joint, asked: float, reached: float) -> list[Finding]:
+    """A joint that is faster than its limit, by the plan or by the controller's doing alone."""
+    limit, unit = joint.velocity_limit, f"{joint.unit}/s"
+    if asked > KEPT * limit:
+        evidence = f"is asked for {asked:.3f} {unit}; its limit is {limit:.3f}."
+        return [_doubt("plan-too-fast", joint.name, evidence, "play the plan over a longer period.")]
+    if reached > KEPT * limit:
+        evidence = (
+            f"reaches {reached:.3f} {unit}; its limit is {limit:.3f}. The plan asks for {asked:.3f}, the rest is "
+            "what the controller overshoots."
+        )
+        remedy = f"design the plan with a margin: --limit {joint.name}.velocity={0.99 * limit**2 / reached:.3g}."
+        return [_doubt("limit-overshot", joint.name, evidence, remedy)]
+    return []
 
 
 def _doubt(code: str, joint: str, evidence: str, remedy: str) -> Finding:
@@ -151,9 +191,9 @@ def true_model(truth: Truth) -> tuple[DynamicsModel, Array]:
     return model, theta
 
 
-def truth_record(simulated: Simulated, plan: Excitation, recording_sha256: str) -> dict[str, Any]:
+def truth_record(simulated: Simulated, recording_sha256: str) -> dict[str, Any]:
     """The contents of `truth.json`: what was simulated, and the values that an identification should find."""
-    truth = simulated.truth
+    truth, plan = simulated.truth, simulated.plan
     model, theta = true_model(truth)
     base = find_base_parameters(model)
     gain = simulated.gains

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armid.excitation.fourier import Excitation
+from armid.excitation.fourier import Excitation, required_series
 from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
@@ -75,8 +75,11 @@ def record(
 
     Returns:
         The recording, the true motion of one period and its true torque (N, n).
+
+    Raises:
+        ArmidError: No motion was given.
     """
-    motion = excitation.sample(sensors.rate)
+    motion = required_series(excitation).sample(sensors.rate)
     torque = model.torque(motion, parameters)
     samples = excitation.period * sensors.rate
     repeats, along, load = repetitions, motion, torque

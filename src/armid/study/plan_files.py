@@ -11,15 +11,12 @@ import numpy as np
 
 from armid.errors import ArmidError
 from armid.excitation.experiments import Moves
-from armid.excitation.fourier import load_plan
+from armid.excitation.fourier import PLAN_FILE, load_plan
 from armid.excitation.plan import Plan
 from armid.excitation.plans import PLANS, builtin_plan
 from armid.robot.shapes import Shape
 
 __all__ = ["PLAN_FILE", "is_plan", "read_whole_plan", "shape_records"]
-
-PLAN_FILE = "plan.json"
-"""Name of the plan in a folder of `armid excite`."""
 
 
 def is_plan(name: str) -> bool:

@@ -85,7 +85,7 @@ def simulate_to(
     suffix, folder = refuse_format(kind), Path(folder)
     done = simulate(truth_of(robot), plan, options, seed=seed, tell=tell)
     path = save_recording(done.recording, folder / f"recording{suffix}")
-    record = truth_record(done, plan, sha256_of_file(path))
+    record = truth_record(done, sha256_of_file(path))
     truth = replace_file(folder / "truth.json", to_json(record) + "\n")
     exact = None
     if noise_free:
