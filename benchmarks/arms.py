@@ -40,16 +40,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.excitation.clearance import floor
+from armid.excitation.collision import Collision
 from armid.excitation.fourier import Excitation, load_plan
 from armid.excitation.objective import Goal, information_along
 from armid.excitation.solver import Problem, drawn_together, highest
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
-from armid.robot import load_robot
+from armid.robot import Robot, load_robot
+from armid.robot.kinematics import forward_kinematics
 from armid.study.excite import Designed, Effort, Rules, Wish, design_plan
+from armid.study.excite_files import save_design
+from armid.values import Array
 from flown import ROUNDING, Flight, fly, load_table, load_urdf
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -59,14 +64,14 @@ PACKAGE = "example-robot-data"
 CLEARANCE, ACCELERATION, JERK, MARGIN = 0.02, 10.0, 200.0, 0.1
 """Distance of bodies [m], limits of every joint [rad/s² or m/s², rad/s³ or m/s³], share of torque kept free."""
 
-NARROW = 0.005
+NARROW = 0.01
 """Distance that Baxter's bodies keep [m]: its elbow and forearm are nowhere further apart than 23 mm."""
 
 CHANCES = 20
 """Random plans."""
 
-DRAWS = 20000
-"""Random start poses that are tried for them."""
+DRAWS, AT_ONCE = 50000, 500
+"""Random start poses that are tried for them, and how many of them at a time."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +87,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class Asked:
-    """What plan is looked for, and how long: lengths in s, the budget of wall time."""
+    """What plan is looked for, and how long: lengths in s, the budget of wall time, or whole rounds in its place."""
 
     seconds: float = 20.0
     harmonics: int = 10
     criterion: str = "a-optimal"
     budget: float = 20.0
     free: bool = False
+    rounds: int | None = None
 
 
 @dataclass(frozen=True)
@@ -128,9 +134,8 @@ def entries() -> list[Entry]:
         Entry("kinova j2s6s200", robots / "kinova_description/robots/kinova.urdf"),
         Entry("xarm7", robots / "xarm_description/urdf/xarm7.urdf"),
         Entry("z1", robots / "z1_description/urdf/z1.urdf", 0.0, ("jointGripper",)),
-        Entry("so101", robots / "so_arm_description/urdf/so101.urdf"),
         Entry("ur3", robots / "ur_description/urdf/ur3_robot.urdf"),
-        Entry("ur10", robots / "ur_description/urdf/ur10_robot.urdf", -0.05),
+        Entry("ur10", robots / "ur_description/urdf/ur10_robot.urdf"),
         Entry(
             "baxter, both arms", robots / "baxter_description/urdf/baxter.urdf", -0.95, ("head_pan", *fingers), NARROW
         ),
@@ -160,8 +165,11 @@ def command(entry: Entry, asked: Asked, folder: Path) -> tuple[float, float]:
     return wall, after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
-def problem_of(entry: Entry, asked: Asked) -> Designed:
-    """What the command was asked, for chance: limits, bodies, start pose; its own search is over at once."""
+def designed(entry: Entry, asked: Asked) -> Designed:
+    """The same in this process, for a search by rounds.
+
+    Without rounds its search is over at once: what counts is the problem, limits, bodies and start pose, for chance.
+    """
     robot = load_robot(str(entry.path), locked=dict.fromkeys(entry.locked, 0.0))
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
     goal = Goal(model, find_base_parameters(model), asked.criterion)
@@ -169,8 +177,8 @@ def problem_of(entry: Entry, asked: Asked) -> Designed:
         acceleration=ACCELERATION, jerk=JERK, torque_margin=MARGIN, clearance=entry.clearance,
         surroundings=(floor(entry.floor),),
     )  # fmt: skip
-    wish = Wish(goal, asked.seconds, asked.harmonics, free_centre=asked.free)
-    return design_plan(wish, rules, Effort(1e-3, 1, 0))
+    wish = Wish(goal, asked.seconds, asked.harmonics, free_start=asked.free, free_centre=asked.free)
+    return design_plan(wish, rules, Effort(None if asked.rounds else 1e-3, 1, 0, asked.rounds))
 
 
 def flight(entry: Entry, plan: Path) -> Flight:
@@ -198,35 +206,49 @@ def variances(problem: Problem, series: Excitation) -> float:
     return float(np.trace(np.linalg.inv(information_along(problem.goal, series.sample(problem.goal.rate)))))
 
 
-def anywhere(designed: Designed, rng: np.random.Generator) -> Iterator[Problem]:
+def anywhere(found: Designed, rng: np.random.Generator) -> Iterator[Problem]:
     """The same problem from random start poses in which its limits are kept."""
-    problem, limits = designed.problem, designed.limits
+    problem, limits, collision = found.problem, found.limits, found.collision
+    robot = problem.goal.model.robot
     low, high = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
-    still = np.zeros(problem.basis.unknowns)
-    for _ in range(DRAWS):
-        moved = replace(problem, basis=replace(problem.basis, start=rng.uniform(low, high)))
-        if highest(moved, moved.grid(1), still) < 1.0:
+    poses = (rng.uniform(low, high, (AT_ONCE, robot.n)) for _ in range(DRAWS // AT_ONCE))
+    for start in (pose for some in poses for pose in some[apart(collision, robot, some)]):
+        moved = replace(problem, basis=replace(problem.basis, start=start, free=False))
+        if highest(moved, moved.grid(1), np.zeros(moved.basis.unknowns)) < 1.0:
             yield moved
 
 
+def apart(collision: Collision | None, robot: Robot, poses: Array) -> NDArray[np.bool_]:
+    """In which poses (N, n) bodies keep apart."""
+    assert collision is not None
+    distance = collision.every.bodies.nearest(forward_kinematics(robot, poses))[0]
+    return np.asarray((distance > collision.every.margin).all(axis=1))
+
+
 def measure(entry: Entry, asked: Asked) -> Row:
-    """One arm."""
+    """One arm and one space."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "plan"
-        wall, cpu = command(entry, asked, out)
+        if asked.rounds:
+            began, ticks = time.time(), time.process_time()
+            save_design(designed(entry, asked), out, formats=())
+            wall, cpu = time.time() - began, time.process_time() - ticks
+        else:
+            wall, cpu = command(entry, asked, out)
         seen = flight(entry, out / "plan.json")
         series = load_plan(out / "plan.json")
         plan, report = (json.loads((out / f"{name}.json").read_text()) for name in ("plan", "preflight"))
-    designed, rng = problem_of(entry, asked), np.random.default_rng(0)
-    spaces = islice(anywhere(designed, rng), CHANCES) if asked.free else [designed.problem] * CHANCES
-    chances = [by_chance(problem, rng) for problem in spaces]
-    own = variances(designed.problem, series)
+    found, rng = designed(entry, replace(asked, rounds=None)), np.random.default_rng(0)
+    problem = found.problem
+    spaces = islice(anywhere(found, rng), CHANCES) if asked.free else [problem] * CHANCES
+    chances = [by_chance(each, rng) for each in spaces]
+    own = variances(problem, series)
     complain(entry, seen)
     return Row(
         entry.name,
         "free" if asked.free else "usual" if usual(plan) else "found",
         series.n,
-        designed.problem.goal.base.count,
+        problem.goal.base.count,
         seen.pairs,
         len(seen.skipped),
         round(wall, 1),
@@ -263,10 +285,11 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=20.0, help="wall time of each search [s]")
     parser.add_argument("--seconds", type=float, default=20.0, help="length of the motion")
     parser.add_argument("--harmonics", type=int, default=10)
+    parser.add_argument("--rounds", type=int, help="whole rounds in one process in the place of a budget")
     parser.add_argument("--criterion", default="a-optimal")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    asked = Asked(options.seconds, options.harmonics, options.criterion, options.budget)
+    asked = Asked(options.seconds, options.harmonics, options.criterion, options.budget, rounds=options.rounds)
     rows: list[Row] = []
     if not options.json:
         print("| " + " | ".join(field.name.replace("_", " ") for field in fields(Row)) + " |")

@@ -2,7 +2,8 @@
 
 Shares nothing with armid but the files: `plan.json` for (3.55b), the description for limits, masses and bodies. URDF
 goes through Pinocchio; a DH table in TOML is built joint by joint into a Pinocchio model here. Bodies are measured as
-they are, meshes by their triangles, by Coal through Pinocchio, at every sample.
+they are, meshes by their triangles, by Coal through Pinocchio, at every sample at which the convex hulls of the
+meshes, made by Coal, are not further apart already.
 """
 
 from __future__ import annotations
@@ -219,8 +220,16 @@ class _Watch:
             if self.between(pair) > 1 or (self.floor(pair) and self.between(pair) == 1):
                 self.geometry.addCollisionPair(pair)
         self.data, self.gaps = self.model.createData(), self.geometry.createData()
-        for request in self.gaps.collisionRequests:
-            request.security_margin = clearance - ROUNDING
+        self.around = self.geometry.copy()
+        for body in self.around.geometryObjects:
+            if isinstance(body.geometry, coal.BVHModelOBBRSS):
+                body.geometry.buildConvexHull(True, "Qt")
+                body.geometry = body.geometry.convex
+        self.hulls = self.around.createData()
+        for gaps in (self.gaps, self.hulls):
+            for request in gaps.collisionRequests:
+                request.security_margin = clearance - ROUNDING
+        self.skip = np.zeros(len(self.geometry.collisionPairs), dtype=bool)
         rng = np.random.default_rng(0)
         low, high = np.maximum(arm.lower, -math.pi), np.minimum(arm.upper, math.pi)
         usual = np.mean([self.touching(pose) for pose in rng.uniform(low, high, (LOOKED, self.model.nv))], axis=0)
@@ -229,7 +238,7 @@ class _Watch:
             beside = self.between(pair) <= (1 if self.floor(pair) else NEIGHBOURS)
             always = usual[k] >= ALWAYS and not self.floor(pair)
             if always or (beside and usual[k] > CONSTRUCTION):
-                self.gaps.activeCollisionPairs[k] = False
+                self.skip[k] = True
                 self.skipped.append(self.name(k))
 
     def between(self, pair: pin.CollisionPair) -> int:
@@ -248,16 +257,25 @@ class _Watch:
 
     def touching(self, pose: np.ndarray) -> np.ndarray:
         """Which pairs are too close in a pose, shape (m,)."""
-        pin.computeCollisions(self.model, self.data, self.geometry, self.gaps, placed(self.model, pose), False)
-        active = self.gaps.activeCollisionPairs
-        results = self.gaps.collisionResults
-        return np.array([bool(active[k]) and results[k].isCollision() for k in range(len(results))])
+        q = placed(self.model, pose)
+        near = self._found(self.around, self.hulls, q, ~self.skip)
+        return self._found(self.geometry, self.gaps, q, near) if near.any() else near
+
+    def _found(
+        self, geometry: pin.GeometryModel, gaps: pin.GeometryData, q: np.ndarray, ask: np.ndarray
+    ) -> np.ndarray:
+        """Which of the pairs asked for are too close, shape (m,)."""
+        for k in np.flatnonzero(ask):
+            gaps.activateCollisionPair(int(k))
+        for k in np.flatnonzero(~ask):
+            gaps.deactivateCollisionPair(int(k))
+        pin.computeCollisions(self.model, self.data, geometry, gaps, q, False)
+        results = gaps.collisionResults
+        return np.array([bool(ask[k]) and results[k].isCollision() for k in range(len(results))], dtype=bool)
 
     def look(self, q: np.ndarray, seen: Flight) -> None:
         """Every pose."""
         seen.skipped, seen.pairs = self.skipped, len(self.geometry.collisionPairs) - len(self.skipped)
         for pose in q:
-            configuration = placed(self.model, pose)
-            if pin.computeCollisions(self.model, self.data, self.geometry, self.gaps, configuration, True):
-                for k in np.flatnonzero(self.touching(pose)):
-                    seen.close[self.name(int(k))] = seen.close.get(self.name(int(k)), 0) + 1
+            for k in np.flatnonzero(self.touching(pose)):
+                seen.close[self.name(int(k))] = seen.close.get(self.name(int(k)), 0) + 1

@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.excitation.fourier import Excitation
-from armid.study.excite import Effort
+from armid.excitation.fourier import Excitation, save_plan
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
-WORTH, ANYWHERE = 3.0, 5.0
-"""How many times lower the sum of variances is than by chance, at least, from the plan's own start pose and from
-random ones: the arm that gains least of those measured gains 3.6 times from its own."""
+WORTH = 3.0
+"""How many times lower the sum of variances is than by chance, at least: the arm that gains least of those measured
+gains 3.6 times."""
 
 
 @pytest.fixture(scope="module")
@@ -28,11 +27,12 @@ def arms():
         sys.path.remove(str(BENCHMARKS))
 
 
-def test_a_scara_above_its_floor(arms):
+@pytest.mark.parametrize("free", [False, True])
+def test_a_scara_above_its_floor(arms, free):
     entry = next(entry for entry in arms.entries() if entry.name == "scara")
-    row = arms.measure(entry, Effort(4.0, 1, 0), 6.0, 4, "a-optimal")
+    row = arms.measure(entry, arms.Asked(6.0, 4, free=free, rounds=1))
     assert row.violations == 0 and row.pairs > 0
-    assert row.gain > WORTH and row.gain_over_any > ANYWHERE
+    assert row.gain > WORTH
 
 
 def test_the_other_program_sees_what_is_wrong(arms, tmp_path):
@@ -40,20 +40,19 @@ def test_the_other_program_sees_what_is_wrong(arms, tmp_path):
     entry = next(entry for entry in arms.entries() if entry.name == "scara")
     arm = arms.load_table(entry.path)
     still = Excitation(1.0, np.zeros((4, 2)), np.zeros((4, 2)), [0.0, 0.0, 0.1, 0.0])
-    path = arms.save_plan(still, tmp_path / "plan.json")
+    path = save_plan(still, tmp_path / "plan.json")
     options = {"clearance": 0.02, "rate": 20.0, "acceleration": 10.0, "jerk": 200.0}
     assert arms.fly(arm, path, floor=0.0, **options).violations == 0
     assert set(arms.fly(arm, path, floor=0.4, **options).close) == {"link_3_0 - floor", "link_4_0 - floor"}
     fast = Excitation(1.0, [[9.0, -9.0], [0, 0], [0, 0], [0, 0]], np.zeros((4, 2)), still.offset)
-    shares = arms.fly(arm, arms.save_plan(fast, path), floor=0.0, **options).shares
+    shares = arms.fly(arm, save_plan(fast, path), floor=0.0, **options).shares
     assert {name for name, share in shares.items() if share > 1.0 + 1e-6} == {"position", "velocity", "acceleration"}
 
 
 @pytest.mark.long
 def test_every_arm_that_is_here(arms):
+    """Shorter plans than people make, so that all of them take a few minutes."""
     for entry in arms.entries():
-        if "baxter" in entry.name:  # capsules around its forearms overlap always, the forearms themselves do not
-            continue
-        row = arms.measure(entry, Effort(20.0, 1, 0), 20.0, 10, "a-optimal")
+        row = arms.measure(entry, arms.Asked(6.0, 4, rounds=1))
         assert row.violations == 0, row
-        assert row.gain > WORTH and row.gain_over_any > ANYWHERE, row
+        assert row.gain > WORTH, row

@@ -236,6 +236,28 @@ class Bodies:
             np.maximum(result, np.linalg.norm(away, axis=-1), out=result)
         return result + np.array([capsule.size[0] for capsule in self.capsules])[:, None]
 
+    def approach(self, poses: tuple[Array, Array], tree: Tree, speed: Array, beyond: float = 0.0) -> Array:
+        """Bound (N, m) [m/s] of how fast the bodies of each pair come together.
+
+        Only the joints between them do that, and none moves a point faster than its speed times how far the point is
+        from its axis.
+
+        Args:
+            poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+            tree: The arm's geometry.
+            speed: Of the joints, shape (n,) or (N, n) [rad/s or m/s].
+            beyond: What is added to every distance from an axis [m].
+        """
+        reach = np.where(tree.prismatic.astype(np.bool_), 1.0, self.lengths(poses, tree) + beyond)
+        one, other = (carried_by(tree, self.links(side)) for side in (0, 1))
+        solid = self.pairs[:, 1] >= len(self.capsules)
+        i, j = self.pairs[:, 0], np.where(solid, 0, self.pairs[:, 1])
+        # A joint that carries both moves neither by the other; one that carries a solid does not exist.
+        at = self.groups
+        moved = reach[:, i] * (one * (1.0 - other))[at] + reach[:, j] * (other * (1.0 - one))[at]
+        fastest = (moved @ speed[:, :, None])[:, :, 0] if speed.ndim == 2 else moved @ speed
+        return np.maximum.reduceat(fastest, self.first, axis=1)
+
     def only(self, which: Sequence[int] | NDArray[np.intp]) -> Bodies:
         """Some of the pairs of bodies, in rising order."""
         chosen = np.isin(self.groups, np.asarray(which, dtype=np.intp))
@@ -251,11 +273,13 @@ class Clearance:
         name: What it is.
         bodies: Which, and which pairs of them.
         margin: Distance that stays between them [m].
+        spare: What a search keeps beyond it, of each pair, shape (m,) or one for all [m].
     """
 
     name: str
     bodies: Bodies
     margin: float
+    spare: Array | float = 0.0
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -266,12 +290,13 @@ class Clearance:
         """Pairs that matter to a motion and to others like it: all where they are few, else those within reach."""
         if len(self.labels) <= FEW:
             return self
-        distance = self._nearest(states)[0].min(axis=0)
-        return replace(self, bodies=self.bodies.only(np.flatnonzero(distance < self.margin + REACH)))
+        which = np.flatnonzero(self._nearest(states)[0].min(axis=0) < self.margin + REACH)
+        spare = np.broadcast_to(self.spare, len(self.labels))[which]
+        return replace(self, bodies=self.bodies.only(which), spare=spare)
 
     def values(self, states: States) -> Array:
         """One less the room that is left over a tenth of a metre, shape (N, m)."""
-        return 1.0 - (self._nearest(states)[0] - self.margin) / SCALE
+        return 1.0 - (self._nearest(states)[0] - self.margin - self.spare) / SCALE
 
     def pull(self, states: States, weights: Array) -> Array:
         """Gradient (m, n k): the nearest points move with the links that carry them."""
@@ -313,15 +338,7 @@ class Clearance:
         """
         half = 0.5 * step
         speed = np.abs(states.derivatives[1]) + half * states.basis.peaks_between(states.x, 2)
-        lengths = bodies.lengths(states.poses, states.tree) + half * fastest
-        reach = np.where(states.tree.prismatic.astype(np.bool_), 1.0, lengths)
-        one, other = (carried_by(states.tree, bodies.links(side)) for side in (0, 1))
-        solid = bodies.pairs[:, 1] >= len(bodies.capsules)
-        i, j = bodies.pairs[:, 0], np.where(solid, 0, bodies.pairs[:, 1])
-        # A joint that carries both moves neither by the other; one that carries a solid does not exist.
-        at = bodies.groups
-        moved = reach[:, i] * (one * (1.0 - other))[at] + reach[:, j] * (other * (1.0 - one))[at]
-        return half * np.maximum.reduceat(np.einsum("nmj,nj->nm", moved, speed), bodies.first, axis=1)
+        return half * bodies.approach(states.poses, states.tree, speed, half * fastest)
 
     def _nearest(self, states: States) -> tuple[Array, Array, Array, Array]:
         """Distances, nearest points and directions, computed once a point of a search."""

@@ -45,9 +45,9 @@ MEASURED = 300
 NEAR = 0.08
 """Distance beyond the margin [m] within which a pair in any of these poses takes part in the search."""
 
-CERTIFICATE = 0.003
-"""What a search keeps beyond the margin [m], so that the certificate, which allows for half a step of a millisecond
-at the speeds of both bodies, need not draw the plan together."""
+HALF, CERTIFICATE = 0.0005, 0.003
+"""A search keeps beyond the margin what bodies come together in half a step of the certificate's grid [s] with all
+joints at their fastest, so that the certificate need not draw the plan together; no more than so many metres."""
 
 NEIGHBOURS = 2
 """Links so many joints apart may touch by construction."""
@@ -119,6 +119,7 @@ class Cell:
         touching: Share of these poses in which each pair is closer than the margin, shape (m,).
         constructed: Which pairs may touch by construction, shape (m,).
         tried: Some of these poses, shape (k, n).
+        spare: What a search keeps beyond the margin, shape (m,) [m].
     """
 
     robot: Robot
@@ -130,6 +131,11 @@ class Cell:
     touching: Array
     constructed: NDArray[np.bool_]
     tried: Array
+    spare: Array
+
+    def clear(self, q: Array) -> Array:
+        """Least distance in poses (N, n) of pairs that do not touch by construction, less what is kept, (N,) [m]."""
+        return (self.distances(q) - self.spare)[:, ~self.constructed].min(axis=1, initial=np.inf)
 
     def distances(self, q: Array) -> Array:
         """Distance of each pair in poses (N, n), shape (N, m) [m]."""
@@ -177,11 +183,15 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
     q = np.random.default_rng(0).uniform(low, high, (LOOKED, robot.n))
-    distance = bodies.nearest(forward_kinematics(robot, q))[0]
+    poses = forward_kinematics(robot, q)
+    distance = bodies.nearest(poses)[0]
     touching = (distance < margin).mean(axis=0)
     constructed = _constructed(robot, shapes, pairs, touching)
     nearest = distance.min(axis=0, initial=np.inf)
-    cell = Cell(robot, shapes, bodies, pairs, margin, nearest, touching, constructed, q[:MEASURED])
+    some = poses[0][:MEASURED], poses[1][:MEASURED]
+    fastest = bodies.approach(some, robot.tree, limits.velocity).max(axis=0) if len(pairs) else np.zeros(0)
+    spare = np.minimum(HALF * fastest, CERTIFICATE)
+    cell = Cell(robot, shapes, bodies, pairs, margin, nearest, touching, constructed, q[:MEASURED], spare)
     return cell.closer(np.flatnonzero(touching > CONSTRUCTION))
 
 
@@ -227,7 +237,7 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
         cell = cell.closer(np.setdiff1d(wrong, cell.bodies.hulls.at))
         distance = cell.distances(start[None])[0]
         wrong = np.flatnonzero((distance < cell.margin) & ~cell.constructed)
-    close = (distance < cell.margin + CERTIFICATE) & cell.constructed
+    close = (distance < cell.margin + cell.spare) & cell.constructed
     if len(wrong):
         k = int(wrong[distance[wrong].argmin()])
         raise ArmidError(
@@ -239,7 +249,7 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
     every = cell.bodies.only(kept)
     near = np.flatnonzero(np.minimum(cell.nearest, distance)[kept] < cell.margin + NEAR)
     return Collision(
-        Clearance("collision", every.only(near), cell.margin + CERTIFICATE) if len(near) else None,
+        Clearance("collision", every.only(near), cell.margin, cell.spare[kept][near]) if len(near) else None,
         Clearance("collision", every, cell.margin),
         _left_out(cell, np.flatnonzero(close)),
         cell.shapes,

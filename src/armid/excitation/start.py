@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
-from armid.excitation.collision import CERTIFICATE, Cell, kept_apart
+from armid.excitation.collision import Cell, kept_apart
 from armid.excitation.limits import Limits
 from armid.values import Array
 
@@ -97,10 +97,9 @@ def choose_start(cell: Cell, limits: Limits, holds: Holds = anywhere) -> Start:
     rng = np.random.default_rng(0)
     between = np.maximum(low, usual - wander), np.minimum(high, usual + wander)
     poses = np.vstack([usual, rng.uniform(*between, (LOOKED, len(usual)))])
-    free = ~cell.constructed
-    distance = cell.distances(poses)[:, free].min(axis=1, initial=np.inf)
+    distance = cell.clear(poses)
     order = np.concatenate([[0], 1 + np.argsort(-distance[1:], kind="stable")])
-    order = order[distance[order] >= cell.margin + CERTIFICATE]
+    order = order[distance[order] >= cell.margin]
     if not len(order):
         kept_apart(cell, usual)
         raise ArmidError(
@@ -127,7 +126,7 @@ def _plain(cell: Cell, limits: Limits, holds: Holds, pose: Array, usual: Array, 
         for value in (usual[j], *(round(pose[j] * parts) / parts for parts in (2, 10, 100))):
             trial = pose.copy()
             trial[j] = value
-            free = cell.distances(trial[None])[0, ~cell.constructed].min(initial=np.inf) >= cell.margin + CERTIFICATE
+            free = cell.clear(trial[None])[0] >= cell.margin
             free = free and limits.lower[j] < value < limits.upper[j] and bool(holds(trial[None])[0])
             if free and room(cell, limits, trial, holds) >= enough:
                 pose = trial
