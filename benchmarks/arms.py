@@ -202,8 +202,10 @@ def by_chance(problem: Problem, rng: np.random.Generator) -> float:
 
 
 def variances(problem: Problem, series: Excitation) -> float:
-    """Sum over the base parameters."""
-    return float(np.trace(np.linalg.inv(information_along(problem.goal, series.sample(problem.goal.rate)))))
+    """Sum over the base parameters; infinite where the motion does not tell all of them."""
+    values = np.linalg.eigvalsh(information_along(problem.goal, series.sample(problem.goal.rate)))
+    told = values[0] > np.finfo(float).eps * values[-1]
+    return float((1.0 / values).sum()) if told else np.inf
 
 
 def anywhere(found: Designed, rng: np.random.Generator) -> Iterator[Problem]:

@@ -19,7 +19,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from armid.excitation.capsules import in_slabs
 from armid.excitation.coal import convex, geometry, mesh_triangles, nearest
-from armid.robot.shapes import Shape
+from armid.robot.shapes import Kind, Shape
 from armid.values import Array
 
 __all__ = ["Hulls", "hull_points", "prism"]
@@ -47,13 +47,18 @@ def hull_points(points: Array) -> ConvexHull:
         return ConvexHull((points[:, None] + thick).reshape(-1, 3))
 
 
-@lru_cache(maxsize=512)
 def _parts(shape: Shape) -> tuple[Any, ...]:
     """Convex bodies for Coal, in the frame of a body that lies in them."""
-    radius, length, _ = (float(x) for x in shape.size)
-    if shape.kind == "cylinder":
-        return (_solid(hull_points(prism(radius, length))),)
-    if shape.kind == "mesh":
+    return _parts_of(shape.kind, tuple(shape.size.tolist()), shape.path)
+
+
+@lru_cache(maxsize=512)
+def _parts_of(kind: Kind, size: tuple[float, float, float], path: str) -> tuple[Any, ...]:
+    """The same, made once for bodies of one form: a shape that came from another process is a new one."""
+    shape = Shape("", -1, kind, np.array(size), np.eye(4), path)
+    if kind == "cylinder":
+        return (_solid(hull_points(prism(*size[:2]))),)
+    if kind == "mesh":
         hulls = in_slabs(mesh_triangles(shape), hull_points, lambda hull: float(hull.volume))
         return tuple(_solid(hull) for hull in hulls)
     return (geometry(shape),)
