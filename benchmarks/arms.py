@@ -223,7 +223,7 @@ def anywhere(found: Designed, rng: np.random.Generator) -> Iterator[Problem]:
 def apart(collision: Collision | None, robot: Robot, poses: Array) -> NDArray[np.bool_]:
     """In which poses (N, n) bodies keep apart."""
     assert collision is not None
-    distance = collision.every.bodies.nearest(forward_kinematics(robot, poses))[0]
+    distance = collision.every.bodies.distances(forward_kinematics(robot, poses))
     return np.asarray((distance > collision.every.margin).all(axis=1))
 
 

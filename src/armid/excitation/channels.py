@@ -43,6 +43,7 @@ class States:
         self.tree = objective.tree
         self.x = x
         self.nearest: dict[int, tuple[Array, Array, Array, Array]] = {}
+        self.distances: dict[int, Array] = {}
         self._filled = filled
 
     @cached_property

@@ -32,7 +32,7 @@ FEW, REACH = 80, 0.15
 """Of more pairs than so many, a stage of a search looks at those that come as near to each other as this [m]: two
 arms of seven joints have seven hundred pairs."""
 
-TILE = 60000
+TILE = 30000
 """Pairs times poses that are looked at at a time: what is computed of them stays in cache."""
 
 SECTIONS = 40
@@ -41,30 +41,23 @@ SECTIONS = 40
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
-def nearest_on_segments(a: Array, u: Array, b: Array, v: Array) -> tuple[Array, Array]:
-    """Points of two segments that are nearest each other.
+def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -> tuple[Array, Array]:
+    """Where two segments are nearest each other, 0 at their beginnings a and b and 1 at their ends a + u and b + v.
 
     Args:
-        a: Where the first begins, shape (..., 3).
-        u: From its beginning to its end, shape (..., 3).
-        b: Where the second begins, shape (..., 3).
-        v: From its beginning to its end, shape (..., 3).
+        uu: Squared length of the first.
+        vv: Squared length of the second.
+        uv: Product of their directions u and v, shape (..., c).
+        ur: Product of u and a - b, shape (..., c).
+        vr: Product of v and a - b, shape (..., c).
     """
-    r = a - b
-    uu, vv, uv, ur, vr = _dot(u, u), _dot(v, v), _dot(u, v), _dot(u, r), _dot(v, r)
     across = uu * vv - uv**2
     s = np.clip((uv * vr - ur * vv) / np.maximum(across, TINY * TINY), 0.0, 1.0)
     s = np.where(across > TINY * np.maximum(uu * vv, TINY), s, 0.0)
     t = np.clip((uv * s + vr) / np.maximum(vv, TINY), 0.0, 1.0)
     s = np.clip((uv * t - ur) / np.maximum(uu, TINY), 0.0, 1.0)
     t = np.clip((uv * s + vr) / np.maximum(vv, TINY), 0.0, 1.0)
-    return a + s[..., None] * u, b + t[..., None] * v
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Products of vectors (..., 3)."""
-    result: Array = np.einsum("...x,...x->...", a, b)  # three times as fast as a sum along an axis of three
-    return result
+    return s, t
 
 
 def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array]:
@@ -144,71 +137,82 @@ class Bodies:
         every = (*self.capsules, *self.solids)
         return [every[k].link for k in self.pairs[self.first, side]]
 
+    def distances(self, poses: tuple[Array, Array]) -> Array:
+        """Distances (N, m) [m]."""
+        result = self._places(*self.axes(poses))[0]
+        if len(self.first) < len(self.pairs):
+            result = np.minimum.reduceat(result, self.first, axis=1)
+        if len(self.hulls):
+            result[:, self.hulls.at] = self.hulls.distances(poses)
+        return result
+
     def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
         """Distances (N, m) [m], nearest points of both and directions from the second, each (N, m, 3).
 
         The nearest points of capsules are those of their axes.
         """
-        R, p = poses
-        block = max(1, TILE // max(1, len(self.pairs)))
-        blocks = [
-            self._nearest_capsules((R[k : k + block], p[k : k + block])) for k in range(0, max(1, len(p)), block)
-        ]
-        distance, first, second, normal = blocks[0]
-        if len(blocks) > 1:
-            distance, first, second, normal = (np.concatenate(part) for part in zip(*blocks, strict=True))
-        result = distance, first, second, normal
+        begin, along = self.axes(poses)
+        distance, places, slopes = self._places(begin, along)
+        row, at = np.arange(len(begin))[:, None], np.tile(self.first, (len(begin), 1))
+        for k, (start, end) in enumerate(pairwise((*self.first, len(self.pairs)))):
+            if end > start + 1:
+                at[:, k] += distance[:, start:end].argmin(axis=1)
+        i, j = self.pairs[at].transpose(2, 0, 1)
+        solid = j >= len(self.capsules)
+        j = np.where(solid, i, j)
+        s, t = (place[row, at][:, :, None] for place in places)
+        first = begin[row, i] + s * along[row, i]
+        second = begin[row, j] + t * along[row, j]
+        gap = first - second
+        normal = gap / np.maximum(np.sqrt(np.einsum("nmx,nmx->nm", gap, gap)), TINY)[:, :, None]
+        for k in np.flatnonzero(solid.any(axis=0)):
+            normal[:, k] = np.array([slopes[pair][n] for n, pair in enumerate(at[:, k].tolist())])
+        result = distance[row, at], first, second, normal
         if len(self.hulls):
             for whole, closer in zip(result, self.hulls.nearest(poses), strict=True):
                 whole[:, self.hulls.at] = closer
         return result
 
-    def _nearest_capsules(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
-        """The same by the capsules."""
-        found = self._of_capsules(poses)
-        first = self.first
-        if len(first) == len(self.pairs):
-            return found
-        distance, *points = found
-        chosen = np.tile(first, (len(distance), 1))
-        for k, (begin, end) in enumerate(pairwise((*first, len(self.pairs)))):
-            if end > begin + 1:
-                chosen[:, k] += distance[:, begin:end].argmin(axis=1)
-        one, two, normal = (np.take_along_axis(each, chosen[:, :, None], axis=1) for each in points)
-        return np.take_along_axis(distance, chosen, axis=1), one, two, normal
+    def _places(self, begin: Array, along: Array) -> tuple[Array, tuple[Array, Array], dict[int, Array]]:
+        """Each pair of capsules by itself, from their axes (N, c, 3).
 
-    def _of_capsules(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
-        """The same for each pair of capsules."""
-        begin, along = self._segments(poses)
-        samples = len(begin)
-        shape = (samples, len(self.pairs))
-        distance, first, second, normal = np.zeros(shape), *(np.zeros((*shape, 3)) for _ in range(3))
-        radius = np.array([capsule.size[0] for capsule in self.capsules])
-        count = len(self.capsules)
+        Returns:
+            Distances (N, p) [m], places (N, p) along both axes, 0 to 1, and by pair the slope (N, 3) of the distance
+            to a solid; the place on a solid is that on the capsule.
+        """
+        count, samples = len(self.capsules), len(begin)
+        radius, length, _ = np.array([capsule.size for capsule in self.capsules]).reshape(-1, 3).T
+        distance, s, t = (np.zeros((samples, len(self.pairs))) for _ in range(3))
         both = np.flatnonzero(self.pairs[:, 1] < count)
-        if len(both):
-            i, j = self.pairs[both].T
-            p, q = nearest_on_segments(begin[:, i], along[:, i], begin[:, j], along[:, j])
-            gap = p - q
-            length = np.sqrt(_dot(gap, gap))
-            distance[:, both] = length - radius[i] - radius[j]
-            first[:, both], second[:, both] = p, q
-            normal[:, both] = gap / np.maximum(length, TINY)[..., None]
-        for k in np.flatnonzero(self.pairs[:, 1] >= count):
-            i, solid = int(self.pairs[k, 0]), self.solids[int(self.pairs[k, 1]) - count]
+        i, j = self.pairs[both].T
+        block = max(1, TILE // max(1, len(both)))
+        for k in range(0, samples if len(both) else 0, block):
+            part = slice(k, k + block)
+            b, u = begin[part], along[part]
+            # All products of all axes at once are less work than a few of those that are needed.
+            bb, ub, uu = (x @ y.transpose(0, 2, 1) for x, y in ((b, b), (u, b), (u, u)))
+            ur, vr = ub[:, i, i] - ub[:, i, j], ub[:, j, i] - ub[:, j, j]
+            one, other, uv = length[i] ** 2, length[j] ** 2, uu[:, i, j]
+            x, y = nearest_on_segments(one, other, uv, ur, vr)
+            rr = bb[:, i, i] + bb[:, j, j] - 2.0 * bb[:, i, j]
+            squared = rr + x * (x * one + 2.0 * (ur - y * uv)) + y * (y * other - 2.0 * vr)
+            distance[part, both] = np.sqrt(np.maximum(squared, 0.0)) - radius[i] - radius[j]
+            s[part, both], t[part, both] = x, y
+        slopes: dict[int, Array] = {}
+        for k in np.flatnonzero(self.pairs[:, 1] >= count).tolist():
+            carrier, solid = int(self.pairs[k, 0]), self.solids[int(self.pairs[k, 1]) - count]
             R, o = solid.placement[:3, :3], solid.placement[:3, 3]
-            a, u = (begin[:, i] - o) @ R, along[:, i] @ R
+            a, u = (begin[:, carrier] - o) @ R, along[:, carrier] @ R
             if solid.kind == "half-space":
-                s = np.where(u[:, 2] < 0.0, 1.0, 0.0)
-                gap, slope = a[:, 2] + s * u[:, 2], np.tile([0.0, 0.0, 1.0], (samples, 1))
+                place = np.where(u[:, 2] < 0.0, 1.0, 0.0)
+                gap, slope = a[:, 2] + place * u[:, 2], np.tile([0.0, 0.0, 1.0], (samples, 1))
             else:
-                s, gap, slope = nearest_on_box(a, u, 0.5 * solid.size)
-            distance[:, k], normal[:, k] = gap - radius[i], slope @ R.T
-            first[:, k] = begin[:, i] + s[:, None] * along[:, i]
-            second[:, k] = first[:, k]
-        return distance, first, second, normal
+                place, gap, slope = nearest_on_box(a, u, 0.5 * solid.size)
+            distance[:, k], slopes[k] = gap - radius[carrier], slope @ R.T
+            s[:, k] = t[:, k] = place
+        return distance, (s, t), slopes
 
-    def _segments(self, poses: tuple[Array, Array]) -> tuple[Array, Array]:
+    def axes(self, poses: tuple[Array, Array]) -> tuple[Array, Array]:
         """Where the axes of the capsules begin, and from there to their ends, base frame, (N, c, 3)."""
         R, p = poses
         begin, along = (np.empty((len(p), len(self.capsules), 3)) for _ in range(2))
@@ -226,7 +230,7 @@ class Bodies:
 
         The distance to a line is convex, so one of the ends of the capsule's axis is the furthest.
         """
-        begin, along = self._segments(poses)
+        begin, along = self.axes(poses)
         R, p = poses
         axes = np.einsum("njik,jk->nji", R, tree.axis)[:, None]
         result = np.zeros((len(p), len(self.capsules), tree.n))
@@ -290,13 +294,13 @@ class Clearance:
         """Pairs that matter to a motion and to others like it: all where they are few, else those within reach."""
         if len(self.labels) <= FEW:
             return self
-        which = np.flatnonzero(self._nearest(states)[0].min(axis=0) < self.margin + REACH)
+        which = np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH)
         spare = np.broadcast_to(self.spare, len(self.labels))[which]
         return replace(self, bodies=self.bodies.only(which), spare=spare)
 
     def values(self, states: States) -> Array:
         """One less the room that is left over a tenth of a metre, shape (N, m)."""
-        return 1.0 - (self._nearest(states)[0] - self.margin - self.spare) / SCALE
+        return 1.0 - (self._distances(states) - self.margin - self.spare) / SCALE
 
     def pull(self, states: States, weights: Array) -> Array:
         """Gradient (m, n k): the nearest points move with the links that carry them."""
@@ -315,9 +319,10 @@ class Clearance:
         step brings them together by no more than that. For pairs that are far apart a rougher bound does: no point of
         the arm is further from an axis than the widest spread of all points.
         """
-        distance, first, second, _ = self._nearest(states)
-        speed, origins = states.speed_bound, states.poses[1]
-        spread = 2.0 * max(float(np.abs(points).max(initial=0.0)) for points in (first, second, origins)) * 3.0**0.5
+        distance, speed = self._distances(states), states.speed_bound
+        begin, along = self.bodies.axes(states.poses)
+        places = (begin, begin + along, states.poses[1])
+        spread = 2.0 * max(float(np.abs(points).max(initial=0.0)) for points in places) * 3.0**0.5
         size = max((float(capsule.size[:2].sum()) for capsule in self.bodies.capsules), default=0.0)
         reach = np.where(states.tree.prismatic.astype(np.bool_), 1.0, spread + size)
         total = np.full(len(self.labels), step * float(speed @ reach))
@@ -345,6 +350,14 @@ class Clearance:
         if id(self) not in states.nearest:
             states.nearest[id(self)] = self.bodies.nearest(states.poses)
         return states.nearest[id(self)]
+
+    def _distances(self, states: States) -> Array:
+        """Distances alone, which are a third of the work."""
+        if id(self) in states.nearest:
+            return states.nearest[id(self)][0]
+        if id(self) not in states.distances:
+            states.distances[id(self)] = self.bodies.distances(states.poses)
+        return states.distances[id(self)]
 
 
 def floor(height: float = 0.0, gravity: ArrayLike = (0.0, 0.0, -1.0)) -> Shape:

@@ -6,7 +6,7 @@ ones (`armid.excitation.hulls`) only where capsules do not do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -19,6 +19,10 @@ from armid.robot.shapes import Shape
 from armid.values import Array
 
 __all__ = ["between", "convex", "distances", "geometry", "mesh_faces", "mesh_triangles", "nearest"]
+
+
+Parts = Callable[[Shape], Sequence[Any]]
+"""Bodies for Coal that stand for a body, in its frame."""
 
 
 def _coal() -> Any:
@@ -87,78 +91,84 @@ def convex(corners: Array, faces: NDArray[np.intp]) -> Any:
     return coal.Convex(points, triangles)
 
 
-def _placed(shape: Shape, pose: tuple[Array, Array]) -> Any:
-    """Where a body is, with rotations (n, 3, 3) and origins (n, 3) of the links."""
+def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
+    """Where a body is along a motion, with rotations (N, n, 3, 3) and origins (N, n, 3) of the links."""
+    transform = _coal().Transform3s
     turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
-    if shape.link >= 0:
-        turn, place = pose[0][shape.link] @ turn, pose[1][shape.link] + pose[0][shape.link] @ place
-    return _coal().Transform3s(turn, place)
+    R, p = poses
+    if shape.link < 0:
+        return [transform(turn, place)] * len(p)
+    turns, places = R[:, shape.link] @ turn, p[:, shape.link] + R[:, shape.link] @ place
+    return list(map(transform, turns, places))
 
 
-def distances(shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array]) -> Array:
+def _as_it_is(shape: Shape) -> tuple[Any, ...]:
+    """A body as its only part."""
+    return (geometry(shape),)
+
+
+def _measured(
+    shapes: Sequence[Shape], parts: Parts, pairs: NDArray[np.intp], poses: tuple[Array, Array]
+) -> Iterator[tuple[int, int, float, Any]]:
+    """Pair, pose, distance and Coal's result of each two parts of the bodies of each pair in each pose."""
+    coal = _coal()
+    used = np.unique(pairs).tolist()
+    of = {k: parts(shapes[k]) for k in used}
+    placed = {k: _placed(shapes[k], poses) for k in used}
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    for m, (a, b) in enumerate(pairs.tolist()):
+        for one in of[a]:
+            for other in of[b]:
+                measure = coal.ComputeDistance(one, other)
+                for k, (first, second) in enumerate(zip(placed[a], placed[b], strict=True)):
+                    result.clear()
+                    yield m, k, measure(first, second, request, result), result
+
+
+def distances(
+    shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array], parts: Parts = _as_it_is
+) -> Array:
     """Distance of each pair along a motion.
 
     Args:
         shapes: Bodies.
         pairs: Indices of two bodies each, shape (m, 2).
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+        parts: What is measured in the place of each body, for Coal.
 
     Returns:
         Shape (N, m) [m]; negative where bodies overlap.
     """
-    coal = _coal()
-    bodies = {k: geometry(shapes[k]) for k in np.unique(pairs).tolist()}
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    out = np.empty((len(poses[1]), len(pairs)))
-    for k, pose in enumerate(zip(*poses, strict=True)):
-        placed = {each: _placed(shapes[each], pose) for each in bodies}
-        for m, (a, b) in enumerate(pairs.tolist()):
-            result.clear()
-            out[k, m] = coal.distance(bodies[a], placed[a], bodies[b], placed[b], request, result)
+    out = np.full((len(poses[1]), len(pairs)), np.inf)
+    for m, k, distance, _ in _measured(shapes, parts, pairs, poses):
+        out[k, m] = min(out[k, m], distance)
     return out
 
 
 def nearest(
-    shapes: Sequence[Shape],
-    parts: Callable[[Shape], Sequence[Any]],
-    pairs: NDArray[np.intp],
-    poses: tuple[Array, Array],
+    shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array], parts: Parts
 ) -> tuple[Array, Array, Array, Array]:
-    """Distances of bodies of convex parts along a motion, and where they are nearest.
+    """Distances of bodies along a motion, and where they are nearest.
 
     Args:
         shapes: Bodies.
-        parts: The convex parts of each, for Coal.
         pairs: Indices of two bodies each, shape (m, 2).
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+        parts: Convex parts in the place of each body, for Coal.
 
     Returns:
         Distances (N, m) [m], negative where parts overlap, nearest points of both and the directions from the second
         body to the first in which they come apart, (N, m, 3).
     """
-    coal = _coal()
-    used = np.unique(pairs).tolist()
-    of = {k: parts(shapes[k]) for k in used}
-    both = [
-        (m, a, b, coal.ComputeDistance(one, other))
-        for m, (a, b) in enumerate(pairs.tolist())
-        for one in of[a]
-        for other in of[b]
-    ]
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
     shape = (len(poses[1]), len(pairs))
-    distance = np.full(shape, np.inf)
+    out = np.full(shape, np.inf)
     first, second, normal = (np.zeros((*shape, 3)) for _ in range(3))
-    for k, pose in enumerate(zip(*poses, strict=True)):
-        placed = {each: _placed(shapes[each], pose) for each in used}
-        for m, a, b, measure in both:
-            result.clear()
-            found = measure(placed[a], placed[b], request, result)
-            if found < distance[k, m]:
-                distance[k, m] = found
-                first[k, m], second[k, m] = result.getNearestPoint1(), result.getNearestPoint2()
-                normal[k, m] = -result.normal
-    return distance, first, second, normal
+    for m, k, distance, result in _measured(shapes, parts, pairs, poses):
+        if distance < out[k, m]:
+            out[k, m] = distance
+            first[k, m], second[k, m] = result.getNearestPoint1(), result.getNearestPoint2()
+            normal[k, m] = -result.normal
+    return out, first, second, normal
 
 
 def between(shapes: tuple[Shape, ...]) -> Callable[[int, int, tuple[Array, Array]], tuple[float, Array]]:
@@ -177,7 +187,7 @@ def between(shapes: tuple[Shape, ...]) -> Callable[[int, int, tuple[Array, Array
 
     def measure(a: int, b: int, poses: tuple[Array, Array]) -> tuple[float, Array]:
         result.clear()
-        one, other = (_placed(shapes[k], poses) for k in (a, b))
+        (one,), (other,) = (_placed(shapes[k], (poses[0][None], poses[1][None])) for k in (a, b))
         distance = coal.distance(bodies[a], one, bodies[b], other, request, result)
         return distance, np.array([result.getNearestPoint1(), result.getNearestPoint2()])
 

@@ -139,12 +139,12 @@ class Cell:
 
     def distances(self, q: Array) -> Array:
         """Distance of each pair in poses (N, n), shape (N, m) [m]."""
-        return self.bodies.nearest(forward_kinematics(self.robot, q))[0]
+        return self.bodies.distances(forward_kinematics(self.robot, q))
 
     def closer(self, which: NDArray[np.intp]) -> Cell:
         """The same with some of the pairs, rising, measured by hulls where that finds them further apart."""
         hulls = Hulls(self.shapes, self.pairs[which], which)
-        apart = hulls.nearest(forward_kinematics(self.robot, self.tried))[0]
+        apart = hulls.distances(forward_kinematics(self.robot, self.tried))
         share = (apart < self.margin).mean(axis=0)
         better = share < self.touching[which]
         kept = np.union1d(self.bodies.hulls.at, which[better])
@@ -184,7 +184,7 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
     high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
     q = np.random.default_rng(0).uniform(low, high, (LOOKED, robot.n))
     poses = forward_kinematics(robot, q)
-    distance = bodies.nearest(poses)[0]
+    distance = bodies.distances(poses)
     touching = (distance < margin).mean(axis=0)
     constructed = _constructed(robot, shapes, pairs, touching)
     nearest = distance.min(axis=0, initial=np.inf)

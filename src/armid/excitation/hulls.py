@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from armid.excitation.capsules import in_slabs
-from armid.excitation.coal import convex, geometry, mesh_triangles, nearest
+from armid.excitation.coal import convex, distances, geometry, mesh_triangles, nearest
 from armid.robot.shapes import Kind, Shape
 from armid.values import Array
 
@@ -92,13 +92,17 @@ class Hulls:
     def __len__(self) -> int:
         return len(self.at)
 
+    def distances(self, poses: tuple[Array, Array]) -> Array:
+        """Distances (N, r) [m], negative where hulls overlap."""
+        return distances(self.shapes, self.pairs, poses, _parts)
+
     def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
         """Distances (N, r) [m], negative where hulls overlap, nearest points of both and directions from the second.
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
         """
-        return nearest(self.shapes, _parts, self.pairs, poses)
+        return nearest(self.shapes, self.pairs, poses, _parts)
 
     def only(self, which: NDArray[np.intp]) -> Hulls:
         """Those that stand for some of the other pairs, which are rising and counted anew."""

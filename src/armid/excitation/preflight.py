@@ -141,7 +141,7 @@ def _closest(collision: Collision, times: Array, poses: tuple[Array, Array]) -> 
     A body is in its capsules, so where these are further apart than the bodies are at their closest so far nobody
     needs to look. Every fifth pose is looked at first, then those beside the closest: two meshes take a millisecond.
     """
-    bound = collision.every.bodies.nearest(poses)[0]
+    bound = collision.every.bodies.distances(poses)
     measure = coal.between(collision.shapes)
     found: list[Approach] = []
     for k, (label, (a, b)) in enumerate(zip(collision.every.labels, collision.pairs, strict=True)):

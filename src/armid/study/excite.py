@@ -381,7 +381,7 @@ def _check_leads(plan: Plan, robot: Robot, collision: Collision | None) -> None:
         if not seconds:
             continue
         q = plan.at(since + np.linspace(0.0, seconds, max(50, round(LEAD_CHECKS * seconds)))).q
-        distance = collision.every.bodies.nearest(forward_kinematics(robot, q))[0]
+        distance = collision.every.bodies.distances(forward_kinematics(robot, q))
         k = int(distance.min(axis=0).argmin())
         if distance[:, k].min() < collision.every.margin:
             raise ArmidError(

@@ -113,7 +113,7 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
     def apart(q: Array) -> NDArray[np.bool_]:
         if collision is None:
             return np.ones(len(q), dtype=np.bool_)
-        distance = collision.every.bodies.nearest(forward_kinematics(robot, q))[0]
+        distance = collision.every.bodies.distances(forward_kinematics(robot, q))
         return np.asarray(distance.min(axis=1) > collision.every.margin, dtype=np.bool_)
 
     def reachable(q: Array) -> NDArray[np.bool_]:
