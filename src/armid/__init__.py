@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from armid.estimation.estimators import WeightedLeastSquares
     from armid.estimation.problem import Problem
     from armid.estimation.uncertainty import cover
-    from armid.excitation.fourier import Excitation, load_plan
+    from armid.excitation.fourier import Excitation
     from armid.information.information import Information
     from armid.information.stream import inform
     from armid.measurement.interpret import interpret
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from armid.measurement.readers import load_recording
     from armid.measurement.reading import Reading
     from armid.measurement.recording import Recording
-    from armid.model.base import find_base_parameters
+    from armid.model.base import BaseParameters, find_base_parameters
     from armid.model.dynamics import DynamicsModel
     from armid.model.motion import Motion
     from armid.robot import Robot, load_robot
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "ArmidError": "errors",
+    "BaseParameters": "model.base",
     "DynamicsModel": "model.dynamics",
     "Estimate": "estimation.estimate",
     "Excitation": "excitation.fourier",
@@ -50,7 +51,6 @@ _HOMES = {
     "identify": "study.identify",
     "inform": "information.stream",
     "interpret": "measurement.interpret",
-    "load_plan": "excitation.fourier",
     "load_recording": "measurement.readers",
     "load_robot": "robot",
     "load_run": "study.run",
@@ -61,6 +61,7 @@ _HOMES = {
 
 __all__ = [
     "ArmidError",
+    "BaseParameters",
     "DynamicsModel",
     "Estimate",
     "Excitation",
@@ -78,7 +79,6 @@ __all__ = [
     "identify",
     "inform",
     "interpret",
-    "load_plan",
     "load_recording",
     "load_robot",
     "load_run",

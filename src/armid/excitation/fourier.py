@@ -140,7 +140,7 @@ def required_series(plan: object) -> Excitation:
     if isinstance(plan, Excitation):
         return plan
     found = repr(plan)[:60] if isinstance(plan, str | Path) else f"a {type(plan).__name__}"
-    remedy = 'give armid.load_plan("plan.json"), or the excitation of a whole plan.'
+    remedy = 'give load_plan("plan.json") of armid.excitation.fourier, or the excitation of a whole plan.'
     raise ArmidError(f"A motion must be given as an Excitation; found {found}.", remedy=remedy)
 
 

@@ -102,7 +102,7 @@ def plot_plan(
         ArmidError: The plan is of another arm, or as said above.
     """
     require_extra("plotly")
-    _require(plan, (Plan, Excitation), "A plan", 'load_plan("plan.json")')
+    _require(plan, (Plan, Excitation), "A plan", 'load_plan("plan.json") of armid.excitation.fourier')
     _require(robot, (Robot,), "An arm", 'load_robot("arm.urdf")')
     _require(limits, (Limits, NoneType), "Limits of joints", "described_limits(robot) of armid.excitation.limits")
     whole = Plan(plan) if isinstance(plan, Excitation) else plan
