@@ -37,6 +37,9 @@ CONE = 0.03
 """Most that the cone narrows a deviation of data that determine bodies: a light link's inertia is some ten to twenty
 deviations from its border."""
 
+FAR = 20.0
+"""Factor between masses from which on one has nothing to do with the other."""
+
 
 @cache
 def model() -> DynamicsModel:
@@ -88,14 +91,15 @@ def value(fit: StandardFit, name: str) -> float:
 # What the data say ----------------------------------------------------------------------------------------------
 
 
-def test_data_that_determine_bodies_are_not_bent():
+@pytest.mark.parametrize("prior", ["auto", "mass"])
+def test_data_that_determine_bodies_are_not_bent(prior: str):
     problem = problem_of()
-    fit, standard = estimate(problem)
+    fit, standard = estimate(problem, prior=prior)
     free = WeightedLeastSquares().estimate(problem)
     assert (np.abs(fit.values - free.values) < 0.05 * free.deviation).all()
     assert 0.0 <= standard.proof.price < 0.005
     np.testing.assert_allclose(fit.deviation, free.deviation, rtol=CONE)
-    assert not fit.findings
+    assert {finding.code for finding in fit.findings} <= {"prior-weight"}
 
 
 @pytest.mark.parametrize("prior", ["mass", "log-det", "euclidean", "none"])
@@ -113,7 +117,7 @@ def test_rotors_that_data_push_below_zero_stay_there_and_it_is_said(prior: str):
 
 
 def test_no_run_weighs_links_but_friction_and_what_stands_alone_is_identified():
-    _, standard = estimate()
+    _, standard = estimate(prior="mass")
     status = dict(zip(standard.names, standard.status, strict=True))
     assert {status[name] for name in ("FV_1", "FS_2", "MX_3")} == {"identified"}
     assert {status[name] for name in ("M_1", "M_2", "M_3", "XX_1", "MZ_1")} == {"not identifiable"}
@@ -152,9 +156,26 @@ def test_intervals_contain_the_truth_and_nothing_unphysical():
 
 def test_a_mass_prior_leaves_no_tons():
     """Bodies are as small as the data allow: no heavier than the true ones, which the data allow too."""
-    _, light = estimate()
+    _, light = estimate(prior="mass")
     masses = light.values[[name.startswith("M_") for name in names()]]
     assert 0.0 < masses.sum() < 6.5  # the arm weighs six kilograms
+
+
+def test_the_prior_is_that_of_the_description_where_it_has_bodies_and_mild():
+    """A link of a microgram, as the smallest bodies have them, is none that anybody can use."""
+    problem = problem_of()
+    standard = problem.require_standard("physical")
+    _, found = estimate(problem)
+    assert (found.prior.kind, found.prior.weight) == ("log-det", 1.0) and not found.prior.trials
+    _, given = estimate(problem, prior="log-det", weight=1.0)
+    np.testing.assert_array_equal(found.values, given.values)
+    masses = standard.inertial[:, 0]
+    described = truth()[masses]
+    assert (found.values[masses] > described / FAR).all() and (found.values[masses] < described * FAR).all()
+    assert estimate(problem, prior="mass")[1].values[masses].min() < described.min() / FAR
+    for nominal in (None, np.where(np.arange(len(truth())) == masses[0], 0.0, truth())):
+        _, other = estimate(replace(problem, standard=replace(standard, nominal=nominal)))
+        assert other.prior.kind == "mass"
 
 
 @pytest.mark.parametrize("prior", ["log-det", "euclidean"])
@@ -404,7 +425,7 @@ def test_friction_of_each_recording_has_a_body_in_common():
 
 def test_factors_come_to_the_same_bodies():
     problem = problem_of(rotor=-0.1)  # at the border of the cone
-    convex, _ = estimate(problem)
+    convex, _ = estimate(problem, prior="mass")
     found = LogCholesky().estimate(problem)
     assert found.standard is not None and found.standard.proof.smallest_eigenvalue > 0.0
     assert (np.abs(found.values - convex.values) < 0.05 * convex.deviation).all()

@@ -306,7 +306,8 @@ def test_friction_may_be_chosen_and_is_then_estimated_with_a_prior():
     physical = EstimationChoice("physical")
     leaning = lean_on_prior(physical, 2.5, described=True)
     assert build_estimator(leaning) == PhysicallyConsistent(prior="log-det", weight=2.5)
-    assert build_estimator(lean_on_prior(physical, 2.5, described=False)) == PhysicallyConsistent(weight=2.5)
+    leaning_on_none = lean_on_prior(physical, 2.5, described=False)
+    assert build_estimator(leaning_on_none) == PhysicallyConsistent(prior="mass", weight=2.5)
     assert lean_on_prior(leaning, 7.0, described=True) == leaning  # what is given stays
     assert build_estimator(lean_on_prior(EstimationChoice("wls"), 2.5, described=True)) == WeightedLeastSquares()
 

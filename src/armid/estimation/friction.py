@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armid.errors import EstimationError
-from armid.estimation.crossvalidation import folds
+from armid.estimation.crossvalidation import folds, one_standard_error
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction_candidates import (
@@ -92,9 +92,10 @@ class Ladder:
         ratio: Held-out RMS with the chosen terms over that without, shape (n,); one where nothing was judged. It is
             that of the stretches that made the choice, so it is optimistic; a recording for validation is not.
         deviation: Standard error of the ratio, shape (n,).
-        prior_weight: Weight of the prior towards the description with which all of this was judged, in independent
-            samples of the data as the chosen model explains them: what an estimate with this model best uses. `None`
-            where nothing was judged, or where the unit is not known.
+        prior_weight: Weight of the prior towards the description that errs least on stretches left out, in
+            independent samples of the data as the chosen model explains them: what an estimate with this model best
+            uses. Friction was chosen under one as strong or stronger. `None` where nothing was judged, or where the
+            unit is not known.
         why: Why nothing was looked at, or why there is no prior's weight; empty where all is as it should be.
     """
 
@@ -126,8 +127,8 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         why = f"{used} blocks of rows are too few to judge friction on; {FEWEST} are the least."
         return Ladder(model, (), (), ones, np.zeros(model.n), None, why)
     weighted = weigh(problem.information)
-    weight, prior = _prior(problem, weighted)
-    loaded = _loaded(problem, weight)
+    strong, best, prior = _prior(problem, weighted)
+    loaded = _loaded(problem, strong)
     allowed = candidates(loaded, observations)
 
     def widen(pieces: Sequence[frozenset[Piece]]) -> tuple[Superset, Information]:
@@ -151,7 +152,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     added = terms_of(loaded, found.chosen(model.n))
     needs = any(isinstance(term, LoadCoulomb) for term in added)
     chosen = replace(loaded if needs else model, terms=(*model.terms, *added))
-    handed, why = _handed_on(weight * weighted.correlation, restrict(information, found.kept))
+    handed, why = _handed_on(best * weighted.correlation, restrict(information, found.kept))
     return Ladder(chosen, added, _evidence(model, found.trials), *_outcome(stretches, wide, found), handed, why)
 
 
@@ -181,8 +182,15 @@ def _handed_on(rows: float, information: Information) -> tuple[float | None, str
         )
 
 
-def _prior(problem: Problem, weighted: Weighted) -> tuple[float, Prior]:
-    """Weight of the prior on the base parameters by stretches left out, and the prior with it."""
+def _prior(problem: Problem, weighted: Weighted) -> tuple[float, float, Prior]:
+    """Weights of the prior on the base parameters by stretches left out: to choose under, to estimate with.
+
+    Friction is chosen under the strongest prior that is within a standard error of the best one: bodies that give way
+    to friction look as good on the same recording and fail on others. It is estimated with the best.
+
+    Returns:
+        The stronger weight, the best, and the prior with the stronger.
+    """
     standard = problem.require_standard("friction ladder")
     belief = believe("log-det" if standard.described else "mass", standard, weighted)
     mean = standard.regrouping @ belief.mean
@@ -196,8 +204,8 @@ def _prior(problem: Problem, weighted: Weighted) -> tuple[float, Prior]:
             for strength in STRENGTHS
         ]
     )
-    best = int(np.argmin(errors.sum(axis=1)))
-    return float(STRENGTHS[best]), Prior(mean, STRENGTHS[best] * precision)
+    strong, best = (float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1)))))
+    return strong, best, Prior(mean, strong * precision)
 
 
 def _outcome(stretches: Stretches, wide: Superset, found: Climb) -> tuple[Array, Array]:

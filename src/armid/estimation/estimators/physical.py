@@ -23,7 +23,7 @@ from armid.estimation.fit import Fit
 from armid.estimation.outcome import Outcome
 from armid.estimation.per_recording import standard_per_recording
 from armid.estimation.prior import believe
-from armid.estimation.problem import Problem
+from armid.estimation.problem import Problem, Standard
 from armid.estimation.standard_fit import PriorUse, Trial
 from armid.estimation.weighted import Weighted, rows_of, weigh
 from armid.information.information import Information
@@ -51,7 +51,7 @@ LEAST_ERROR = 1e-4
 REMEDY = "look for a wrong sign of torque or gravity, a wrong unit, or a description of another arm."
 """What to do about torques that no body explains."""
 
-PRIORS = ("mass", "log-det", "euclidean", "none")
+PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +60,10 @@ class PhysicallyConsistent:
 
     Attributes:
         prior: What decides where the data do not: `mass`, the smallest bodies; `log-det` or `euclidean`, the
-            description's; `none`, nothing, and such parameters are any that fit.
-        weight: Of the prior, in independent samples a joint; `auto` is by blocked cross-validation for `log-det` and
-            `euclidean`, and one for `mass`.
+            description's; `none`, nothing, and such parameters are any that fit; `auto`, `log-det` where the
+            description gives every link a mass, else `mass`.
+        weight: Of the prior, in independent samples a joint; `auto` is by blocked cross-validation where `log-det` or
+            `euclidean` is asked for by name, else one.
         epsilon: Smallest eigenvalue of a pseudo-inertia.
         heaviest: Largest mass of any link [kg].
         total_mass: Least and largest mass of all links [kg].
@@ -73,7 +74,7 @@ class PhysicallyConsistent:
         known: Numbers of links that are as the description says.
     """
 
-    prior: Literal["mass", "log-det", "euclidean", "none"] = "mass"
+    prior: Literal["auto", "mass", "log-det", "euclidean", "none"] = "auto"
     weight: float | Literal["auto"] = "auto"
     epsilon: float = EPSILON
     heaviest: float | None = None
@@ -135,27 +136,34 @@ class PhysicallyConsistent:
         """The estimate from data that were given weights."""
         information = problem.information
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, information)
-        belief = believe(self.prior, standard, weighted)
+        kind = self._kind(standard)
+        belief = believe(kind, standard, weighted)
         asked = Requirements(
             self.epsilon, self.heaviest, self.total_mass, self.masses, self.com, self.equal, self.fixed, self.known
         )
-        program = Program(standard, asked, self.prior, belief, weighted.correlation)
+        program = Program(standard, asked, kind, belief, weighted.correlation)
         prior = self._weigh_prior(information, program, weighted)
         bodies = program.solve(weighted.rows, weighted.rows @ weighted.values, prior.weight)
         return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis).fit()
 
+    def _kind(self, standard: Standard) -> str:
+        """The prior that it is."""
+        if self.prior != "auto":
+            return self.prior
+        return "log-det" if standard.described else "mass"
+
     def _weigh_prior(self, information: Information, program: Program, weighted: Weighted) -> PriorUse:
         """The prior with its weight and why it has it."""
-        correlation = weighted.correlation
-        if self.prior == "none":
-            return PriorUse(self.prior, 0.0, "of this kind has none", correlation)
-        if self.prior == "mass" and self.weight == "auto":
-            return PriorUse(self.prior, 1.0, "that of one sample", correlation)
+        kind, correlation = program.kind, weighted.correlation
+        if kind == "none":
+            return PriorUse(kind, 0.0, "of this kind has none", correlation)
+        if self.prior in ("auto", "mass") and self.weight == "auto":
+            return PriorUse(kind, 1.0, "where no other is asked for", correlation)
         if self.weight != "auto":
-            return PriorUse(self.prior, float(self.weight), "given", correlation)
+            return PriorUse(kind, float(self.weight), "given", correlation)
         parts = split(information, folds(information))
         if not parts:
-            return PriorUse(self.prior, 1.0, "that of one sample, for want of blocks to leave out", correlation)
+            return PriorUse(kind, 1.0, "that of one sample, for want of blocks to leave out", correlation)
         samples = float(weighted.whole.rows.max()) / correlation
         weights = WEIGHTS[WEIGHTS <= max(samples, WEIGHTS[-1])]  # no opinion outweighs all that was seen
         errors = np.full((len(weights), len(parts)), np.inf)
@@ -167,7 +175,7 @@ class PhysicallyConsistent:
         chosen = one_standard_error(errors)
         how = f"the strongest within a standard error of the best of {len(weights)} on {len(parts)} folds left out"
         trials = tuple(Trial(float(w), float(e)) for w, e in zip(weights, errors.mean(axis=1), strict=True))
-        return PriorUse(self.prior, float(weights[chosen]), how, correlation, trials)
+        return PriorUse(kind, float(weights[chosen]), how, correlation, trials)
 
 
 def _raised(resolution: float, far: Array) -> Finding:
