@@ -67,7 +67,9 @@ def test_consistency_takes_half_of_the_inertial_bias_away():
 
 
 def test_factors_come_to_the_same():
-    convex, found = (fit_of(each, biased=True) for each in (PhysicallyConsistent(prior="mass"), LogCholesky(starts=1)))
+    convex, found = (
+        fit_of(each, biased=True) for each in (PhysicallyConsistent(prior="mass"), LogCholesky(starts=1))
+    )
     assert (np.abs(found.values - convex.values) < 0.1 * convex.deviation).all()
 
 

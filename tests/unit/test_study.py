@@ -296,6 +296,16 @@ def test_terms_that_are_not_there_are_refused():
         names_and_width(ModelChoice(("rigid-body",), {"coulomb": {"width": 0.1}}))
 
 
+@pytest.mark.parametrize(
+    ("table", "owner"),
+    [({"method": "physical", "prior": "log-det"}, "physical"), ({"method": "ridge", "weight": 2.0}, "ridge")],
+)
+def test_an_option_that_does_not_stand_under_its_method_is_told_where_it_belongs(table: dict[str, object], owner: str):
+    with pytest.raises(StudyError, match="has no key") as caught:
+        plain(estimation=table)
+    assert f"[estimation.{owner}]" in caught.value.remedy
+
+
 def test_friction_may_be_chosen_and_is_then_estimated_with_a_prior():
     study = plain(model={"terms": "auto", "coulomb": {"width": 0.05}})
     assert study.model == ModelChoice(shapes={"coulomb": {"width": 0.05}}, automatic=True)

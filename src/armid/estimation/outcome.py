@@ -189,8 +189,8 @@ class Outcome:
                 said = f"No body has the link's values: smallest eigenvalue of its pseudo-inertia {smallest:.2g}."
                 found.append(Finding("not-physical", "warning", self.standard.names[own[0]], said, REMEDY))
         if self.told:
-            samples = "one independent sample" if self.prior.weight == 1.0 else f"{self.prior.weight:.3g} independent samples"
-            said = f"The {self.prior.kind} prior weighs {samples} a joint"
+            samples = "sample" if self.prior.weight == 1.0 else "samples"
+            said = f"The {self.prior.kind} prior weighs {self.prior.weight:.3g} independent {samples} a joint"
             found.append(Finding("prior-weight", "info", "", f"{said}, {self.prior.how}."))
         if len(self.weighted.unseen):
             length = np.linalg.norm(stack(self.weighted.whole)[0], axis=0)

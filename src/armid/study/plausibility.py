@@ -118,8 +118,9 @@ def chosen_finding(ladder: Ladder, method: str) -> Finding:
     if ladder.prior_weight is None:
         return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")
     evidence = (
-        f"Friction was chosen with bodies under a prior that weighs {ladder.prior_weight:.3g} independent samples; "
-        f"the method {method} estimates with the same. It holds for speeds and poses like those recorded."
+        f"Friction was chosen with the bodies under a prior. In the estimate by {method} it weighs "
+        f"{ladder.prior_weight:.3g} independent samples, with which it erred least on what was left out. It holds "
+        "for speeds and poses like those recorded."
     )
     return Finding("friction-chosen", "info", "", evidence, "validate on another recording.")
 
