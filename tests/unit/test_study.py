@@ -300,7 +300,7 @@ def test_terms_that_are_not_there_are_refused():
     ("table", "owner"),
     [({"method": "physical", "prior": "log-det"}, "physical"), ({"method": "ridge", "weight": 2.0}, "ridge")],
 )
-def test_an_option_that_does_not_stand_under_its_method_is_told_where_it_belongs(table: dict[str, object], owner: str):
+def test_an_option_outside_its_method_is_told_where_it_belongs(table: dict[str, object], owner: str):
     with pytest.raises(StudyError, match="has no key") as caught:
         plain(estimation=table)
     assert f"[estimation.{owner}]" in caught.value.remedy
