@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from armid.errors import MissingExtraError, OutputError
-from armid.measurement.readers import load_recording
+from armid.measurement.readers import READERS, load_recording
 from armid.measurement.recording import Recording
 from armid.measurement.writing import WRITERS, save_recording
 
 CLOCK = 1e-9
 """Stamps of a ROS message count nanoseconds [s]."""
 
-NAMED = (".npz", ".mat", ".mcap")
+BAGS = (".bag", ".db3", ".mcap")
+
+NAMED = (".npz", ".mat", *BAGS)
 """Formats that keep the names of the joints."""
 
 
@@ -32,7 +34,7 @@ def test_a_recording_comes_back(tmp_path: Path, suffix: str):
     found = load_recording(save_recording(given, tmp_path / f"log{suffix}"))
     for name in ("q", "dq", "effort"):
         np.testing.assert_array_equal(getattr(found, name), getattr(given, name))
-    np.testing.assert_allclose(found.time, given.time, atol=CLOCK if suffix == ".mcap" else 0.0)
+    np.testing.assert_allclose(found.time, given.time, atol=CLOCK if suffix in BAGS else 0.0)
     assert found.joint_names == (given.joint_names if suffix in NAMED else ())
     assert found.sha256 and [path.name for path in tmp_path.iterdir()] == [f"log{suffix}"]
 
@@ -43,6 +45,11 @@ def test_without_clock_and_velocity(tmp_path: Path, suffix: str):
     found = load_recording(save_recording(given, tmp_path / f"log{suffix}"))
     assert found.time is None and found.dq is None
     np.testing.assert_array_equal(found.effort, given.effort)  # pyright: ignore[reportArgumentType]
+
+
+def test_all_that_is_read_can_be_written():
+    other_spellings = {".tsv", ".txt", ".pq"}
+    assert {suffix for reader in READERS for suffix in reader.SUFFIXES} == WRITERS.keys() | other_spellings
 
 
 def test_other_formats_are_refused(tmp_path: Path):

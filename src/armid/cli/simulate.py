@@ -40,7 +40,7 @@ def simulate(
     rate: Annotated[float | None, typer.Option(help="Rows a second of the log, up to 8000 Hz.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of noise and faults.")] = 1,
     kind: Annotated[
-        str, typer.Option("--format", metavar="csv|parquet|npz|mat|mcap", help="Of the recording.")
+        str, typer.Option("--format", metavar="csv|parquet|npz|mat|bag|db3|mcap", help="Of the recording.")
     ] = "csv",
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Also write what truly happened, as NPZ.")] = False,
     gravity: Gravity = None,

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +23,8 @@ PATTERNS = (("q", "q{}"), ("dq", "dq{}"), ("ddq", "ddq{}"), ("effort", "tau{}"))
 
 EPOCH = 1_600_000_000
 """Second at which a bag begins whose recording begins at 0: stamps of zero stand for no clock."""
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
 
 FLOAT = "%.17g"
 """Numbers in full, so that a text table gives back every bit."""
@@ -95,17 +99,35 @@ def _parquet(recording: Recording) -> bytes:
     return buffer.getvalue()
 
 
-def _mcap(recording: Recording) -> bytes:
-    """A ROS 2 bag of `sensor_msgs/JointState` on `/joint_states`."""
+def _bag(recording: Recording, suffix: str) -> bytes:
+    """A bag of `sensor_msgs/JointState` on `/joint_states`: `.bag` of ROS 1, `.db3` or `.mcap` of ROS 2."""
     try:
+        from rosbags.rosbag1 import Writer as FirstWriter
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise MissingExtraError("rosbags", "Writing MCAP", EXTRA) from error
-    store = get_typestore(Stores.ROS2_JAZZY)
+        raise MissingExtraError("rosbags", "Writing ROS bags", EXTRA) from error
+    first = suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_JAZZY)
+    serialize = store.serialize_ros1 if first else store.serialize_cdr
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"bag{suffix if first else ''}"
+        if first:
+            made = FirstWriter(path)
+        else:
+            plugin = StoragePlugin.MCAP if suffix == ".mcap" else StoragePlugin.SQLITE3
+            made = Writer(path, version=9, storage_plugin=plugin)
+        with made as writer:
+            topic = writer.add_connection("/joint_states", JOINT_STATE, typestore=store)
+            for at, message in _joint_states(recording, store.types, first):
+                writer.write(topic, at, bytes(serialize(message, JOINT_STATE)))
+        return (path if first else next(path.glob(f"*{suffix}"))).read_bytes()
+
+
+def _joint_states(recording: Recording, types: Mapping[str, Any], first: bool) -> Iterator[tuple[int, Any]]:
+    """Time of reception [ns] and message of each row; headers of ROS 1 count messages."""
     state, header, stamp = (
-        store.types[name]
-        for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+        types[name] for name in (JOINT_STATE, "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
     )
     empty = np.zeros((recording.samples, 0))
     velocity = empty if recording.dq is None else recording.dq
@@ -113,22 +135,11 @@ def _mcap(recording: Recording) -> bytes:
     clock = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
     received = EPOCH * 10**9 + np.round((clock - min(0.0, clock.min(initial=0.0))) * 1e9).astype(np.int64)
     names = list(recording.channels)
-    with tempfile.TemporaryDirectory() as folder:
-        bag = Path(folder) / "bag"
-        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            topic = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
-            for k, at in enumerate(received.tolist()):
-                said = 0 if recording.time is None else at
-                time = stamp(sec=said // 10**9, nanosec=said % 10**9)
-                message = state(
-                    header=header(stamp=time, frame_id=""),
-                    name=names,
-                    position=recording.q[k],
-                    velocity=velocity[k],
-                    effort=effort[k],
-                )
-                writer.write(topic, at, store.serialize_cdr(message, state.__msgtype__))
-        return next(bag.glob("*.mcap")).read_bytes()
+    for k, at in enumerate(received.tolist()):
+        said = 0 if recording.time is None else at
+        counted = {"seq": k} if first else {}
+        head = header(stamp=stamp(sec=said // 10**9, nanosec=said % 10**9), frame_id="", **counted)
+        yield at, state(header=head, name=names, position=recording.q[k], velocity=velocity[k], effort=effort[k])
 
 
 WRITERS: Mapping[str, Callable[[Recording], bytes]] = {
@@ -136,6 +147,8 @@ WRITERS: Mapping[str, Callable[[Recording], bytes]] = {
     ".parquet": _parquet,
     ".npz": _npz,
     ".mat": _mat,
-    ".mcap": _mcap,
+    ".bag": partial(_bag, suffix=".bag"),
+    ".db3": partial(_bag, suffix=".db3"),
+    ".mcap": partial(_bag, suffix=".mcap"),
 }
 """Formats that can be written, by suffix."""
