@@ -6,8 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from armid.study.certify import Verdict, certify_run
+from armid.errors import ModelError
+from armid.robot import load_robot
+from armid.robot.readers.urdf import read
+from armid.study.certify import Verdict, certify_named, certify_run, described_values
 from armid.study.run import Run
+from labs import URDF
 from reports import make_run
 
 
@@ -46,3 +50,17 @@ def test_wide_intervals_are_noise_enough(run: Run):
     wide = replace(fit, covariance=1e6 * fit.covariance + 1e6 * size**2)
     said = meaning(certify_run(replace(wrong, estimate=replace(wrong.estimate, fit=wide))))
     assert "within the 95 % intervals" in said and "armid doctor" not in said
+
+
+def test_a_description_is_certified_by_its_own_bodies():
+    robot = read(URDF, source="small", locked={}, tip=None)
+    values = described_values(robot)
+    assert certify_named(robot, values).certificate.feasible
+    thin = values | {"XX_3": values["YY_3"] + values["ZZ_3"] + 1.0}  # a moment greater than the two others together
+    verdict = certify_named(robot, thin)
+    assert not verdict.certificate.feasible and verdict.certificate.distance > 0.0
+
+
+def test_a_description_without_bodies_has_nothing_to_certify():
+    with pytest.raises(ModelError, match="no bodies"):
+        described_values(load_robot("panda"))

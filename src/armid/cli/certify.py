@@ -18,7 +18,9 @@ __all__ = ["certify"]
 
 
 def certify(
-    subject: Annotated[str, typer.Argument(metavar="RUN | ROBOT", help="A run, or an arm whose values follow.")],
+    subject: Annotated[
+        str, typer.Argument(metavar="RUN | ROBOT", help="A run, or an arm: its own bodies, or values that follow.")
+    ],
     values: Annotated[
         str | None, typer.Argument(metavar="[VALUES.json]", help="{name: value}: base, standard or physical names.")
     ] = None,
@@ -35,6 +37,8 @@ def certify(
     Examples:
         armid certify runs/today
 
+        armid certify arm.urdf
+
         armid certify iiwa14-r820 values.json --gravity 0 0 9.81 --motion thesis-a2
     """
     from armid.study import certify as stage
@@ -45,13 +49,10 @@ def certify(
     along = None if motion is None else stage.read_plan(motion)
     if values is None and Path(subject).is_dir():
         verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
-    elif values is None:
-        from armid.errors import ArmidError
-
-        raise ArmidError(f"{subject} is no run.", remedy="give a run's folder, or an arm and a VALUES.json.")
     else:
         robot = load_choice(robot_choice(subject, gravity, lock))
-        verdict = stage.certify_named(robot, stage.read_values(values), motion=along, heaviest=heaviest)
+        named = stage.described_values(robot) if values is None else stage.read_values(values)
+        verdict = stage.certify_named(robot, named, motion=along, heaviest=heaviest)
     if json:
         sys.stdout.write(to_json(stage.verdict_record(verdict)) + "\n")
     else:

@@ -29,7 +29,16 @@ from armid.validation.thesis_constraints import Constraint, thesis_constraints
 from armid.validation.worst_pose import Pose, worst_along, worst_pose
 from armid.values import Array
 
-__all__ = ["HEAVIEST", "Verdict", "certify_named", "certify_run", "read_plan", "read_values", "verdict_record"]
+__all__ = [
+    "HEAVIEST",
+    "Verdict",
+    "certify_named",
+    "certify_run",
+    "described_values",
+    "read_plan",
+    "read_values",
+    "verdict_record",
+]
 
 HEAVIEST = 10.0
 """Mass of a link above which a nearest body is no answer about a robot arm of this size [kg]."""
@@ -74,6 +83,22 @@ class Verdict(Shown):
         said = "feasible" if nearest.feasible else "infeasible"
         note = " ".join(part for each in self.findings for part in (each.evidence, each.remedy) if part)
         return Summary(f"{self.kind} parameters: {said}", ("", ""), rows, note)
+
+
+def described_values(robot: Robot) -> dict[str, float]:
+    """The bodies of a description as standard parameters by name.
+
+    Raises:
+        ModelError: It has none.
+    """
+    model = DynamicsModel(robot, (RigidBody(),))
+    theta = model.nominal_parameters()
+    if theta is None:
+        raise ModelError(
+            f"The description of {robot.name} has no bodies to certify.",
+            remedy="give a VALUES.json after it, or the folder of a run.",
+        )
+    return {parameter.name: float(value) for parameter, value in zip(model.parameters, theta, strict=True)}
 
 
 def read_values(path: Path | str) -> dict[str, float]:

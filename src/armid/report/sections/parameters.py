@@ -72,8 +72,8 @@ def _table(material: Material) -> Table:
             ]
         )
     note = (
-        "σ: standard deviation over the value under white residuals. * poorly identified: σ above ten times the "
-        "smallest. Description: its own value, where it has one; it says nothing of friction."
+        "σ: standard deviation over the value under white residuals. * σ above ten times the smallest: known worse "
+        "than the others, or near zero; the interval tells which. Description: its own value, where it has one; it says nothing of friction."
     )
     return Table("parameters", f"{len(fit.names)} base parameters of {estimate.robot}", columns, rows, note)
 
