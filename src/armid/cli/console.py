@@ -107,7 +107,7 @@ def estimate_table(estimate: Estimate) -> Table:
     decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
     table = Table(
         title=f"{estimate.robot}: {len(fit.names)} base parameters, {estimate.method}",
-        caption="* σ % above ten times the smallest: known worse than the others, or near zero; the interval tells which",
+        caption="* σ % above ten times the smallest: known worse than others, or near zero, as the interval tells",
         header_style="bold",
     )
     for name in ("parameter", "value", "unit", "σ %", "95 % interval"):

@@ -73,7 +73,8 @@ def _table(material: Material) -> Table:
         )
     note = (
         "σ: standard deviation over the value under white residuals. * σ above ten times the smallest: known worse "
-        "than the others, or near zero; the interval tells which. Description: its own value, where it has one; it says nothing of friction."
+        "than others, or near zero, as the interval tells. Description: its own value, where it has one; it says "
+        "nothing of friction."
     )
     return Table("parameters", f"{len(fit.names)} base parameters of {estimate.robot}", columns, rows, note)
 
