@@ -21,12 +21,13 @@ def armid(*arguments: object) -> int:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The small arm, and a run by each of two methods."""
+    """The small arm, and a run by each of two methods; `light` has the smallest bodies."""
     folder = tmp_path_factory.mktemp("small")
     write_recordings(folder)
-    for method in ("physical", "wls"):
-        study = write_study(folder, f'{STUDY}\n[estimation]\nmethod = "{method}"\n')
-        assert armid("identify", study, "--out", folder / method, "--no-report") == 0
+    light = 'method = "physical"\nphysical = { prior = "mass" }'
+    for name, how in {"physical": 'method = "physical"', "light": light, "wls": 'method = "wls"'}.items():
+        study = write_study(folder, f"{STUDY}\n[estimation]\n{how}\n")
+        assert armid("identify", study, "--out", folder / name, "--no-report") == 0
     return folder
 
 
@@ -55,17 +56,17 @@ def test_it_says_what_it_did(small: Path, capsys: pytest.CaptureFixture[str]):
     assert load_robot(path).joint_names == ("joint_1", "joint_2", "joint_3")
 
 
-def test_the_nearest_bodies_on_request(small: Path):
+def test_bodies_are_near_the_description_unless_the_smallest_were_asked_for(small: Path):
+    """The first link's mass makes no torque; the URDF says 3 kg."""
     masses = {}
-    for options in ((), ("--nearest",)):
-        out = small / f"near{len(options)}.urdf"
-        assert armid("export", small / "physical", "--to", "urdf", "--out", out, *options) == 0
+    for run, options in (("physical", ()), ("light", ()), ("light", ("--nearest",))):
+        out = small / f"{run}{len(options)}.urdf"
+        assert armid("export", small / run, "--to", "urdf", "--out", out, *options) == 0
         inertial = load_robot(out).inertial_vector
         assert inertial is not None
-        masses[options] = inertial[0, 0]
-    assert (
-        masses[()] < 0.1 and masses["--nearest",] > 1.0
-    )  # the first link's mass makes no torque; the URDF says 3 kg
+        masses[run, len(options)] = inertial[0, 0]
+    assert masses["light", 0] < 0.1 and masses["light", 1] > 1.0
+    assert 2.0 < masses["physical", 0] < 4.0
 
 
 def test_recordings_that_are_gone_are_told(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
