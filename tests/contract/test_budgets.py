@@ -17,7 +17,7 @@ NATIVE = sorted((ROOT / "native").glob("*.?pp"))
 FILE, NATIVE_FILE, FUNCTION, FIELDS, NAMES = 400, 500, 60, 10, 25
 
 MORE_FIELDS = {
-    "Fit": 17,  # what an estimate is judged by, each number of a kind of its own
+    "Fit": 18,  # what an estimate is judged by, each number of a kind of its own
     "Processing": 13,  # each field is a key of `[processing]` in a study
     "Rules": 11,  # each field is a limit that a design may have
     "Reading": 18,  # each field is a key of `[[recording]]` in a study

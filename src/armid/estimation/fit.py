@@ -59,6 +59,8 @@ class Fit(Shown):
         weights: Weight of each joint's rows in the estimate, shape (n,); one each where not given.
         prior_precision: Precision of the Gaussian prior that the estimate was made with, in base parameters and in
             the units of the weighted normal equations, shape (b, b); `None` for none.
+        prior_correlation: Rows that count as one independent sample of the prior's weight: it errs by its precision's
+            inverse times so much, as the data do.
         report: Why the covariance is of its kind.
         dropped: Names of parameters that the estimator holds at zero.
         findings: What the estimator noticed on the way.
@@ -79,6 +81,7 @@ class Fit(Shown):
     scaled_condition: float
     weights: Array = field(default_factory=lambda: np.ones(0))
     prior_precision: Array | None = None
+    prior_correlation: float = 1.0
     report: CovarianceReport = field(default_factory=CovarianceReport)
     dropped: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()

@@ -116,6 +116,7 @@ class Outcome:
             scaled_condition(unweighted),
             weights,
             prior_precision=precision,
+            prior_correlation=self.weighted.correlation,
             findings=(*further, *findings),
             standard=standard,
         )

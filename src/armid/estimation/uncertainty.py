@@ -9,9 +9,11 @@ third of what it says. What the samples and the motion allow decides what is use
 - `spectral`, from the spectrum that the residuals show and that of the columns, with all there is between joints;
 - `block`, the scatter between blocks of rows, where there are factors and no samples.
 
-All are of the form H⁻¹ (S + P) H⁻¹, S being the scatter of the data's pull and P the precision of a prior, with the
-cone of real bodies counted as one; how far such an estimate stands from the middle of what can be is added. Standard
-parameters follow from the base ones, and what stands alone has one interval in both.
+All are of the form H⁻¹ (S + c P) H⁻¹, S being the scatter of the data's pull, P the precision of a prior in rows,
+with the cone of real bodies counted as one, and c the rows that count as one of the independent samples in which a
+prior is stated: with S = c (H - P) that is c H⁻¹, the variance a posteriori. How far an estimate in the cone stands
+from the middle of what can be is added. Standard parameters follow from the base ones, and what stands alone has one
+interval in both.
 
 What an estimator holds at zero is not surer for it: it keeps the interval that the data give.
 """
@@ -117,7 +119,8 @@ class _Uncertainty:
         half = vectors / np.sqrt(np.maximum(values, UNSEEN)) / length[:, None]
         self.inverse: Array = half @ half.T
         self.known = scale_covariance(self.whole, fit.weights, self.inverse)
-        self.known = self.known + self.inverse @ self.prior @ self.inverse
+        # A prior of precision P in rows errs by c P⁻¹, c rows being one independent sample, and moves by H⁻¹ P of it.
+        self.known = self.known + fit.prior_correlation * (self.inverse @ self.prior @ self.inverse)
         own = None if fit.standard is None else fit.standard.lift
         # An estimate at the border of what can be stands apart from the middle of it.
         self.apart: Array = np.zeros((b, b)) if own is None else np.outer(own.base_shift, own.base_shift)

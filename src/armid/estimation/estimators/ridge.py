@@ -178,6 +178,7 @@ def _fit(weighted: Weighted, prior: _Prior, weight: float, how: str) -> Fit:
         scaled_condition(unweighted),
         weights,
         prior_precision=precision if weight else None,
+        prior_correlation=weighted.correlation,
         findings=(*prior.findings, *_findings(whole.names, prior.towards, weight, how, share)),
     )
 
