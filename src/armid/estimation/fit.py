@@ -59,14 +59,14 @@ class Fit(Shown):
         weights: Weight of each joint's rows in the estimate, shape (n,); one each where not given.
         prior_precision: Precision of the Gaussian prior that the estimate was made with, in base parameters and in
             the units of the weighted normal equations, shape (b, b); `None` for none.
-        prior_correlation: Rows that count as one independent sample of the prior's weight: it errs by its precision's
-            inverse times so much, as the data do.
         report: Why the covariance is of its kind.
         dropped: Names of parameters that the estimator holds at zero.
         findings: What the estimator noticed on the way.
         information: The factors that the estimate was really made from, where an estimator changed their rows, as by
             weights of its own for each; `None` where they are those it was given.
         standard: Standard parameters, where the estimator estimates them.
+        prior_correlation: Rows that count as one independent sample of the prior's weight: it errs by its precision's
+            inverse times so much, as the data do.
     """
 
     names: tuple[str, ...]
@@ -81,12 +81,12 @@ class Fit(Shown):
     scaled_condition: float
     weights: Array = field(default_factory=lambda: np.ones(0))
     prior_precision: Array | None = None
-    prior_correlation: float = 1.0
     report: CovarianceReport = field(default_factory=CovarianceReport)
     dropped: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     information: Information | None = field(default=None, repr=False)
     standard: StandardFit | None = None
+    prior_correlation: float = 1.0
 
     def __post_init__(self) -> None:
         b, n = len(self.names), len(self.rows)
