@@ -10,11 +10,12 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.channels import States
 from armid.excitation.design import random_start, search, single_threaded_pool
+from armid.excitation.interior import descend_inside
 from armid.excitation.limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
 from armid.excitation.objective import Goal, along, information_along, known_sizes
 from armid.excitation.plans import builtin_plan
 from armid.excitation.series import SeriesBasis
-from armid.excitation.solver import Problem, drawn_together, from_pose, highest, utilisation
+from armid.excitation.solver import STAGES, Problem, about_start, drawn_together, from_pose, highest, utilisation
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
@@ -54,6 +55,19 @@ def test_the_best_plan_keeps_every_limit_and_uses_some(problem, found):
     share = highest(problem, problem.grid(5000), found.best.x)
     assert 0.97 < share < 1.001
     assert (found.rounds, found.descents) == (2, 16)
+
+
+def test_a_start_near_a_limit_is_left_by_the_barrier_too():
+    """From 95 % of a limit there is a way down that never leaves the limits, as between two bodies that are near."""
+    goal, basis = two_joints(literal=False)
+    basis = replace(basis, start=np.array([0.95, 0.0]))
+    near = Problem(goal, basis, motion_channels(replace(limits(), lower=np.array([-1.0, -2.0]), upper=np.ones(2))))
+    x = random_start(near, near.fine, np.random.default_rng(0))
+    still = highest(near, near.fine, about_start(basis, x, 0.0))
+    assert 0.94 < still < 1.0
+    reached = descend_inside(near, x, STAGES[0])
+    assert highest(near, near.fine, reached) < 1.0
+    assert near.fine.value(reached) < near.fine.value(x)
 
 
 def test_better_than_random_plans(problem, found):

@@ -44,6 +44,7 @@ class States:
         self.x = x
         self.nearest: dict[int, tuple[Array, Array, Array, Array]] = {}
         self.distances: dict[int, Array] = {}
+        self.hulls: dict[int, tuple[Array, Array, Array, Array]] = {}
         self._filled = filled
 
     @cached_property

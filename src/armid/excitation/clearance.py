@@ -97,6 +97,8 @@ def _box_distance(point: Array, half: Array) -> tuple[Array, Array]:
     return distance, slope * np.sign(point)
 
 
+Nearest = tuple[Array, Array, Array, Array]
+
 NO_HULLS = Hulls((), np.zeros((0, 2), dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 
@@ -137,19 +139,28 @@ class Bodies:
         every = (*self.capsules, *self.solids)
         return [every[k].link for k in self.pairs[self.first, side]]
 
-    def distances(self, poses: tuple[Array, Array]) -> Array:
-        """Distances (N, m) [m]."""
+    def distances(self, poses: tuple[Array, Array], hulls: Nearest | None = None) -> Array:
+        """Distances (N, m) [m].
+
+        Args:
+            poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+            hulls: What the hulls say, where that is known already.
+        """
         result = self._places(*self.axes(poses))[0]
         if len(self.first) < len(self.pairs):
             result = np.minimum.reduceat(result, self.first, axis=1)
         if len(self.hulls):
-            result[:, self.hulls.at] = self.hulls.distances(poses)
+            result[:, self.hulls.at] = self.hulls.distances(poses) if hulls is None else hulls[0]
         return result
 
-    def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
+    def nearest(self, poses: tuple[Array, Array], hulls: Nearest | None = None) -> Nearest:
         """Distances (N, m) [m], nearest points of both and directions from the second, each (N, m, 3).
 
         The nearest points of capsules are those of their axes.
+
+        Args:
+            poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+            hulls: What the hulls say, where that is known already.
         """
         begin, along = self.axes(poses)
         distance, places, slopes = self._places(begin, along)
@@ -169,7 +180,7 @@ class Bodies:
             normal[:, k] = np.array([slopes[pair][n] for n, pair in enumerate(at[:, k].tolist())])
         result = distance[row, at], first, second, normal
         if len(self.hulls):
-            for whole, closer in zip(result, self.hulls.nearest(poses), strict=True):
+            for whole, closer in zip(result, hulls or self.hulls.nearest(poses), strict=True):
                 whole[:, self.hulls.at] = closer
         return result
 
@@ -345,10 +356,18 @@ class Clearance:
         speed = np.abs(states.derivatives[1]) + half * states.basis.peaks_between(states.x, 2)
         return half * bodies.approach(states.poses, states.tree, speed, half * fastest)
 
-    def _nearest(self, states: States) -> tuple[Array, Array, Array, Array]:
+    def _hulls(self, states: States) -> Nearest | None:
+        """What the hulls say, asked once a point of a search."""
+        if not len(self.bodies.hulls):
+            return None
+        if id(self) not in states.hulls:
+            states.hulls[id(self)] = self.bodies.hulls.nearest(states.poses)
+        return states.hulls[id(self)]
+
+    def _nearest(self, states: States) -> Nearest:
         """Distances, nearest points and directions, computed once a point of a search."""
         if id(self) not in states.nearest:
-            states.nearest[id(self)] = self.bodies.nearest(states.poses)
+            states.nearest[id(self)] = self.bodies.nearest(states.poses, self._hulls(states))
         return states.nearest[id(self)]
 
     def _distances(self, states: States) -> Array:
@@ -356,7 +375,7 @@ class Clearance:
         if id(self) in states.nearest:
             return states.nearest[id(self)][0]
         if id(self) not in states.distances:
-            states.distances[id(self)] = self.bodies.distances(states.poses)
+            states.distances[id(self)] = self.bodies.distances(states.poses, self._hulls(states))
         return states.distances[id(self)]
 
 

@@ -19,7 +19,7 @@ from collections.abc import Callable
 import numpy as np
 
 from armid.excitation.channels import Channel, States, soft_maximum
-from armid.excitation.solver import Problem, Stage, drawn_together
+from armid.excitation.solver import Problem, Stage, about_start, drawn_together, highest
 from armid.values import Array
 
 __all__ = ["descend_inside", "quasi_newton"]
@@ -62,6 +62,9 @@ def descend_inside(problem: Problem, x: Array, stage: Stage, deadline: float = n
     """
     begun = drawn_together(problem, problem.fine, x, ROOM)
     if begun is None:  # the start pose itself is nearer to a limit than that
+        still = highest(problem, problem.fine, about_start(problem.basis, x, 0.0))
+        begun = drawn_together(problem, problem.fine, x, 0.5 * (1.0 + still)) if still < 1.0 else None
+    if begun is None:
         return x
     x = begun
     objective, sharpness = problem.objective(stage), stage.limit_sharpness
@@ -88,7 +91,7 @@ def descend_inside(problem: Problem, x: Array, stage: Stage, deadline: float = n
                 parts.append((room, weights))
             value, gradient = objective(x)
             filled = States(objective, x, filled=True)
-            filled.nearest = states.nearest
+            filled.nearest, filled.hulls = states.nearest, states.hulls
             for channel, (room, weights) in zip(channels, parts, strict=True):
                 value -= weight * float(np.log(room).sum())
                 gradient = gradient + weight * channel.pull(filled, weights / room).sum(axis=0)

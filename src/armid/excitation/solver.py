@@ -226,21 +226,27 @@ def highest(problem: Problem, grid: Objective, x: Array) -> float:
     return max((float(u.max()) for u in utilisation(problem, grid, x)), default=0.0)
 
 
+def _inside(problem: Problem, grid: Objective, x: Array, limit: float) -> bool:
+    """Whether every limit is kept along a grid; bodies, which take longest, are looked at last."""
+    states = States(grid, np.asarray(x))
+    return all(float(channel.values(states).max()) <= limit for channel in problem.channels)
+
+
 def drawn_together(problem: Problem, grid: Objective, x: Array, limit: float = FEASIBLE) -> Array | None:
     """The largest multiple, at most one, of a series about its start pose that keeps every limit on a grid.
 
     Returns:
         The unknowns, or `None` where not even standing still at the start pose keeps the limits.
     """
-    if highest(problem, grid, x) <= limit:
+    if _inside(problem, grid, x, limit):
         return x
     low, high = 0.0, 1.0
-    if highest(problem, grid, about_start(problem.basis, x, 0.0)) > limit:
+    if not _inside(problem, grid, about_start(problem.basis, x, 0.0), limit):
         return None
     for _ in range(HALVINGS):
         # Limits are usually missed by little; then the first guess is near.
         middle = 0.5 * (low + high) if low or high < 1.0 else 0.99
-        inside = highest(problem, grid, about_start(problem.basis, x, middle)) <= limit
+        inside = _inside(problem, grid, about_start(problem.basis, x, middle), limit)
         low, high = (middle, high) if inside else (low, middle)
     return about_start(problem.basis, x, low)
 
