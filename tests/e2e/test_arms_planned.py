@@ -13,9 +13,9 @@ from armid.excitation.fourier import Excitation, save_plan
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
-WORTH = 3.0
-"""How many times lower the sum of variances is than by chance, at least: the arm that gains least of those measured
-gains 3.6 times."""
+WORTH = 2.0
+"""How many times lower the sum of variances is than by chance, at least: of six seconds and four harmonics, found in
+one round, the arm that gains least gains 2.8 times; plans as long as people make them gain more."""
 
 
 @pytest.fixture(scope="module")
