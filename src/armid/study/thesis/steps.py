@@ -185,7 +185,8 @@ def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitte
     ):
         nlp = by_method(fitted, "thesis-nlp", searches)
         bodies.append(rows.take(group, f"{name}-nlp", "(3.52) with (3.53), interior point", nlp))
-        convex = by_method(fitted, "physical")
+        # The virtual arm is its own description: a prior towards that would know the answer.
+        convex = by_method(fitted, "physical", {"prior": "mass"})
         bodies.append(rows.take(group, f"{name}-convex", "pseudo-inertias, convex", convex))
     return Estimates(printed, corrected, wrong, bodies[0], bodies[2], bodies[3])
 
