@@ -37,6 +37,7 @@ from armid.study import plausibility
 from armid.study.beyond import highest_speeds, speed_finding
 from armid.study.cut import cut, refuse_shared
 from armid.study.doctor import findings_on
+from armid.study.labels import labels
 from armid.study.study import (
     RecordingChoice,
     Study,
@@ -283,11 +284,12 @@ def score_recordings(
     """Torque error on recordings, each processed by itself, and what was noticed on the way."""
     scores: list[Score] = []
     findings: list[Finding] = []
-    for choice, recording in recordings:
+    names = labels([choice for choice, _ in recordings])
+    for (choice, recording), label in zip(recordings, names, strict=True):
         observations, found = observe_recordings([(choice, recording)], processing, model.robot)
         findings += found
         asked = highest_speeds(observations)
-        beyond = speed_finding(model.robot, estimate.speeds, asked, recording.source or choice.path)
+        beyond = speed_finding(model.robot, estimate.speeds, asked, label or Path(choice.path).name)
         findings += [] if beyond is None else [beyond]
         scores.append(score(model, estimate, observations, path=choice.path, sha256=recording.sha256))
     return tuple(scores), tuple(findings)
