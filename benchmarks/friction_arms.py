@@ -31,6 +31,7 @@ from armid.estimation.crossvalidation import beside, folds
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
 from armid.estimation.friction import choose_friction
+from armid.estimation.per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import Problem, standard_of
 from armid.information.observations import Observations
 from armid.information.residuals import compare
@@ -107,10 +108,22 @@ def _only(observations: Observations, kept: NDArray[np.bool_]) -> Observations:
     return replace(observations, runs=tuple(runs))
 
 
-def judged(model: DynamicsModel, weight: float | None, training: Observations) -> tuple[DynamicsModel, Array]:
-    """A model with parameters: by `ridge` with a weight of the prior, by least squares without."""
+def judged(
+    model: DynamicsModel, weight: float | None, training: Observations, *, apart: bool = False
+) -> tuple[DynamicsModel, Array]:
+    """A model with parameters: by `ridge` with a weight of the prior, by least squares without.
+
+    Args:
+        model: Arm and terms.
+        weight: Of the prior.
+        training: What trains.
+        apart: Whether each recording has its own offsets, of which the mean is taken.
+    """
     base = find_base_parameters(model)
-    problem = Problem(inform(model, base, training), standard_of(model, base), model, base)
+    information = inform(model, base, training)
+    if apart:
+        information = separate_by_recording(information, np.isin(information.names, offset_names(model)))
+    problem = Problem(information, standard_of(model, base), model, base)
     method = WeightedLeastSquares() if weight is None else Ridge(weight=weight)
     return model, torque_parameters(base, method.estimate(problem))
 
@@ -123,11 +136,11 @@ def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:
         at = time.process_time()
         ladder = choose_friction(arm.model, training)
         seconds += time.process_time() - at
-        weight = ladder.prior_weight
+        weight, apart = ladder.prior_weight, ladder.offset_per_recording
         ways = {"plain": judged(arm.model, None, training)}
         try:
-            ways["prior"] = judged(arm.model, weight if weight is not None else 0.0, training)
-            ways["auto"] = judged(ladder.model, weight if weight is not None else 0.0, training)
+            ways["prior"] = judged(arm.model, weight if weight is not None else 0.0, training, apart=apart)
+            ways["auto"] = judged(ladder.model, weight if weight is not None else 0.0, training, apart=apart)
         except ArmidError:
             ways["prior"] = ways["auto"] = ways["plain"]
         parts = {

@@ -15,6 +15,7 @@ from armid.estimation.estimate import standard_parameters
 from armid.estimation.estimators import PhysicallyConsistent, Ridge, WeightedLeastSquares
 from armid.measurement.processing import Processing
 from armid.model.terms import TERMS, Coulomb, Stribeck, Viscous
+from armid.study.chosen import lean_on_prior
 from armid.study.cut import cut
 from armid.study.identify import Result, identify
 from armid.study.study import (
@@ -25,7 +26,6 @@ from armid.study.study import (
     Study,
     build_estimator,
     build_model,
-    lean_on_prior,
     load_choice,
     load_study,
     parse_study,
@@ -89,6 +89,7 @@ saturation = 0.9
 [estimation]
 method = "ols"
 friction_per_recording = true
+offset_per_recording = true
 wls = { iterations = 7 }
 """
 """Every key that a study knows, the example of the design among them."""
@@ -148,7 +149,7 @@ def test_every_key_arrives():
         3.0, 2, "fir", False, 20.0, "filter", "pad", 0.25, 0.1, 4.0, False, 0.9, "keep"
     )  # in the order of its fields
     assert study.estimation == EstimationChoice(
-        "ols", friction_per_recording=True, options={"wls": {"iterations": 7}}
+        "ols", friction_per_recording=True, offset_per_recording=True, options={"wls": {"iterations": 7}}
     )
 
 
@@ -230,6 +231,7 @@ def test_an_unknown_key_is_answered_with_the_known_ones(tables: dict, where: str
         ({"estimation": {"method": "magic"}}, "Unknown estimation method 'magic'"),
         ({"estimation": {"method": ["wls"]}}, "Unknown estimation method"),
         ({"estimation": {"friction_per_recording": "yes"}}, "friction_per_recording must be true or false"),
+        ({"estimation": {"offset_per_recording": 1.5}}, "offset_per_recording must be true or false"),
     ],
 )
 def test_values_of_the_wrong_kind_are_refused(tables: dict, message: str):
@@ -460,6 +462,28 @@ def test_friction_for_each_recording_needs_two(tmp_path: Path):
     values = dict(zip(estimate.fit.names, estimate.fit.values, strict=True))
     assert alone["FV_1"]["status"] == "identified"
     assert alone["FV_1"]["value"] == pytest.approx((values["FV_1[1]"] + values["FV_1[2]"]) / 2)
+
+
+def test_offsets_for_each_recording_leave_friction_shared(tmp_path: Path):
+    write_recordings(tmp_path)
+    own = STUDY + "[estimation]\noffset_per_recording = true\n"
+    with pytest.raises(StudyError, match="offset_per_recording needs at least two training recordings"):
+        identify(load_study(write_study(tmp_path, own)))
+    both = own.replace('role = "validate"\n', "")
+    names = identify(load_study(write_study(tmp_path, both))).estimate.fit.names
+    assert {"FO_1[1]", "FO_3[2]", "FV_1", "FS_2"} <= set(names)
+    assert not any("[" in name for name in names if not name.startswith("FO"))
+    every = both.replace("offset_per", "friction_per_recording = true\noffset_per")  # which has offsets in it
+    assert "FV_1[1]" in identify(load_study(write_study(tmp_path, every))).estimate.fit.names
+
+
+def test_friction_that_is_chosen_gives_each_recording_its_offset(tmp_path: Path):
+    """And the study that the run keeps says so, so that it can be made again."""
+    write_recordings(tmp_path)
+    text = STUDY.replace('role = "validate"\n', "")
+    result = identify(load_study(write_study(tmp_path, text + '[model]\nterms = "auto"\n')))
+    assert result.ladder is not None and result.ladder.offset_per_recording
+    assert result.study.estimation.offset_per_recording and "FO_1[2]" in result.estimate.fit.names
 
 
 # The result ----------------------------------------------------------------------------------------------------

@@ -27,6 +27,7 @@ __all__ = [
     "FOLDS",
     "Fold",
     "beside",
+    "can_be_cut",
     "folds",
     "held_out_error",
     "held_out_squares",
@@ -156,6 +157,20 @@ def one_standard_error(errors: Array) -> int:
             if excess.mean() <= excess.std(ddof=1) / np.sqrt(len(excess)):
                 return k
     return best
+
+
+def can_be_cut(information: Information, count: int = FOLDS) -> bool:
+    """Whether recordings with parameters of their own are long enough to leave a part of each out.
+
+    Args:
+        information: Blocks in their order, separated by recording.
+        count: Folds wanted.
+    """
+    try:
+        folds(information, count)
+    except EstimationError:
+        return False
+    return True
 
 
 def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray[np.int64]:

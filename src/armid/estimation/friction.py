@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armid.errors import EstimationError
-from armid.estimation.crossvalidation import folds, one_standard_error
+from armid.estimation.crossvalidation import can_be_cut, folds, one_standard_error
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction_candidates import (
@@ -30,10 +30,11 @@ from armid.estimation.friction_candidates import (
 from armid.estimation.friction_folds import Prior, Stretches, make_stretches
 from armid.estimation.friction_search import Climb, Trial, climb
 from armid.estimation.friction_shapes import refine
+from armid.estimation.per_recording import contrasted, offset_names, separate_by_recording
 from armid.estimation.prior import believe, carried
 from armid.estimation.problem import Problem, standard_of
 from armid.estimation.weighted import Weighted, weigh
-from armid.information.information import Information, restrict
+from armid.information.information import Information, restrict, total
 from armid.information.observations import Observations
 from armid.information.stream import inform
 from armid.maths.linalg import inverse_of
@@ -96,6 +97,7 @@ class Ladder:
             independent samples of the data as the chosen model explains them: what an estimate with this model best
             uses. Friction was chosen under one as strong or stronger. `None` where nothing was judged, or where the
             unit is not known.
+        offset_per_recording: Whether each recording had an offset of its own, as the estimate then should.
         why: Why nothing was looked at, or why there is no prior's weight; empty where all is as it should be.
     """
 
@@ -105,6 +107,7 @@ class Ladder:
     ratio: Array
     deviation: Array
     prior_weight: float | None
+    offset_per_recording: bool = False
     why: str = ""
 
 
@@ -125,21 +128,24 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     if used < FEWEST:
         ones = np.ones(model.n)
         why = f"{used} blocks of rows are too few to judge friction on; {FEWEST} are the least."
-        return Ladder(model, (), (), ones, np.zeros(model.n), None, why)
-    weighted = weigh(problem.information)
-    strong, best, prior = _prior(problem, weighted)
+        return Ladder(model, (), (), ones, np.zeros(model.n), None, why=why)
+    drifting = _drifting(problem.information, model)
+    data = contrasted(problem.information, drifting)
+    weighted = weigh(data)
+    strong, best, prior = _prior(problem, data, weighted)
     loaded = _loaded(problem, strong)
     allowed = candidates(loaded, observations)
 
     def widen(pieces: Sequence[frozenset[Piece]]) -> tuple[Superset, Information]:
         wide = superset(loaded, base, pieces)
-        return wide, inform(wide.model, wide.base, observations, threads=threads)
+        information = contrasted(inform(wide.model, wide.base, observations, threads=threads), drifting)
+        return replace(wide, own=np.append(wide.own, np.ones(information.count - wide.count, np.bool_))), information
 
     def climbed(start: Climb | None) -> tuple[Superset, Information, Stretches, Climb]:
         own = [frozenset[Piece]()] * model.n if start is None else start.chosen(model.n)
         may = [pieces | more for pieces, more in zip(allowed, own, strict=True)]
         wide, information = widen(may)
-        spread = prior.spread(wide.base.count, np.flatnonzero(wide.own))
+        spread = prior.spread(wide.count, np.flatnonzero(wide.own))
         stretches, long = (
             make_stretches(information, folds(information, count), weighted.weights, spread)
             for count in (FOLDS, LONG)
@@ -153,7 +159,23 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     needs = any(isinstance(term, LoadCoulomb) for term in added)
     chosen = replace(loaded if needs else model, terms=(*model.terms, *added))
     handed, why = _handed_on(best * weighted.correlation, restrict(information, found.kept))
-    return Ladder(chosen, added, _evidence(model, found.trials), *_outcome(stretches, wide, found), handed, why)
+    outcome = _outcome(stretches, wide, found)
+    return Ladder(chosen, added, _evidence(model, found.trials), *outcome, handed, bool(drifting), why)
+
+
+def _drifting(information: Information, model: DynamicsModel) -> tuple[str, ...]:
+    """Parameters that each recording may have for itself: offsets, since a sensor is zeroed anew and drifts.
+
+    None where there is one recording, or one in which a joint does not count or that is too short to be cut: such
+    offsets could not be estimated and validated.
+    """
+    names = offset_names(model)
+    own = np.isin(information.names, names)
+    recordings = np.unique(information.recording[information.rows.any(axis=1)])
+    told = all(information.rows[information.recording == each].any(axis=0).all() for each in recordings)
+    if len(recordings) < 2 or not own.any() or not told:
+        return ()
+    return names if can_be_cut(separate_by_recording(information, own), FOLDS) else ()
 
 
 def _loaded(problem: Problem, weight: float) -> DynamicsModel:
@@ -182,29 +204,41 @@ def _handed_on(rows: float, information: Information) -> tuple[float | None, str
         )
 
 
-def _prior(problem: Problem, weighted: Weighted) -> tuple[float, float, Prior]:
+def _prior(problem: Problem, data: Information, weighted: Weighted) -> tuple[float, float, Prior]:
     """Weights of the prior on the base parameters by stretches left out: to choose under, to estimate with.
 
     Friction is chosen under the strongest prior that is within a standard error of the best one: bodies that give way
-    to friction look as good on the same recording and fail on others. It is estimated with the best.
+    to friction look as good on the same recording and fail on others. It is estimated with the one under which no
+    joint errs much more than it would under the one that suits it best: a sum over joints lets many that hardly care
+    outvote one that does.
+
+    Args:
+        problem: With the model's own parameters.
+        data: Its information with what differs between recordings.
+        weighted: The same, whitened.
 
     Returns:
         The stronger weight, the best, and the prior with the stronger.
     """
     standard = problem.require_standard("friction ladder")
-    belief = believe("log-det" if standard.described else "mass", standard, weighted)
+    whole = total(problem.information)
+    belief = believe("log-det" if standard.described else "mass", standard, replace(weighted, whole=whole))
     mean = standard.regrouping @ belief.mean
     precision = weighted.correlation * inverse_of(carried(belief.precision, standard.regrouping))
-    information = problem.information
-    kept, ridge = np.arange(information.count), np.zeros(information.count)
-    data = make_stretches(information, folds(information, FOLDS), weighted.weights, Prior(mean, 0.0 * precision))
+    kept, ridge = np.arange(data.count), np.zeros(data.count)
+    stretches = make_stretches(
+        data, folds(data, FOLDS), weighted.weights, Prior(mean, 0.0 * precision).spread(data.count, kept)
+    )
     errors = np.stack(
         [
-            replace(data, prior=Prior(mean, strength * precision)).errors(kept, ridge) @ weighted.weights**2
+            replace(stretches, prior=Prior(mean, strength * precision).spread(data.count, kept)).errors(kept, ridge)
             for strength in STRENGTHS
         ]
     )
-    strong, best = (float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1)))))
+    by_joint = errors.sum(axis=1)[:, errors.any(axis=(0, 1))]
+    regret = (by_joint / by_joint.min(axis=0)).max(axis=1)
+    strong = float(STRENGTHS[one_standard_error(errors @ weighted.weights**2)])
+    best = float(STRENGTHS[np.argmin(regret)])
     return strong, best, Prior(mean, strong * precision)
 
 

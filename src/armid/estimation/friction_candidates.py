@@ -178,7 +178,8 @@ class Superset:
     Attributes:
         model: Arm, terms and pieces.
         base: The model's base parameters, then one for each piece's laws, in the order of the standard ones.
-        own: Which base parameters are the model's own, shape (b,).
+        own: Which parameters of its information are the model's own, shape (b,): of the base ones, and whatever the
+            information has beyond them.
         columns: Positions of each piece's parameters among the base ones, by joint and piece.
     """
 
@@ -186,6 +187,11 @@ class Superset:
     base: BaseParameters
     own: NDArray[np.bool_]
     columns: dict[tuple[int, Piece], NDArray[np.intp]]
+
+    @property
+    def count(self) -> int:
+        """Number b of parameters of its information."""
+        return len(self.own)
 
 
 def candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Piece], ...]:

@@ -52,9 +52,10 @@ class Prior:
 
         Args:
             count: How many there are.
-            own: Positions of the parameters of this prior among them.
+            own: Positions of the parameters of this prior among them, first; what comes after is not believed either.
         """
         mean, precision = np.zeros(count), np.zeros((count, count))
+        own = own[: len(self.mean)]
         mean[own] = self.mean
         precision[np.ix_(own, own)] = self.precision
         return Prior(mean, precision)

@@ -1,11 +1,9 @@
 """The search for friction: rung by rung, joint by joint, what lowers the error on stretches that were left out.
 
-A candidate is accepted on evidence: its gain over the folds must exceed its own standard error by a margin, and a
-share of what is left. In a rung where the joints of an arm are alike (hysteresis of the same kind of gear), the sum
-of their gains is evidence for each, and a joint goes its own way only where it clearly says so. Gains are measured
-with the bodies as all data have them, which is far more certain where bodies have many parameters, and then checked
-with all parameters estimated anew without the stretch. What could imitate gravity must gain there too, and on long
-stretches with other poses: it shows nowhere else.
+A candidate is accepted on evidence (`friction_evidence`). Gains are measured with the bodies as all data have them,
+which is far more certain where bodies have many parameters, and then checked with all parameters estimated anew
+without the stretch. What could imitate gravity must gain there too, and on long stretches with other poses: it shows
+nowhere else.
 """
 
 from __future__ import annotations
@@ -17,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.estimation.friction_candidates import ONE_SHAPE, Piece, Rung, Superset
+from armid.estimation.friction_evidence import LARGE, Offer, of_the_arm, of_the_joint, proportions, standard_error
 from armid.estimation.friction_folds import Reduced, Stretches
+from armid.model.terms import Hysteresis
 from armid.values import Array
 
 __all__ = ["Climb", "Taken", "Trial", "climb"]
@@ -29,26 +29,8 @@ columns that resemble each other, and ten times that."""
 CONTRARY = 1.0
 """Standard errors by which a candidate must lose to be turned down by the stricter way of judging."""
 
-LOWEST = 0.1
-"""Smallest share of a fold's error that counts as left: one fold explained by chance must not outweigh all others."""
-
 PASSES = 4
 """Times that all rungs are climbed at most: what was hidden behind something larger shows once that is explained."""
-
-LARGE = 0.1
-"""Share of the squared error that a gain takes at least where few stretches show it, such as slow reversals."""
-
-REST = 0.02
-"""What must then be gained beyond the best stretch, as a share, so that no stretch decides alone."""
-
-TIMES = 10.0
-"""And by how many times that must exceed what all others lose: their scatter says nothing of what a few show."""
-
-HALF = 0.5
-"""Share of the evidence that a joint needs by itself where its arm has it."""
-
-BETTER = 2.0
-"""Standard errors by which a joint's own choice must beat that of its arm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,31 +100,6 @@ class Climb:
         return tuple(frozenset(pieces) for pieces in own)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Offer:
-    """A candidate with a shrinkage on one joint.
-
-    Attributes:
-        joint: Index of the joint.
-        option: Which of the rung's options.
-        pieces: What it adds.
-        ridge: Its shrinkage.
-        gains: What it takes away on each fold, as shares of the joint's error on all, shape (F,).
-        changes: Logarithms of the joint's error with it over that without on each fold, shape (F,).
-    """
-
-    joint: int
-    option: int
-    pieces: tuple[Piece, ...]
-    ridge: float
-    gains: Array
-    changes: Array
-
-    @property
-    def gain(self) -> float:
-        return float(self.gains.sum())
-
-
 def climb(
     stretches: Stretches,
     long: Stretches,
@@ -171,6 +128,7 @@ def climb(
         search.forget({rung.name for rung in rungs if rung.anew})
         search.passes(rungs)
     search.prune({rung.name for rung in rungs if not rung.shared})
+    search.thin()
     return Climb(tuple(search.taken), search.kept, search.ridge, tuple(search.trials.values()))
 
 
@@ -184,7 +142,7 @@ class _Search:
         self.allowed = allowed
         self.chosen: list[set[Piece]] = [set() for _ in allowed]
         self.taken: list[Taken] = []
-        self.ridge = np.zeros(superset.base.count)
+        self.ridge = np.zeros(superset.count)
         self.trials: dict[tuple[int, tuple[Piece, ...]], Trial] = {}
         self.made: dict[tuple[bool, bool], tuple[tuple[Taken, ...], Reduced]] = {}
 
@@ -220,11 +178,11 @@ class _Search:
         fair = self._left(self.stretches, all_anew=False)
         elsewhere = self._left(self.long, all_anew=True) if rung.position else None
         offers = self._offers(rung, fair)
-        shared = _of_the_arm(rung, offers) if rung.shared else None
-        taken: list[_Offer] = []
+        shared = of_the_arm(rung, offers) if rung.shared else None
+        taken: list[Offer] = []
         for joint in range(len(self.allowed)):
             own = [offer for offer in offers if offer.joint == joint]
-            pick = _of_the_joint(rung, own, None if shared is None else [o for o in shared if o.joint == joint])
+            pick = of_the_joint(rung, own, None if shared is None else [o for o in shared if o.joint == joint])
             if pick is not None and not self._contradicted(pick, strict, elsewhere):
                 taken.append(pick)
             self._record(rung, own, pick if pick in taken else None)
@@ -254,17 +212,40 @@ class _Search:
 
     def prune(self, rungs: set[str]) -> None:
         """Let go of what no longer lowers the error once all is together, the last taken first."""
-        error = self._error()
+        error = self._errors().sum()
         for each in tuple(reversed(self.taken)):
             if each.rung not in rungs:
                 continue
             self.chosen[each.joint] -= set(each.pieces)
-            without = self._error()
+            without = self._errors().sum()
             if without < error:
                 error = without
                 self._give_back(each)
             else:
                 self.chosen[each.joint] |= set(each.pieces)
+
+    def thin(self) -> None:
+        """Let go of single widths of what was taken together that do not lower the error of their joint."""
+        while True:
+            error = self._errors()
+            idle: list[tuple[float, Taken, Piece]] = []
+            for each in self.taken:
+                for piece in each.pieces if len(each.pieces) > 1 else ():
+                    if piece.term != Hysteresis.name:
+                        continue
+                    self.chosen[each.joint].discard(piece)
+                    lost = self._errors() - error
+                    self.chosen[each.joint].add(piece)
+                    if lost[each.joint] <= 0.0:
+                        idle.append((float(lost[each.joint] / error[each.joint]), each, piece))
+            if not idle:
+                return
+            _, each, piece = min(idle, key=lambda found: found[0])
+            rest = tuple(other for other in each.pieces if other != piece)
+            self.chosen[each.joint].discard(piece)
+            self.taken[self.taken.index(each)] = replace(each, pieces=rest)
+            trial = self.trials.pop((each.joint, each.pieces))
+            self.trials[each.joint, rest] = replace(trial, pieces=rest)
 
     def _left(self, stretches: Stretches, *, all_anew: bool) -> Reduced:
         """What the model by now leaves, made anew only where it has changed."""
@@ -279,17 +260,17 @@ class _Search:
         key = taken.joint, taken.pieces
         self.trials[key] = replace(self.trials[key], chosen=False)
 
-    def _error(self) -> float:
-        """Weighted squared error on all stretches, all parameters estimated without each."""
-        return float((self.stretches.errors(self.kept, self.ridge) @ self.stretches.weights**2).sum())
+    def _errors(self) -> Array:
+        """Weighted squared error (n,) of each joint on all stretches, all parameters estimated without each."""
+        return self.stretches.errors(self.kept, self.ridge).sum(axis=0) * self.stretches.weights**2
 
     def _columns(self, joint: int, pieces: set[Piece] | tuple[Piece, ...]) -> NDArray[np.intp]:
         found = [self.superset.columns[joint, piece] for piece in pieces]
         return np.concatenate([np.zeros(0, dtype=np.intp), *found])
 
-    def _offers(self, rung: Rung, reduced: Reduced) -> list[_Offer]:
+    def _offers(self, rung: Rung, reduced: Reduced) -> list[Offer]:
         """All candidates of a rung on all joints."""
-        offers: list[_Offer] = []
+        offers: list[Offer] = []
         for joint, allowed in enumerate(self.allowed):
             free = allowed - self.chosen[joint]
             done = {piece.term for piece in self.chosen[joint]} & ONE_SHAPE
@@ -304,15 +285,15 @@ class _Search:
                 for ridge in RIDGES:
                     gains = reduced.gains(joint, columns, ridge)
                     if gains is not None:
-                        changes = _changes(gains[0], squares)
-                        offers.append(_Offer(joint, option, left, ridge, gains[0] / squares.sum(), changes))
+                        changes = proportions(gains[0], squares)
+                        offers.append(Offer(joint, option, left, ridge, gains[0] / squares.sum(), changes))
         return offers
 
-    def _contradicted(self, pick: _Offer, strict: Reduced, elsewhere: Reduced | None) -> bool:
+    def _contradicted(self, pick: Offer, strict: Reduced, elsewhere: Reduced | None) -> bool:
         """Whether the stricter ways of judging speak against a candidate."""
         columns = self._columns(pick.joint, pick.pieces)
         gains = strict.gains(pick.joint, columns, pick.ridge)
-        if gains is None or any(each.sum() < -CONTRARY * _deviation(each) for each in gains):
+        if gains is None or any(each.sum() < -CONTRARY * standard_error(each) for each in gains):
             return True
         if elsewhere is None:
             return False
@@ -322,73 +303,12 @@ class _Search:
         if gains is None:
             return True
         own, squares = gains[0], elsewhere.squares[:, pick.joint]
-        return bool(own.sum() <= 0.0 and _changes(own, squares).sum() >= 0.0)
+        return bool(own.sum() <= 0.0 and proportions(own, squares).sum() >= 0.0)
 
-    def _record(self, rung: Rung, own: list[_Offer], pick: _Offer | None) -> None:
+    def _record(self, rung: Rung, own: list[Offer], pick: Offer | None) -> None:
         """Keep the better shrinkage of every candidate as evidence."""
         for offer in sorted(own, key=lambda offer: (offer is pick, offer.gain)):
-            deviation = _deviation(offer.gains)
+            deviation = standard_error(offer.gains)
             self.trials[offer.joint, offer.pieces] = Trial(
                 offer.joint, rung.name, offer.pieces, offer.gain, deviation, offer is pick
             )
-
-
-def _of_the_arm(rung: Rung, offers: list[_Offer]) -> list[_Offer] | None:
-    """The candidate with the largest gain over all joints, where all of them together make it clear."""
-    groups: dict[tuple[int, float], list[_Offer]] = {}
-    for offer in offers:
-        groups.setdefault((offer.option, offer.ridge), []).append(offer)
-    if not groups:
-        return None
-    best = max(groups.values(), key=lambda group: sum(offer.gain for offer in group))
-    gains = np.mean([offer.gains for offer in best], axis=0)
-    changes = np.mean([offer.changes for offer in best], axis=0)
-    return best if _is_clear(gains, changes, rung.clear, rung.least) else None
-
-
-def _of_the_joint(rung: Rung, own: list[_Offer], shared: list[_Offer] | None) -> _Offer | None:
-    """What a joint takes: that of its arm unless it clearly does better otherwise, else what is clear by itself."""
-    if not own:
-        return None
-    best = max(own, key=lambda offer: offer.gain)
-    if not shared:
-        return best if _is_clear(best.gains, best.changes, rung.clear, rung.least) else None
-    arm = shared[0]
-    more = best.gains - arm.gains
-    if more.sum() > BETTER * _deviation(more):
-        return best
-    return arm if _is_clear(arm.gains, arm.changes, HALF * rung.clear, 0.0) else None
-
-
-def _is_clear(gains: Array, changes: Array, clear: float, least: float) -> bool:
-    """Whether a gain is worth it and stands out of its scatter between folds, in size or in proportion.
-
-    One fold on which the model was far off may bring most of the gain and of its scatter; proportions then tell, or
-    that there is a gain on every fold, which happens by chance once in 256.
-    """
-    if gains.sum() <= least:
-        return False
-    by_size = gains.sum() > clear * _deviation(gains)
-    in_proportion = -changes.sum() > clear * _deviation(changes)
-    return bool(by_size or in_proportion or gains.min() > 0.0 or _shown_by_few(gains))
-
-
-def _shown_by_few(gains: Array) -> bool:
-    """Whether a few stretches gain much, more than one of them, while the others hardly lose.
-
-    What only slow reversals show is in two or three stretches, and no scatter of eight is small beside that.
-    """
-    beyond = float(np.maximum(gains, 0.0).sum() - gains.max())
-    lost = float(np.maximum(-gains, 0.0).sum())
-    return float(gains.sum()) > LARGE and beyond > max(TIMES * lost, REST)
-
-
-def _changes(gains: Array, squares: Array) -> Array:
-    """Logarithms of what is left of each fold's error over what was."""
-    share = np.divide(gains, squares, out=np.zeros_like(gains), where=squares > 0.0)
-    return np.log(np.maximum(1.0 - share, LOWEST))
-
-
-def _deviation(gains: Array) -> float:
-    """Standard error of the sum of gains over the folds."""
-    return float(np.std(gains, ddof=1) * np.sqrt(len(gains)))

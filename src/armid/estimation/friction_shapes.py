@@ -65,14 +65,14 @@ def _step(
     chosen = found.chosen(joints)
     slopes = [frozenset(replace(piece, slope=True) for piece in own if piece.term in REFINED) for own in chosen]
     wide, information = widen([own | more for own, more in zip(chosen, slopes, strict=True)])
-    spread = prior.spread(wide.base.count, np.flatnonzero(wide.own))
+    spread = prior.spread(wide.count, np.flatnonzero(wide.own))
     once = make_stretches(information, np.zeros(information.blocks, dtype=np.int64), weights, spread)
-    ridge = np.zeros(wide.base.count)
+    ridge = np.zeros(wide.count)
     for each in found.taken:
         for piece in each.pieces:
             ridge[wide.columns[each.joint, piece]] = each.ridge
     at = [wide.columns[j, piece][0] for j, own in enumerate(slopes) for piece in own]
-    whole = np.arange(wide.base.count)
+    whole = np.arange(wide.count)
     values = np.append(-once.solve(once.whole, np.setdiff1d(whole, at), ridge), 1.0)
     error = float(values @ (once.whole + spread.products) @ values)
     both = once.solve(once.whole, whole, ridge)

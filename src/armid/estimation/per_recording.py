@@ -1,11 +1,13 @@
-"""Shared inertial parameters with friction of its own for each recording.
+"""Shared inertial parameters with friction, or offsets alone, of its own for each recording.
 
-Friction changes with temperature and age, links do not. Each recording's rows then touch the shared parameters and
-its own copies of the others, named `FV_1[1]`, `FV_1[2]`, …; the factors are rearranged, the data are not read again.
+Friction changes with temperature and age, and sensors are zeroed anew; links stay. Each recording's rows then touch
+the shared parameters and its own copies of the others, named `FV_1[1]`, `FV_1[2]`, …; the factors are rearranged, the
+data are not read again.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +17,15 @@ from armid.estimation.problem import Standard
 from armid.information.information import Information, JointFactors
 from armid.kernel import factor_columns
 from armid.model.base import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Offset
 
-__all__ = ["separate_by_recording", "standard_per_recording"]
+__all__ = ["contrasted", "offset_names", "separate_by_recording", "standard_per_recording"]
+
+
+def offset_names(model: DynamicsModel) -> tuple[str, ...]:
+    """Names of the standard parameters that are offsets of the torque."""
+    return tuple(parameter.name for parameter in model.parameters if parameter.kind == Offset.name)
 
 
 def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> Information:
@@ -51,6 +60,40 @@ def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> I
             R[block] = factor_columns(columns)[0]
         joints.append(JointFactors(parameters, R))
     return replace(information, names=names, joints=tuple(joints))
+
+
+def contrasted(information: Information, names: Collection[str]) -> Information:
+    """The same with further parameters: how far some lie in each recording from their mean over all.
+
+    With values v_r in R recordings and their mean v = Σ v_r / R, the further ones are d_r = v_r - v for all but the
+    last recording, since they add to zero. What stood in the information keeps its place, and means v.
+
+    Args:
+        information: Blocks of several recordings.
+        names: Parameters that may differ.
+
+    Returns:
+        Information with `FO_1~1`, `FO_1~2`, … last; the same where there is one recording.
+    """
+    recordings = np.unique(information.recording)
+    more = len(recordings) - 1
+    own = [k for k, name in enumerate(information.names) if name in names] if more else []
+    if not own:
+        return information
+    sign = (information.recording[:, None] == recordings[:-1]) * 1.0
+    sign[information.recording == recordings[-1]] = -1.0
+    joints: list[JointFactors] = []
+    for joint in information.joints:
+        at = [k for k, parameter in enumerate(joint.parameters) if parameter in own]
+        added = [information.count + own.index(int(joint.parameters[k])) * more + r for k in at for r in range(more)]
+        columns = joint.R[:, :, at, None] * sign[:, None, None, :]
+        wide = np.concatenate(
+            [joint.R[:, :, :-1], columns.reshape(*joint.R.shape[:2], -1), joint.R[:, :, -1:]], axis=2
+        )
+        factors = [factor_columns(np.ascontiguousarray(each.T))[0] for each in wide]
+        joints.append(JointFactors(np.append(joint.parameters, added), np.stack(factors)))
+    names_of = [f"{information.names[k]}~{r + 1}" for k in own for r in recordings[:-1]]
+    return replace(information, names=(*information.names, *names_of), joints=tuple(joints))
 
 
 def standard_per_recording(standard: Standard, base: BaseParameters | None, information: Information) -> Standard:

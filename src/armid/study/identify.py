@@ -15,7 +15,7 @@ from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.estimate import Estimate, TermUse
 from armid.estimation.friction import Ladder, choose_friction
 from armid.estimation.load import with_load
-from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import Problem, standard_of
 from armid.estimation.uncertainty import cover
 from armid.information.information import Information
@@ -35,15 +35,16 @@ from armid.robot import Robot
 from armid.shown import Shown, Summary
 from armid.study import plausibility
 from armid.study.beyond import highest_speeds, speed_finding
+from armid.study.chosen import as_chosen
 from armid.study.cut import cut, refuse_shared
 from armid.study.doctor import findings_on
 from armid.study.labels import labels
 from armid.study.study import (
+    PER_RECORDING,
     RecordingChoice,
     Study,
     build_estimator,
     build_model,
-    lean_on_prior,
     load_choice,
     resolve_model,
 )
@@ -206,9 +207,8 @@ def prepare(
         model = ladder.model
         bodies = robot.inertial_vector
         described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
-        estimation = lean_on_prior(study.estimation, ladder.prior_weight, described=described)
-        study = replace(study, estimation=estimation)
-        findings.append(plausibility.chosen_finding(ladder, estimation.method))
+        study = replace(study, estimation=as_chosen(study.estimation, ladder, described=described))
+        findings.append(plausibility.chosen_finding(ladder, study.estimation.method))
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
@@ -256,17 +256,19 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
 
 
 def stated_problem(prepared: Prepared) -> Problem:
-    """The problem as the study states it: with friction for each recording where it says so.
+    """The problem as the study states it: with friction or offsets for each recording where it says so.
 
     Raises:
-        StudyError: Friction for each of one recording.
+        StudyError: Parameters for each of one recording.
     """
-    problem = prepared.problem
-    if not prepared.study.estimation.friction_per_recording:
+    problem, choice = prepared.problem, prepared.study.estimation
+    asked = [key for key in PER_RECORDING if getattr(choice, key)]
+    if not asked:
         return problem
     if len(np.unique(problem.information.recording)) < 2:
-        raise StudyError("friction_per_recording needs at least two training recordings.")
-    own = changing_parameters(prepared.model)[prepared.base.kept]
+        raise StudyError(f"{asked[0]} needs at least two training recordings.")
+    offsets = np.isin(problem.information.names, offset_names(prepared.model))
+    own = changing_parameters(prepared.model)[prepared.base.kept] if choice.friction_per_recording else offsets
     return replace(problem, information=separate_by_recording(problem.information, own))
 
 

@@ -10,6 +10,7 @@ from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.fit import Fit
 from armid.estimation.friction import FEWEST, Ladder
+from armid.estimation.per_recording import offset_names
 from armid.estimation.problem import Problem, Standard
 from armid.estimation.uncertainty import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
@@ -23,6 +24,7 @@ from armid.values import Array
 __all__ = [
     "chosen_finding",
     "doubts",
+    "drift_finding",
     "excitation_finding",
     "far_finding",
     "far_masses",
@@ -62,10 +64,33 @@ def doubts(
         excitation_finding(information),
         few_blocks_finding(fit),
         negative_finding(model, fit),
+        drift_finding(model, fit),
         weak_finding(problem.information, observations, fit, chosen=chosen),
         far_finding(problem.standard, fit),
     ]
     return [finding for finding in found if finding is not None]
+
+
+def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
+    """Offsets that differ between recordings by more than is left of the joint's torque, or `None`."""
+    said: list[str] = []
+    for parameter in (each for each in model.parameters if each.name in offset_names(model)):
+        own = [k for k, name in enumerate(fit.names) if name.split("[", 1)[0] == parameter.name]
+        low, high = fit.intervals[own].T
+        values = fit.values[own]
+        if len(own) > 1 and np.ptp(values) > fit.residual_rms[parameter.number - 1] and low.max() > high.min():
+            each = ", ".join(f"{value:.2g}" for value in values)
+            said.append(f"{parameter.name} {each} {parameter.unit}")
+    if not said:
+        return None
+    return Finding(
+        "offset-drift",
+        "warning",
+        "",
+        f"Offsets differ between recordings: {'; '.join(said)}. The mean stands for another recording, whose own "
+        "offset nobody knows; its band is wider by their scatter.",
+        "zero the torque sensors before a recording, or estimate offsets anew from a short one (armid recalibrate).",
+    )
 
 
 def far_finding(standard: Standard | None, fit: Fit) -> Finding | None:

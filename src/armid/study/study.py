@@ -32,7 +32,6 @@ __all__ = [
     "build_estimator",
     "build_model",
     "default_estimation",
-    "lean_on_prior",
     "load_choice",
     "load_study",
     "parse_study",
@@ -127,6 +126,10 @@ class RecordingChoice:
             raise StudyError(f"{self.path}: part goes from a smaller to a larger share of 0 to 1; found {self.part}.")
 
 
+PER_RECORDING = ("friction_per_recording", "offset_per_recording")
+"""Keys that give each recording parameters of its own."""
+
+
 @dataclass(frozen=True, slots=True)
 class EstimationChoice:
     """How a study estimates.
@@ -134,11 +137,13 @@ class EstimationChoice:
     Attributes:
         method: Name of the estimator.
         friction_per_recording: Every recording has its own friction and offsets; the links are shared.
+        offset_per_recording: Every recording has its own offsets; links and friction are shared.
         options: Options of estimators, by the estimator's name and the option's.
     """
 
     method: str = PLAIN_METHOD
     friction_per_recording: bool = False
+    offset_per_recording: bool = False
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {})
 
     def __post_init__(self) -> None:
@@ -148,8 +153,8 @@ class EstimationChoice:
                 possible=", ".join(ESTIMATORS),
                 remedy=did_you_mean(self.method, ESTIMATORS),
             )
-        own = self.friction_per_recording
-        _require(own in (True, False), "friction_per_recording", "true or false", own)
+        for key in PER_RECORDING:
+            _require(getattr(self, key) in (True, False), key, "true or false", getattr(self, key))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -238,25 +243,6 @@ def build_estimator(choice: EstimationChoice) -> Estimator:
     return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
 
 
-def lean_on_prior(choice: EstimationChoice, weight: float | None, *, described: bool) -> EstimationChoice:
-    """The choice with the prior that friction was chosen under, as far as the study leaves the method's own open.
-
-    Args:
-        choice: As the study has it.
-        weight: Of the prior; `None` where nothing was judged.
-        described: Whether the description has bodies that can be a prior.
-    """
-    if weight is None:
-        return choice
-    names = {f.name for f in dataclasses.fields(ESTIMATORS[choice.method])}  # pyright: ignore[reportArgumentType]
-    own = {"weight": weight, "prior": "log-det" if described else "mass"}
-    given = choice.options.get(choice.method, {})
-    if "weight" not in names or given.get("weight", "auto") != "auto" or "prior" in given:
-        return choice
-    options = {**given, **{name: value for name, value in own.items() if name in names}}
-    return dataclasses.replace(choice, options={**choice.options, choice.method: options})
-
-
 def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
     """The model that a study chooses.
 
@@ -324,7 +310,7 @@ def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoic
     owner |= dict.fromkeys(getattr(ESTIMATORS.get(chosen), "__slots__", ()), chosen)
     for key in sorted(table.keys() & owner.keys()):
         raise StudyError(f"[estimation] has no key {key!r}.", remedy=f"write it in [estimation.{owner[key]}].")
-    _known(table, ("method", "friction_per_recording", *ESTIMATORS), "[estimation]")
+    _known(table, ("method", *PER_RECORDING, *ESTIMATORS), "[estimation]")
     options = {name: value for name, value in table.items() if name in ESTIMATORS}
     for name, value in options.items():
         _require(isinstance(value, Mapping), f"[estimation] {name}", "a table of options", value)
