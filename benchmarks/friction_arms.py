@@ -1,10 +1,12 @@
 """Friction that was chosen beside viscous and Coulomb friction, on motion of real arms that neither has seen.
 
-    python benchmarks/friction_arms.py [--arm NAME]… [--start study|auto]… [--verbose] [--json]
+    python benchmarks/friction_arms.py [--arm NAME]… [--verbose] [--json]
 
 Nested: recordings are left out in turn, or stretches of an arm's one recording with the blocks beside them; what is
 left out is seen neither by the choice nor by the estimate. Recordings and processing are those of the studies in
-`tests/real`; the choice starts from their terms, which have rotor inertia, or from those of `terms = "auto"`.
+`tests/real`; the choice starts from the terms of `terms = "auto"`. *Plain* is weighted least squares with the terms
+of a study that names none: rigid bodies, viscous and Coulomb friction and offset, with rotor inertia where the effort
+is that of motors. *Rotor* has it in any case; *prior* is `ridge` without further friction.
 """
 
 from __future__ import annotations
@@ -48,31 +50,32 @@ STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
 BLOCKS = {"franka_panda_gaz": (8, 5), "ur10_unisa": (5,), "kuka_iiwa14_lasa": (5,), "staubli_tx40": (5,)}
 """Stretches into which the only recording of an arm is cut."""
 
-STARTS = ("study", "auto")
-
-WAYS = ("plain", "prior", "auto")
+WAYS = ("plain", "rotor", "prior", "auto")
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """An arm with all of its recordings, processed."""
+    """An arm with all of its recordings, processed, with the terms of plain least squares and those of the choice."""
 
     name: str
+    plain: DynamicsModel
     model: DynamicsModel
     observations: Observations
 
 
-def load(name: str, start: str) -> Arm:
-    """An arm by its study, every recording whole, with the terms that the choice starts from."""
+def load(name: str) -> Arm:
+    """An arm by its study, every recording whole."""
     study = load_study(STUDIES / f"{name}.toml")
     robot = load_choice(study.robot, study.folder)
     choices = {choice.path: replace(choice, part=(0.0, 1.0)) for choice in study.recordings}.values()
     read = [(choice, read_recording(choice, study.folder, robot)[0]) for choice in choices]
-    motor = all(c.reading.transmission is not None or c.reading.drive_gain is not None for c in choices)
     processing = resolve(study.processing, [recording for _, recording in read])
+    motor = all(c.reading.transmission is not None or c.reading.drive_gain is not None for c in choices)
+    coupled = "coupling" in study.model.terms  # which is the arm's
     return Arm(
         name,
-        build_model(robot, study.model if start == "study" else ModelChoice(automatic=True), motor_side=motor),
+        build_model(robot, study.model if coupled else ModelChoice(), motor_side=motor),
+        build_model(robot, study.model if coupled else ModelChoice(automatic=True)),
         observe_recordings(read, processing, robot)[0],
     )
 
@@ -137,7 +140,7 @@ def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:
         ladder = choose_friction(arm.model, training)
         seconds += time.process_time() - at
         weight, apart = ladder.prior_weight, ladder.offset_per_recording
-        ways = {"plain": judged(arm.model, None, training)}
+        ways = {"plain": judged(arm.plain, None, training), "rotor": judged(arm.model, None, training)}
         try:
             ways["prior"] = judged(arm.model, weight if weight is not None else 0.0, training, apart=apart)
             ways["auto"] = judged(ladder.model, weight if weight is not None else 0.0, training, apart=apart)
@@ -160,6 +163,7 @@ def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:
         "arm": arm.name,
         "left_out": f"{count} blocks" if count else "recordings",
         **{way: _ratios(squares[way] / squares["plain"]) for way in WAYS[1:]},
+        "auto over rotor": _ratios(squares["auto"] / squares["rotor"]),
         "ladder_seconds": seconds,
     }
 
@@ -171,29 +175,27 @@ def _ratios(squares: Array) -> dict[str, Any]:
 
 def line(row: dict[str, Any]) -> str:
     """A row of the table."""
-    joints, prior = (" ".join(f"{x:.2f}" for x in row[way]["joints"]) for way in WAYS[1:][::-1])
-    return (
-        f"{row['arm']:<22}{row['start']:<7}{row['left_out']:<12}{joints:<36}{row['auto']['mean']:.2f}   "
-        f"{prior:<36}{row['prior']['mean']:.2f}   {row['ladder_seconds']:.0f} s"
-    )
+    parts = [
+        f"{way}: {' '.join(f'{x:.2f}' for x in row[way]['joints'])} ({row[way]['mean']:.2f})"
+        for way in ("auto", "auto over rotor", "prior", "rotor")
+    ]
+    return f"{row['arm']:<20}{row['left_out']:<11}{'   '.join(parts)}   {row['ladder_seconds']:.0f} s"
 
 
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--arm", action="append", help="only these arms, by the name of their study")
-    parser.add_argument("--start", action="append", choices=STARTS, help="terms that the choice starts from")
     parser.add_argument("--verbose", action="store_true", help="print each recording or stretch by itself")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
-    for start in options.start or STARTS:
-        for name in options.arm or sorted(path.stem for path in STUDIES.glob("*.toml")):
-            arm = load(name, start)
-            for count in BLOCKS.get(name, (0,)):
-                rows.append(measure(arm, count, verbose=options.verbose) | {"start": start})
-                if not options.json:
-                    print(line(rows[-1]), flush=True)
+    for name in options.arm or sorted(path.stem for path in STUDIES.glob("*.toml")):
+        arm = load(name)
+        for count in BLOCKS.get(name, (0,)):
+            rows.append(measure(arm, count, verbose=options.verbose))
+            if not options.json:
+                print(line(rows[-1]), flush=True)
     if options.json:
         print(json.dumps({"results": rows}))
     return 0

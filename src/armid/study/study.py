@@ -44,7 +44,8 @@ Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 """Options of a term, or of several of one name."""
 
 IDENTIFY_TERMS = (RigidBody.name, Viscous.name, Coulomb.name, Offset.name)
-"""Terms where a study names none; rotor inertia joins them where the effort is that of the motors."""
+"""Terms where a study names none; rotor inertia joins them where the effort is that of the motors, and where friction
+is chosen."""
 
 IDENTIFY_WIDTH = 0.02
 """Width of Coulomb friction where a study gives none [rad/s]: a sign flips with the encoder's noise at rest."""
@@ -137,14 +138,14 @@ class EstimationChoice:
     Attributes:
         method: Name of the estimator.
         friction_per_recording: Every recording has its own friction and offsets; the links are shared.
-        offset_per_recording: Every recording has its own offsets; links and friction are shared.
         options: Options of estimators, by the estimator's name and the option's.
+        offset_per_recording: Every recording has its own offsets; links and friction are shared.
     """
 
     method: str = PLAIN_METHOD
     friction_per_recording: bool = False
-    offset_per_recording: bool = False
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {})
+    offset_per_recording: bool = False
 
     def __post_init__(self) -> None:
         if self.method not in ESTIMATORS:
@@ -249,9 +250,11 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
     Args:
         robot: The arm.
         choice: Terms and shapes.
-        motor_side: Whether the recorded effort is that of the motors, which adds rotor inertia by default.
+        motor_side: Whether the recorded effort is that of the motors, which adds rotor inertia by default. Where
+            friction is chosen it is there in any case: a torque that a log calls the joint's is often the motor's,
+            converted, and beside a prior the inertia does no harm where it is not.
     """
-    names = choice.terms or (*IDENTIFY_TERMS, *((RotorInertia.name,) if motor_side else ()))
+    names = choice.terms or (*IDENTIFY_TERMS, *((RotorInertia.name,) if motor_side or choice.automatic else ()))
     for name in choice.shapes:
         if name not in names:
             raise StudyError(
