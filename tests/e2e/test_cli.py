@@ -29,10 +29,11 @@ from armid.measurement.processing import THESIS
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.study.apply import predict
+from armid.study.apply import motion_of, predict
 from armid.study.run import load_run
 from armid.validation.predict import Score
 from armid.validation.predict import validate as judge
+from armid.validation.torque_band import torque_band
 from labs import STUDY, small_plan, small_recording, write_arm, write_recording, write_recordings, write_study
 
 HANGING = ("--gravity", "0", "0", "9.81")
@@ -425,6 +426,22 @@ def test_predict_along_a_plan(armid: Armid, run: Path, suffix: str):
         with np.load("torque.npz") as archive:
             found = archive["torque"]
     np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_predict_with_its_band(armid: Armid, run: Path, small: Path, suffix: str):
+    found = armid("predict", run, small / "run2.csv", "--band", "--out", f"torque{suffix}", "--json").json
+    if suffix == ".csv":
+        assert Path("torque.csv").read_text().startswith("t,tau1,tau2,tau3,band95_1,band95_2,band95_3\n")
+        torque, band = np.split(np.loadtxt("torque.csv", delimiter=",", skiprows=1)[:, 1:], 2, axis=1)
+    else:
+        with np.load("torque.npz") as archive:
+            torque, band = archive["torque"], archive["band95"]
+    loaded = load_run(run)
+    motion = motion_of(loaded, str(small / "run2.csv"), rate=100.0, reading={})
+    np.testing.assert_array_equal(torque, predict(loaded, motion))
+    np.testing.assert_array_equal(band, torque_band(loaded.model, loaded.estimate, motion))
+    np.testing.assert_allclose(found["band95"], np.median(band, axis=0))
 
 
 def test_predict_along_a_recording(armid: Armid, run: Path, small: Path):

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from armid.estimation.estimate import Estimate
+from armid.estimation.estimate import Estimate, torque_parameters
 from armid.estimation.estimators import OrdinaryLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import separate_by_recording
@@ -21,7 +21,7 @@ from armid.information.stream import inform
 from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.terms import RigidBody
 from armid.study.records import to_json, validation_record
-from armid.validation import predict
+from armid.validation import predict, torque_band
 from armid.validation.predict import Score, score, validate
 from armid.values import Array
 from labs import small_model, small_plan, small_truth
@@ -166,16 +166,29 @@ def test_bands_of_long_recordings_are_looked_at_every_so_many_rows(monkeypatch: 
     every_row = score(small_model(), estimate, Observations(runs, band)).coverage95
     monkeypatch.setattr(predict, "COVERED_ROWS", 300)
     seen: list[int] = []
-    columns = predict.all_rows
+    columns = torque_band.all_rows
 
     def counted(source: object, run: ObservedRun, band: Band) -> Array:
         seen.append(len(run.rows))
         return columns(source, run, band)  # pyright: ignore[reportArgumentType]
 
-    monkeypatch.setattr(predict, "all_rows", counted)
+    monkeypatch.setattr(torque_band, "all_rows", counted)
     some = score(small_model(), estimate, Observations(runs, band)).coverage95
     np.testing.assert_allclose(some, every_row, atol=0.05)
     assert seen == [150, 150]  # columns of the other rows are never made
+
+
+def test_the_band_along_a_motion_is_that_of_its_rows(monkeypatch: pytest.MonkeyPatch):
+    """Sample by sample and in parts, whether torque was measured or not."""
+    run, estimate = run_of(2), trained()
+    expected = torque_band.band_of_rows(small_model(), estimate, raw(run))
+    motion = run.motion[run.rows]
+    monkeypatch.setattr(torque_band, "PART", 500)
+    found = torque_band.torque_band(small_model(), estimate, motion)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)  # rounding of sums in another order
+    error = run.torque[run.rows] - small_model().torque(motion, torque_parameters(estimate.base, estimate.fit))
+    np.testing.assert_allclose((np.abs(error) <= found).mean(axis=0), 0.95, atol=0.02)  # 1200 rows: 0.006
+    assert torque_band.torque_band(small_model(), estimate, motion[slice(0, 0)]).shape == (0, 3)
 
 
 def test_with_friction_of_each_recording_bands_know_how_it_scatters():

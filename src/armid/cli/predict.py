@@ -21,6 +21,9 @@ def predict(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to write, .csv or .npz.")] = Path(
         "torque.csv"
     ),
+    band: Annotated[
+        bool, typer.Option("--band", help="Write half of the 95 % band's width of each joint, too.")
+    ] = False,
     plan_rate: Annotated[float, typer.Option(help="Samples a second of a plan, Hz.")] = 100.0,
     rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock, Hz.")] = None,
     torque_sign: TorqueSign = None,
@@ -28,8 +31,10 @@ def predict(
 ) -> None:
     """Predict joint torques along a recording's motion or a plan and write them to a file.
 
+    The band is that of the torque in the study's band of frequencies: a sensor's noise beyond it comes on top.
+
     Example:
-        armid predict runs/today plan.json --out torque.csv
+        armid predict runs/today plan.json --band --out torque.csv
     """
     import numpy as np
 
@@ -44,9 +49,12 @@ def predict(
     loaded = load_run(run)
     along = apply.motion_of(loaded, motion, rate=plan_rate, reading=changed_reading(rate, torque_sign))
     torque = apply.predict(loaded, along)
-    path = apply.write_torque(out, along, torque, loaded.robot.joint_names)
+    width = apply.band(loaded, along) if band else None
+    path = apply.write_torque(out, along, torque, loaded.robot.joint_names, band=width)
     if json:
         record = {"path": str(path), "samples": along.samples, "rms": np.sqrt(np.mean(torque**2, axis=0))}
+        if width is not None:
+            record["band95"] = np.median(width, axis=0)
         sys.stdout.write(to_json(record) + "\n")
     else:
         sys.stdout.write(f"{along.samples} samples of {loaded.robot.n} joints written to {path}\n")

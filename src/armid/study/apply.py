@@ -25,9 +25,10 @@ from armid.study.identify import read_recording, score_recordings
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.validation.predict import Validation, validate
+from armid.validation.torque_band import torque_band
 from armid.values import Array, replace_file
 
-__all__ = ["motion_of", "predict", "validate_run", "write_torque"]
+__all__ = ["band", "motion_of", "predict", "validate_run", "write_torque"]
 
 
 def validate_run(
@@ -109,8 +110,15 @@ def predict(run: Run, motion: Motion) -> Array:
     return run.model.torque(motion, torque_parameters(run.estimate.base, run.estimate.fit))
 
 
-def write_torque(path: Path | str, motion: Motion, torque: Array, joints: Sequence[str]) -> Path:
-    """Write time and torque as CSV or, by the suffix, as NPZ.
+def band(run: Run, motion: Motion) -> Array:
+    """Half of the width of the 95 % band about that torque, in the study's band of frequencies, (N, n) [N·m or N]."""
+    return torque_band(run.model, run.estimate, motion)
+
+
+def write_torque(
+    path: Path | str, motion: Motion, torque: Array, joints: Sequence[str], *, band: Array | None = None
+) -> Path:
+    """Write time and torque, and the band's half-widths where given, as CSV or, by the suffix, as NPZ.
 
     Raises:
         ArmidError: Another suffix.
@@ -118,11 +126,16 @@ def write_torque(path: Path | str, motion: Motion, torque: Array, joints: Sequen
     path = Path(path)
     if path.suffix == ".npz":
         buffer = io.BytesIO()
-        np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints))
+        if band is None:
+            np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints))
+        else:
+            np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints), band95=band)
         return replace_file(path, buffer.getvalue())
     if path.suffix != ".csv":
         raise ArmidError(f"{path}: torque is written as .csv or .npz.", remedy="choose one of these suffixes.")
     text = io.StringIO()
-    header = ",".join(["t", *(f"tau{j + 1}" for j in range(len(joints)))])
-    np.savetxt(text, np.column_stack([motion.time, torque]), delimiter=",", header=header, comments="", fmt="%.17g")
+    several = [torque] if band is None else [torque, band]
+    names = [f"{name}{j + 1}" for name in ("tau", "band95_")[: len(several)] for j in range(len(joints))]
+    columns = np.column_stack([motion.time, *several])
+    np.savetxt(text, columns, delimiter=",", header=",".join(["t", *names]), comments="", fmt="%.17g")
     return replace_file(path, text.getvalue())

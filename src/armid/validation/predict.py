@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from armid.estimation.estimate import Estimate, torque_parameters
-from armid.estimation.fit import Fit
 from armid.information.observations import Observations
 from armid.information.residuals import Comparison, compare
-from armid.information.rows import all_rows
-from armid.information.setup import column_source
-from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.shown import Shown, Summary, names_apart
+from armid.validation.torque_band import band_of_rows
 from armid.values import Array, array
 
 __all__ = ["Check", "Score", "Validation", "score", "validate"]
@@ -26,9 +23,6 @@ CLOSE_TO_TRAINING = 3.0
 
 SMALL_SHARE = 0.02
 """Share of the torque's spread that is small whatever the training error was, which on clean data is next to none."""
-
-SMALLEST_SHARE = 1e-3
-"""Share of the parameters in a band's variance below which their degrees of freedom are as good as infinite."""
 
 COVERED_ROWS = 20_000
 """Rows over which bands are evaluated; of more, every k-th."""
@@ -190,47 +184,8 @@ def _rms(residual: Array) -> Array:
 
 def _coverage(model: DynamicsModel, estimate: Estimate, observations: Observations, residual: Array) -> Array:
     """Share of rows (n,) whose error lies inside the 95 % band of parameters and noise."""
-    from scipy.special import stdtrit  # a third of a second to import
-
-    base, fit = estimate.base, estimate.fit
     every = max(1, len(residual) // COVERED_ROWS)
     ends = np.cumsum([len(run.rows) for run in observations.runs])[:-1]
     residual = np.concatenate([part[::every] for part in np.split(residual, ends)])
-    share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
-    variance = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
-    # The share of the parameters has their degrees of freedom, the noise has many [Satterthwaite1946].
-    free = np.median(fit.freedom) * (variance / np.maximum(share, SMALLEST_SHARE * variance)) ** 2
-    inside = np.where(np.isnan(residual), np.nan, residual**2 <= stdtrit(free, 0.975) ** 2 * variance)
-    return _of_known(np.mean, inside)
-
-
-def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
-    """Covariance (b, b) of the base parameters that predict a recording.
-
-    Where each recording has values of its own, it is that of their mean, and the scatter of a further one's about it.
-    """
-    copies = [name.split("[", 1)[0] for name in fit.names]
-    mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)
-    count = mean.sum(axis=1)
-    mean /= count[:, None]
-    spread = np.array(
-        [np.var(fit.values[row > 0.0], ddof=1) if k > 1 else 0.0 for row, k in zip(mean, count, strict=True)]
-    )
-    return mean @ fit.covariance @ mean.T + np.diag(spread)
-
-
-def _parameter_variance(
-    model: DynamicsModel, base: BaseParameters, covariance: Array, observations: Observations, every: int
-) -> Array:
-    """Variance of the predicted torque that the parameters' covariance makes, on every k-th row, shape (M, n)."""
-    source = column_source(model, base)
-    sparse = [
-        replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every])
-        for run in observations.runs
-    ]
-    x = np.concatenate([all_rows(source, run, observations.band) for run in sparse], axis=1)
-    variance = np.empty((x.shape[1], model.n))
-    for j, parameters in enumerate(source.layout.parameters):
-        y = x[source.layout.offset[j] : source.layout.offset[j + 1] - 1]
-        variance[:, j] = np.einsum("km,km->m", covariance[np.ix_(parameters, parameters)] @ y, y)
-    return variance
+    width = band_of_rows(model, estimate, observations, every)
+    return _of_known(np.mean, np.where(np.isnan(residual), np.nan, np.abs(residual) <= width))
