@@ -208,9 +208,7 @@ def _prior(problem: Problem, data: Information, weighted: Weighted) -> tuple[flo
     """Weights of the prior on the base parameters by stretches left out: to choose under, to estimate with.
 
     Friction is chosen under the strongest prior that is within a standard error of the best one: bodies that give way
-    to friction look as good on the same recording and fail on others. It is estimated with the one under which no
-    joint errs much more than it would under the one that suits it best: a sum over joints lets many that hardly care
-    outvote one that does.
+    to friction look as good on the same recording and fail on others. It is estimated with the best.
 
     Args:
         problem: With the model's own parameters.
@@ -232,13 +230,11 @@ def _prior(problem: Problem, data: Information, weighted: Weighted) -> tuple[flo
     errors = np.stack(
         [
             replace(stretches, prior=Prior(mean, strength * precision).spread(data.count, kept)).errors(kept, ridge)
+            @ weighted.weights**2
             for strength in STRENGTHS
         ]
     )
-    by_joint = errors.sum(axis=1)[:, errors.any(axis=(0, 1))]
-    regret = (by_joint / by_joint.min(axis=0)).max(axis=1)
-    strong = float(STRENGTHS[one_standard_error(errors @ weighted.weights**2)])
-    best = float(STRENGTHS[np.argmin(regret)])
+    strong, best = (float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1)))))
     return strong, best, Prior(mean, strong * precision)
 
 

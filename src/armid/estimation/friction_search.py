@@ -225,14 +225,16 @@ class _Search:
                 self.chosen[each.joint] |= set(each.pieces)
 
     def thin(self) -> None:
-        """Let go of single widths of what was taken together that do not lower the error of their joint."""
+        """Let go of single widths of what was taken together that do not lower the error of their joint.
+
+        The widest stays: motion that turns less often than the recorded needs it, and no stretch says so.
+        """
         while True:
             error = self._errors()
             idle: list[tuple[float, Taken, Piece]] = []
             for each in self.taken:
-                for piece in each.pieces if len(each.pieces) > 1 else ():
-                    if piece.term != Hysteresis.name:
-                        continue
+                widths = sorted((p for p in each.pieces if p.term == Hysteresis.name), key=lambda p: p.shape)
+                for piece in widths[:-1]:
                     self.chosen[each.joint].discard(piece)
                     lost = self._errors() - error
                     self.chosen[each.joint].add(piece)
