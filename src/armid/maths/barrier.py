@@ -261,7 +261,9 @@ def _lowest(square: float, slope: float, rate: Array, scale: Array) -> float:
     return alpha
 
 
-def minimise(problem: Smooth, start: Array, *, aim: float = GAP, near: bool = False) -> SmoothSolution:
+def minimise(
+    problem: Smooth, start: Array, *, aim: float = GAP, near: bool = False, longest: int = LONGEST
+) -> SmoothSolution:
     """Minimise, and prove how good the answer is.
 
     Args:
@@ -269,6 +271,7 @@ def minimise(problem: Smooth, start: Array, *, aim: float = GAP, near: bool = Fa
         start: A point strictly inside every cone and log-det term, shape (variables,).
         aim: Gap aimed at.
         near: The start is near the minimum: the search begins with the weights of the log-det terms.
+        longest: Newton steps after which no further weight is tried; a search that is to be short is not repeated.
 
     Raises:
         EstimationError: The start lies outside.
@@ -285,24 +288,26 @@ def minimise(problem: Smooth, start: Array, *, aim: float = GAP, near: bool = Fa
         "The search for consistent parameters gave no answer.",
         remedy="loosen what is asked of the bodies, or identify with another method.",
     )
-    for shrink in SHRINK[:1] if near else SHRINK:
+    for shrink in SHRINK[:1] if near or longest < LONGEST else SHRINK:
         try:
-            return _follow(barriers, x, mu, aim, shrink)
+            return _follow(barriers, x, mu, aim, shrink, longest)
         except UnsolvedError as error:
             trouble = error
     raise trouble
 
 
-def _follow(barriers: _Barriers, x: Array, mu: float, aim: float, shrink: float) -> SmoothSolution:
+def _follow(
+    barriers: _Barriers, x: Array, mu: float, aim: float, shrink: float, longest: int
+) -> SmoothSolution:
     """Follow the centres from one weight of the barriers to where the gap is what is aimed at."""
     taken, before = 0, mu
     while True:
         absolute = aim * max(1.0, abs(_finite(barriers, x)))
         last = mu * barriers.parameters <= absolute and bool((mu <= barriers.weights).all())
         enough = min(CENTRED * mu, 0.1 * absolute) if last else CENTRED * mu
-        x, decrement, steps = _centre(barriers, x, (before, mu), enough)
+        x, decrement, steps = _centre(barriers, x, (before, mu), enough, min(STEPS, longest))
         taken, before = taken + steps, mu
-        if taken > LONGEST and not last:
+        if taken > longest and not last:
             raise UnsolvedError(
                 f"The search for consistent parameters stood still after {taken} steps.", remedy=REMEDY
             )
@@ -334,10 +339,12 @@ def _finite(barriers: _Barriers, x: Array) -> float:
     return objective
 
 
-def _centre(barriers: _Barriers, x: Array, weights: tuple[float, float], enough: float) -> tuple[Array, float, int]:
+def _centre(
+    barriers: _Barriers, x: Array, weights: tuple[float, float], enough: float, most: int
+) -> tuple[Array, float, int]:
     """Newton's method from the centre for one weight to that for another; its last squared decrement, the steps."""
     decrement, (left, mu) = float("inf"), weights
-    for k in range(STEPS):
+    for k in range(most):
         try:
             with np.errstate(over="raise", invalid="raise", divide="raise"):
                 direction, decrement = barriers.step(x, mu, left if k == 0 else mu)
@@ -352,4 +359,4 @@ def _centre(barriers: _Barriers, x: Array, weights: tuple[float, float], enough:
             if not np.abs(direction).max() > ROUNDED * np.abs(x).max():
                 return x, decrement, k
         x = x + direction
-    return x, decrement, STEPS
+    return x, decrement, most
