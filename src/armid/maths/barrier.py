@@ -11,10 +11,12 @@ parameters; what the last Newton step left is added to it [Nesterov1994].
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import EstimationError, UnsolvedError
 from armid.maths.cones import ACCEPTED, Cone, symmetric
@@ -42,11 +44,19 @@ LOST = 1e-3
 ROUNDED = 1e-16
 """Step over the size of the unknowns that changes nothing."""
 
+WHOLE = 0.01
+"""Relative change of an eigenvalue along a step up to which all of it is taken: it then ends within a hundredth of the
+lowest point, and rounding has no say in how long it is, which of a step next to nothing would make any length."""
+
 LINE = 40
 """Most evaluations along a step; three or four are usual."""
 
-CENTRED = 1e-3
-"""Squared Newton decrement over the barrier's weight at which μ may fall."""
+CENTRED = 0.02
+"""Squared Newton decrement over the barrier's weight from which one more step leaves less than a thousandth of it: then
+μ may fall [Nesterov1994]."""
+
+PROVED = 1e-3
+"""The same where μ falls no more."""
 
 SMALL = 0.5
 """Largest squared decrement over the barrier's weight for which it bounds the distance from the minimum."""
@@ -120,6 +130,67 @@ class SmoothSolution:
     steps: int
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Group:
+    """Matrices of one order m, side by side, each with the few variables that move it.
+
+    Attributes:
+        flat: Entries that each of s variables moves, shape (g, m², s).
+        columns: Which variables, shape (g, s).
+        offsets: Shape (g, m, m).
+        weights: Of the log-determinants, zero for cones, shape (g,).
+        variables: How many there are in all.
+    """
+
+    flat: Array
+    columns: NDArray[np.intp]
+    offsets: Array
+    weights: Array
+    variables: int
+
+    @classmethod
+    def of(cls, found: Sequence[tuple[Array, Array, float]], variables: int) -> _Group:
+        """From matrices (m, m, variables), offsets (m, m) and weights."""
+        flat = np.stack([matrix.reshape(-1, variables) for matrix, _, _ in found])
+        moves = flat.any(axis=1)
+        most = int(moves.sum(axis=1).max())
+        columns = np.argsort(~moves, axis=1, kind="stable")[:, :most]
+        offsets, weights = np.stack([o for _, o, _ in found]), np.array([w for *_, w in found])
+        return cls(np.take_along_axis(flat, columns[:, None], 2), columns, offsets, weights, variables)
+
+    def matrices(self, x: Array) -> Array:
+        """Symmetric matrices (g, m, m) at x."""
+        return self.along(self.flat, x).reshape(self.offsets.shape) + self.offsets
+
+    def along(self, entries: Array, d: Array) -> Array:
+        """Change (g, m²) of entries (g, m², s) along a direction of the variables."""
+        return (entries @ d[self.columns][:, :, None])[:, :, 0]
+
+    def whitened(self, x: Array) -> Array:
+        """Entries (g, m², s) that variables move, in coordinates in which the matrices at x are one."""
+        half = np.linalg.inv(np.linalg.cholesky(self.matrices(x)))
+        both = half[:, :, None, :, None] * half[:, None, :, None, :]
+        return both.reshape(len(half), *2 * self.flat.shape[1:2]) @ self.flat
+
+    def gradient(self, white: Array, weights: Array) -> Array:
+        """That of the weighted log-determinants, shape (variables,)."""
+        traces = white[:, :: self.offsets.shape[1] + 1].sum(axis=1)
+        return np.bincount(self.columns.ravel(), (weights[:, None] * traces).ravel(), self.variables)
+
+    def hessian(self, white: Array, weights: Array) -> Array:
+        """Minus that of the weighted log-determinants, shape (variables, variables)."""
+        squares = weights[:, None, None] * (white.swapaxes(1, 2) @ white)
+        places = self.columns[:, :, None] * self.variables + self.columns[:, None]
+        dense = np.bincount(places.ravel(), squares.ravel(), self.variables**2)
+        return dense.reshape(self.variables, self.variables)
+
+    def root(self, white: Array, weights: Array) -> Array:
+        """A root of that, shape (g m², variables)."""
+        dense = np.zeros((*white.shape[:2], self.variables))
+        np.put_along_axis(dense, self.columns[:, None], np.sqrt(weights)[:, None, None] * white, 2)
+        return dense.reshape(-1, self.variables)
+
+
 class _Barriers:
     """All log-det and cone terms, with the matrices of one order side by side."""
 
@@ -142,11 +213,11 @@ class _Barriers:
             for cone in problem.cones
             if cone.kind == "semidefinite"
         ]
-        self.groups: list[tuple[Array, Array, Array]] = []
-        for order in sorted({len(offset) for _, offset, _ in found}):
-            group = [each for each in found if len(each[1]) == order]
-            flat = np.stack([matrix.reshape(order * order, variables) for matrix, _, _ in group])
-            self.groups.append((flat, np.stack([o for _, o, _ in group]), np.array([w for *_, w in group])))
+        self.groups = [
+            _Group.of([each for each in found if len(each[1]) == order], variables)
+            for order in sorted({len(offset) for _, offset, _ in found})
+        ]
+        self.gram: Array = problem.A.T @ problem.A
         self.parameters = bounds + sum(len(offset) for _, offset, weight in found if weight == 0.0)
         self.orders = len(self.offsets) + sum(len(offset) for _, offset, _ in found)
         self.costs = np.array([term.cost for term in problem.terms]).reshape(-1, variables)
@@ -160,22 +231,18 @@ class _Barriers:
         value += float(self.weights @ (self.costs @ x))
         counted = self.row_weights > 0.0
         value -= float(self.row_weights[counted] @ np.log(self.rows[counted] @ x + self.offsets[counted]))
-        for matrix, (_, _, weight) in zip(self.matrices(x), self.groups, strict=True):
-            if weight.any():
-                value -= float(weight @ np.linalg.slogdet(matrix)[1])
+        for group in self.groups:
+            if group.weights.any():
+                value -= float(group.weights @ np.linalg.slogdet(group.matrices(x))[1])
         return value
-
-    def matrices(self, x: Array) -> list[Array]:
-        """Symmetric matrices (g, m, m) of each group at x."""
-        return [(flat @ x).reshape(offset.shape) + offset for flat, offset, _ in self.groups]
 
     def inside(self, x: Array) -> bool:
         """Whether x lies strictly inside."""
         if not (np.isfinite(x).all() and (self.rows @ x + self.offsets > 0.0).all()):
             return False
         try:
-            for matrix in self.matrices(x):
-                np.linalg.cholesky(matrix)
+            for group in self.groups:
+                np.linalg.cholesky(group.matrices(x))
         except np.linalg.LinAlgError:
             return False
         return True
@@ -191,43 +258,61 @@ class _Barriers:
                 curvature of a smaller one it would run into the border and have to be cut.
         """
         p = self.problem
-        gradient = p.A.T @ (p.A @ x - p.y) + p.cost + np.maximum(self.weights, mu) @ self.costs
         slack = self.rows @ x + self.offsets
         size = np.maximum(self.row_weights, mu)
+        gradient = p.A.T @ (p.A @ x - p.y) + p.cost + np.maximum(self.weights, mu) @ self.costs
         gradient -= self.rows.T @ (size / slack)
-        parts = [p.A, (np.sqrt(np.maximum(self.row_weights, left)) / slack)[:, None] * self.rows]
-        whitened: list[Array] = []
-        for matrix, (flat, offset, weight) in zip(self.matrices(x), self.groups, strict=True):
-            order = offset.shape[1]
-            half = np.linalg.inv(np.linalg.cholesky(matrix))
-            both = (half[:, :, None, :, None] * half[:, None, :, None, :]).reshape(len(half), order**2, order**2)
-            white = both @ flat
-            scale = np.maximum(weight, mu)
-            gradient -= scale @ white[:, :: order + 1].sum(axis=1)
-            parts.append((np.sqrt(np.maximum(weight, left))[:, None, None] * white).reshape(-1, len(x)))
-            whitened.append(white)
-        direction = _newton(np.concatenate(parts), gradient)
+        bounded = (np.sqrt(np.maximum(self.row_weights, left)) / slack)[:, None] * self.rows
+        whitened = [group.whitened(x) for group in self.groups]
+        hessian = self.gram + bounded.T @ bounded
+        for group, white in zip(self.groups, whitened, strict=True):
+            gradient -= group.gradient(white, np.maximum(group.weights, mu))
+            hessian += group.hessian(white, np.maximum(group.weights, left))
+
+        def root() -> Array:
+            parts = [
+                group.root(white, np.maximum(group.weights, left))
+                for group, white in zip(self.groups, whitened, strict=True)
+            ]
+            return np.concatenate([p.A, bounded, *parts])
+
+        def curvature(d: Array) -> float:
+            squares = float(np.sum((p.A @ d) ** 2) + np.sum((bounded @ d) ** 2))
+            for group, white in zip(self.groups, whitened, strict=True):
+                squares += float(np.maximum(group.weights, left) @ np.sum(group.along(white, d) ** 2, axis=1))
+            return squares
+
+        direction = _newton(hessian, gradient, curvature, root)
         moved = p.A @ direction
         rates, scales = [self.rows @ direction / slack], [size]
-        for white, (_, offset, weight) in zip(whitened, self.groups, strict=True):
-            spread = np.linalg.eigvalsh((white @ direction).reshape(offset.shape))
+        for group, white in zip(self.groups, whitened, strict=True):
+            spread = np.linalg.eigvalsh(group.along(white, direction).reshape(group.offsets.shape))
             rates.append(np.asarray(spread, dtype=np.float64).ravel())
-            scales.append(np.repeat(np.maximum(weight, mu), offset.shape[1]))
+            scales.append(np.repeat(np.maximum(group.weights, mu), group.offsets.shape[1]))
         rate, scale = np.concatenate(rates), np.concatenate(scales)
         slope = float(gradient @ direction) + float(scale @ rate)  # without the logarithms
         return direction * _lowest(float(moved @ moved), slope, rate, scale), float(-gradient @ direction)
 
 
-def _newton(root: Array, gradient: Array) -> Array:
-    """The d with rootᵀ root d = -gradient; by QR where the product has lost what matters."""
-    size = 1.0 / np.maximum(np.linalg.norm(root, axis=0), np.finfo(np.float64).tiny)
-    scaled = root * size
+def _newton(
+    hessian: Array, gradient: Array, curvature: Callable[[Array], float], root: Callable[[], Array]
+) -> Array:
+    """The d with hessian · d = -gradient; by QR of its root where the product has lost what matters.
+
+    Args:
+        hessian: rootᵀ root, shape (variables, variables).
+        gradient: Shape (variables,).
+        curvature: |root · d|² of a direction d.
+        root: Shape (rows, variables), made where it is needed.
+    """
+    size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(np.float64).tiny))
     side = -size * gradient
     with contextlib.suppress(np.linalg.LinAlgError):
-        found = np.linalg.solve(scaled.T @ scaled, side)
-        curved, along = float(np.sum((scaled @ found) ** 2)), float(side @ found)
-        if abs(curved - along) <= LOST * abs(along):
-            return size * found
+        found = size * np.linalg.solve(size[:, None] * hessian * size, side)
+        along = float(-gradient @ found)
+        if abs(curvature(found) - along) <= LOST * abs(along):
+            return found
+    scaled = root() * size
     R: Any = np.linalg.qr(scaled, mode="r")
     R[np.diag_indices(len(R))] += np.where(np.diag(R) == 0.0, np.finfo(np.float64).eps, 0.0)
     found = np.zeros_like(side)
@@ -243,6 +328,8 @@ def _lowest(square: float, slope: float, rate: Array, scale: Array) -> float:
     A fixed share of the way to the border would bring eigenvalues there that are a long way from it at the minimum,
     and from there they come back by a factor of two each step.
     """
+    if np.abs(rate).max(initial=0.0) <= WHOLE:
+        return 1.0
     low, high = 0.0, 1.0 / max(-float(rate.min(initial=0.0)), 1e-300)
     alpha = min(1.0, 0.5 * high)
     for _ in range(LINE):
@@ -304,7 +391,7 @@ def _follow(
     while True:
         absolute = aim * max(1.0, abs(_finite(barriers, x)))
         last = mu * barriers.parameters <= absolute and bool((mu <= barriers.weights).all())
-        enough = min(CENTRED * mu, 0.1 * absolute) if last else CENTRED * mu
+        enough = min(PROVED * mu, 0.1 * absolute) if last else CENTRED * mu
         x, decrement, steps = _centre(barriers, x, (before, mu), enough, min(STEPS, longest))
         taken, before = taken + steps, mu
         if taken > longest and not last:
@@ -350,13 +437,14 @@ def _centre(
                 direction, decrement = barriers.step(x, mu, left if k == 0 else mu)
         except (FloatingPointError, np.linalg.LinAlgError):  # no digits are left; the gap tells how good x is
             return x, decrement, k
-        if abs(decrement) <= enough and (k > 0 or left == mu):
-            return x, abs(decrement), k
-        if decrement < 0.0:  # a direction that is all rounding
+        settled = abs(decrement) <= enough and (k > 0 or left == mu)
+        if decrement < 0.0 and not settled:  # a direction that is all rounding
             return x, float("inf"), k
         while not barriers.inside(x + direction):  # within rounding of the border
             direction = 0.5 * direction
             if not np.abs(direction).max() > ROUNDED * np.abs(x).max():
                 return x, decrement, k
         x = x + direction
+        if settled:
+            return x, abs(decrement), k + 1
     return x, decrement, most
