@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError, UnsolvedError
-from armid.maths.barrier import LogDet, Smooth, minimise
+from armid.maths.barrier import minimise
 from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
+from armid.maths.smooth import LogDet, Smooth
 from armid.values import Array
 
 EXACT = 1e-6

@@ -19,8 +19,8 @@ from armid.estimation.problem import Problem, standard_of
 from armid.estimation.standard_fit import IDENTIFIED, UNSEEN, StandardFit, shares, status_of
 from armid.estimation.weighted import weigh
 from armid.information.stream import inform
-from armid.maths.barrier import Smooth
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_from_pseudo_inertia
+from armid.maths.smooth import Smooth
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion

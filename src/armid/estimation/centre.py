@@ -18,8 +18,9 @@ from armid.estimation.prior import MASS, Belief, relative_precision, size_of_bod
 from armid.estimation.problem import Standard
 from armid.estimation.standard_fit import PriorUse
 from armid.estimation.weighted import Weighted
-from armid.maths.barrier import LogDet, Smooth, minimise
+from armid.maths.barrier import minimise
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
+from armid.maths.smooth import LogDet, Smooth
 from armid.values import Array
 
 __all__ = ["Centre", "find_centre"]

@@ -14,6 +14,7 @@ import numpy as np
 from armid.errors import UnsolvedError
 from armid.estimation.constraints import Feasible
 from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
+from armid.maths.linalg import orthonormal
 from armid.values import Array
 
 __all__ = ["GOOD", "Nearest", "inside", "nearest"]
@@ -128,7 +129,10 @@ def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[floa
     """
     length = np.sqrt(np.sum(A**2, axis=0) + precision)
     whole = np.concatenate([A / length, np.diag(np.sqrt(precision) / length)])
-    free = np.linalg.lstsq(whole, np.concatenate([y, np.zeros(len(length))]), rcond=None)[0] / length
+    side = np.concatenate([y, np.zeros(len(length))])
+    clear = orthonormal(whole)
+    free = np.linalg.lstsq(whole, side, rcond=None)[0] if clear is None else clear[2] @ (clear[0].T @ side)
+    free = free / length
     usual = max(float(np.median(length)) / UNIT, 1.0)
     return [
         (free, [usual, float(length.max())]),

@@ -20,8 +20,9 @@ from armid.estimation.consistency import smallest_eigenvalues
 from armid.estimation.constraints import ContradictionError, Feasible, Requirements, feasible_set
 from armid.estimation.prior import MASS, Belief, size_of_bodies
 from armid.estimation.problem import Standard
-from armid.maths.barrier import GAP, Smooth, SmoothSolution, minimise
+from armid.maths.barrier import GAP, SmoothSolution, minimise
 from armid.maths.cones import ACCEPTED
+from armid.maths.smooth import Smooth
 from armid.values import Array
 
 __all__ = ["Bodies", "Program"]

@@ -139,13 +139,11 @@ class Outcome:
         standard, values = self.standard, self.values
         covariance, share = shares(self.information, self.precision)
         follow = self.basis != 0.0
-        deviation = np.sqrt(
-            self.weighted.correlation * np.maximum(np.diag(self.basis @ covariance @ self.basis.T), 0)
-        )
+        white = np.sqrt(np.maximum(np.sum((self.basis @ covariance) * self.basis, axis=1), 0.0))
+        deviation = np.sqrt(self.weighted.correlation) * white
         given = ~follow.any(axis=1)
         resolution = follow @ share
         # The pull of the data on a parameter at its bound, over what white noise makes of it.
-        white = np.sqrt(np.maximum(np.diag(self.basis @ covariance @ self.basis.T), 0.0))
         pull = standard.regrouping.T @ (
             self.weighted.rows.T @ (self.weighted.rows @ (self.base - self.weighted.values))
         )

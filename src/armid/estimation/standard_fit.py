@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from armid.maths.linalg import half_of, inverse_of
+from armid.maths.linalg import half_of, inverse_of, orthonormal
 from armid.shown import Shown, Summary
 from armid.values import Array, array
 
@@ -220,11 +220,16 @@ def lift(precision: Array, regrouping: Array, basis: Array, correlation: float, 
     shown, spread = half.T @ (regrouping @ basis).T, half.T @ basis.T
     length = np.linalg.norm(shown, axis=0)
     length = np.where(length > 0.0, length, 1.0)
-    U, s, V = np.linalg.svd(shown / length, full_matrices=False)
-    known = s > SEEN * max(float(s.max(initial=0.0)), np.finfo(np.float64).tiny)
-    U, s, V = U[:, known], s[known], V[known]
-    share = spread.T @ (U / s) @ V / length
-    left = spread - U @ (U.T @ spread)
+    clear = orthonormal(shown / length)
+    if clear is not None:
+        known, _, back = clear
+    else:
+        U, s, V = np.linalg.svd(shown / length, full_matrices=False)
+        seen = s > SEEN * max(float(s.max(initial=0.0)), np.finfo(np.float64).tiny)
+        known, back = U[:, seen], V[seen].T / s[seen]
+    within = known.T @ spread
+    share = within.T @ back.T / length
+    left = spread - known @ within
     rest = correlation * np.sum(left**2, axis=0)
     return Lift(share, rest, shift, regrouping @ shift, bounded)
 
@@ -243,8 +248,8 @@ def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> St
     own = fit.lift
     if own is None:
         return fit
-    learned = np.maximum(np.einsum("ij,jk,ik->i", own.share, scatter, own.share), 0.0)
-    certain = np.maximum(np.einsum("ij,jk,ik->i", own.share, known, own.share), 0.0) + own.rest + own.shift**2
+    learned = np.maximum(np.sum((own.share @ scatter) * own.share, axis=1), 0.0)
+    certain = np.maximum(np.sum((own.share @ known) * own.share, axis=1), 0.0) + own.rest + own.shift**2
     part = own.share**2 * np.diag(scatter)
     whole = part.sum(axis=1)
     free = np.where(whole > 0.0, part @ freedom / np.where(whole > 0.0, whole, 1.0), np.inf)

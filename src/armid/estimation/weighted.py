@@ -14,7 +14,7 @@ import numpy as np
 
 from armid.errors import EstimationError
 from armid.information.information import Information, stack, total
-from armid.maths.linalg import RANK_TOLERANCE, unit_columns
+from armid.maths.linalg import RANK_TOLERANCE, orthonormal, unit_columns
 from armid.values import Array
 
 __all__ = ["Weighted", "rows_of", "shortest", "weigh"]
@@ -94,7 +94,7 @@ def weigh(information: Information, *, plain: bool = False, resolution: float = 
         if settled:
             triangle: Any = np.linalg.qr(weight[:, None] * A, mode="r")
             inverse = half @ half.T
-            correlation = _correlation(information, 1.0 / deviation, values, inverse)
+            correlation = _correlation(information, 1.0 / deviation, values, half)
             return Weighted(whole, 1.0 / deviation, triangle, values, inverse, unseen, left, spent, correlation)
         deviation = updated
     raise EstimationError(
@@ -113,20 +113,17 @@ def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:
 def shortest(A: Array, y: Array) -> tuple[Array, Array, Array]:
     """Least squares: values (b,), a square root (b, k) of the pseudo-inverse of AᵀA, unseen directions (m, b)."""
     scaled, length = unit_columns(A)
-    if len(A) >= A.shape[1]:
-        Q, R = np.linalg.qr(scaled)
-        # The diagonal of R only bounds the rank from above: a cheap way out for data that see everything clearly.
-        if np.abs(np.diag(R)).min() > 1e-6:
-            half = np.linalg.inv(R)
-            if np.abs(half).max() < 1e6:
-                return half @ (Q.T @ y) / length, half / length[:, None], np.zeros((0, A.shape[1]))
+    clear = orthonormal(scaled)
+    if clear is not None:
+        Q, _, half = clear
+        return half @ (Q.T @ y) / length, half / length[:, None], np.zeros((0, A.shape[1]))
     U, s, V = np.linalg.svd(scaled, full_matrices=True)
     seen = int(np.count_nonzero(s > RANK_TOLERANCE * max(float(s[0]), 1.0)))
     half = V[:seen].T / s[:seen]
     return half @ (U[:, :seen].T @ y) / length, half / length[:, None], V[seen:] / length
 
 
-def _correlation(information: Information, weights: Array, values: Array, inverse: Array) -> float:
+def _correlation(information: Information, weights: Array, values: Array, half: Array) -> float:
     """Variance of the blocks' pull on the estimate over that of white residuals; one where blocks are too few.
 
     Residuals that go on over many rows pull together. Blocks are few and have had their share in the estimate, which
@@ -139,6 +136,5 @@ def _correlation(information: Information, weights: Array, values: Array, invers
     for weight, joint in zip(weights, information.joints, strict=True):
         R = weight * joint.R[used]
         residual = R[:, :, -1] - R[:, :, :-1] @ values[joint.parameters]
-        pull[:, joint.parameters] += np.einsum("bij,bi->bj", R[:, :, :-1], residual)
-    seen = max(float(np.linalg.matrix_rank(inverse)), 1.0)
-    return max(float(np.einsum("bi,ij,bj->", pull, inverse, pull)) / seen, 1.0)
+        pull[:, joint.parameters] += (residual[:, None] @ R[:, :, :-1])[:, 0]
+    return max(float(np.sum((pull @ half) ** 2)) / max(half.shape[1], 1), 1.0)

@@ -10,19 +10,16 @@ parameters; what the last Newton step left is added to it [Nesterov1994].
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armid.errors import EstimationError, UnsolvedError
-from armid.maths.cones import ACCEPTED, Cone, symmetric
+from armid.maths.cones import ACCEPTED
+from armid.maths.smooth import Barriers, Smooth
 from armid.values import Array
 
-__all__ = ["LogDet", "Smooth", "SmoothSolution", "minimise"]
+__all__ = ["SmoothSolution", "minimise"]
 
 SHRINK = (0.01, 0.1)
 """Factors from one weight of the barriers to the next. The first saves a fifth of the time; data that no body
@@ -38,22 +35,12 @@ LONGEST = 250
 """Newton steps in all after which no further weight is tried; twenty to a hundred are usual. Where more are needed
 the minimum is so far from what the data say, or so flat, that no digits are left to prove it."""
 
-LOST = 1e-3
-"""Relative difference of two computations of the decrement above which normal equations are not trusted."""
-
 ROUNDED = 1e-16
 """Step over the size of the unknowns that changes nothing."""
 
-WHOLE = 0.01
-"""Relative change of an eigenvalue along a step up to which all of it is taken: it then ends within a hundredth of the
-lowest point, and rounding has no say in how long it is, which of a step next to nothing would make any length."""
-
-LINE = 40
-"""Most evaluations along a step; three or four are usual."""
-
 CENTRED = 0.02
-"""Squared Newton decrement over the barrier's weight from which one more step leaves less than a thousandth of it: then
-μ may fall [Nesterov1994]."""
+"""Squared Newton decrement over the barrier's weight from which one more step leaves less than a thousandth of that
+weight: then μ may fall [Nesterov1994]."""
 
 PROVED = 1e-3
 """The same where μ falls no more."""
@@ -63,54 +50,6 @@ SMALL = 0.5
 
 REMEDY = "look for a wrong sign or unit of torque or gravity: no body explains such data; or ask for another prior."
 """What to do where a search fails."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class LogDet:
-    """A term weight · (cost · x + constant - log det X) of a symmetric matrix X = matrix · x + offset.
-
-    Attributes:
-        matrix: Shape (m, m, variables).
-        offset: Shape (m, m).
-        cost: Shape (variables,).
-        constant: A number.
-        weight: Positive.
-    """
-
-    matrix: Array
-    offset: Array
-    cost: Array
-    constant: float
-    weight: float
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Smooth:
-    """What is minimised.
-
-    Attributes:
-        A: Shape (rows, variables).
-        y: Shape (rows,).
-        terms: Log-det terms.
-        cones: `nonnegative` and `semidefinite` ones.
-        cost: b, shape (variables,).
-    """
-
-    A: Array
-    y: Array
-    terms: tuple[LogDet, ...]
-    cones: tuple[Cone, ...]
-    cost: Array
-
-    def objective(self, x: Array) -> float:
-        """Value at x; infinite where a matrix of a log-det term is not positive definite."""
-        value = 0.5 * float(np.sum((self.A @ x - self.y) ** 2)) + float(self.cost @ x)
-        for term in self.terms:
-            eigenvalues = np.linalg.eigvalsh(term.matrix @ x + term.offset)
-            if eigenvalues[0] <= 0.0:
-                return float("inf")
-            value += term.weight * (float(term.cost @ x) + term.constant - float(np.log(eigenvalues).sum()))
-        return value
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -130,224 +69,6 @@ class SmoothSolution:
     steps: int
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Group:
-    """Matrices of one order m, side by side, each with the few variables that move it.
-
-    Attributes:
-        flat: Entries that each of s variables moves, shape (g, m², s).
-        columns: Which variables, shape (g, s).
-        offsets: Shape (g, m, m).
-        weights: Of the log-determinants, zero for cones, shape (g,).
-        variables: How many there are in all.
-    """
-
-    flat: Array
-    columns: NDArray[np.intp]
-    offsets: Array
-    weights: Array
-    variables: int
-
-    @classmethod
-    def of(cls, found: Sequence[tuple[Array, Array, float]], variables: int) -> _Group:
-        """From matrices (m, m, variables), offsets (m, m) and weights."""
-        flat = np.stack([matrix.reshape(-1, variables) for matrix, _, _ in found])
-        moves = flat.any(axis=1)
-        most = int(moves.sum(axis=1).max())
-        columns = np.argsort(~moves, axis=1, kind="stable")[:, :most]
-        offsets, weights = np.stack([o for _, o, _ in found]), np.array([w for *_, w in found])
-        return cls(np.take_along_axis(flat, columns[:, None], 2), columns, offsets, weights, variables)
-
-    def matrices(self, x: Array) -> Array:
-        """Symmetric matrices (g, m, m) at x."""
-        return self.along(self.flat, x).reshape(self.offsets.shape) + self.offsets
-
-    def along(self, entries: Array, d: Array) -> Array:
-        """Change (g, m²) of entries (g, m², s) along a direction of the variables."""
-        return (entries @ d[self.columns][:, :, None])[:, :, 0]
-
-    def whitened(self, x: Array) -> Array:
-        """Entries (g, m², s) that variables move, in coordinates in which the matrices at x are one."""
-        half = np.linalg.inv(np.linalg.cholesky(self.matrices(x)))
-        both = half[:, :, None, :, None] * half[:, None, :, None, :]
-        return both.reshape(len(half), *2 * self.flat.shape[1:2]) @ self.flat
-
-    def gradient(self, white: Array, weights: Array) -> Array:
-        """That of the weighted log-determinants, shape (variables,)."""
-        traces = white[:, :: self.offsets.shape[1] + 1].sum(axis=1)
-        return np.bincount(self.columns.ravel(), (weights[:, None] * traces).ravel(), self.variables)
-
-    def hessian(self, white: Array, weights: Array) -> Array:
-        """Minus that of the weighted log-determinants, shape (variables, variables)."""
-        squares = weights[:, None, None] * (white.swapaxes(1, 2) @ white)
-        places = self.columns[:, :, None] * self.variables + self.columns[:, None]
-        dense = np.bincount(places.ravel(), squares.ravel(), self.variables**2)
-        return dense.reshape(self.variables, self.variables)
-
-    def root(self, white: Array, weights: Array) -> Array:
-        """A root of that, shape (g m², variables)."""
-        dense = np.zeros((*white.shape[:2], self.variables))
-        np.put_along_axis(dense, self.columns[:, None], np.sqrt(weights)[:, None, None] * white, 2)
-        return dense.reshape(-1, self.variables)
-
-
-class _Barriers:
-    """All log-det and cone terms, with the matrices of one order side by side."""
-
-    def __init__(self, problem: Smooth) -> None:
-        self.problem = problem
-        variables = problem.A.shape[1]
-        rows = [cone for cone in problem.cones if cone.kind == "nonnegative"]
-        single = [term for term in problem.terms if len(term.offset) == 1]  # a logarithm needs no eigenvalues
-        self.rows = np.concatenate(
-            [np.zeros((0, variables)), *(cone.matrix for cone in rows), *(term.matrix[0] for term in single)]
-        )
-        self.offsets = np.concatenate(
-            [np.zeros(0), *(cone.offset for cone in rows), *(term.offset[0] for term in single)]
-        )
-        bounds = sum(len(cone.offset) for cone in rows)
-        self.row_weights = np.concatenate([np.zeros(bounds), [term.weight for term in single]])
-        found = [(term.matrix, term.offset, term.weight) for term in problem.terms if len(term.offset) > 1]
-        found += [
-            (np.moveaxis(symmetric(cone.matrix.T), 0, 2), symmetric(cone.offset), 0.0)
-            for cone in problem.cones
-            if cone.kind == "semidefinite"
-        ]
-        self.groups = [
-            _Group.of([each for each in found if len(each[1]) == order], variables)
-            for order in sorted({len(offset) for _, offset, _ in found})
-        ]
-        self.gram: Array = problem.A.T @ problem.A
-        self.parameters = bounds + sum(len(offset) for _, offset, weight in found if weight == 0.0)
-        self.orders = len(self.offsets) + sum(len(offset) for _, offset, _ in found)
-        self.costs = np.array([term.cost for term in problem.terms]).reshape(-1, variables)
-        self.weights = np.array([term.weight for term in problem.terms])
-        self.constant = sum(term.weight * term.constant for term in problem.terms)
-
-    def objective(self, x: Array) -> float:
-        """What is minimised, without the cones' barriers, at a point inside."""
-        p = self.problem
-        value = 0.5 * float(np.sum((p.A @ x - p.y) ** 2)) + float(p.cost @ x) + self.constant
-        value += float(self.weights @ (self.costs @ x))
-        counted = self.row_weights > 0.0
-        value -= float(self.row_weights[counted] @ np.log(self.rows[counted] @ x + self.offsets[counted]))
-        for group in self.groups:
-            if group.weights.any():
-                value -= float(group.weights @ np.linalg.slogdet(group.matrices(x))[1])
-        return value
-
-    def inside(self, x: Array) -> bool:
-        """Whether x lies strictly inside."""
-        if not (np.isfinite(x).all() and (self.rows @ x + self.offsets > 0.0).all()):
-            return False
-        try:
-            for group in self.groups:
-                np.linalg.cholesky(group.matrices(x))
-        except np.linalg.LinAlgError:
-            return False
-        return True
-
-    def step(self, x: Array, mu: float, left: float) -> tuple[Array, float]:
-        """Newton step, as far as it leads down, and the squared decrement of the whole of it.
-
-        Args:
-            x: A point inside.
-            mu: Weight of the barriers.
-            left: Weight whose curvature counts: the same, or that of which x is the centre. The step then follows
-                the path of centres, along which the distance from a border shrinks with the weight; with the
-                curvature of a smaller one it would run into the border and have to be cut.
-        """
-        p = self.problem
-        slack = self.rows @ x + self.offsets
-        size = np.maximum(self.row_weights, mu)
-        gradient = p.A.T @ (p.A @ x - p.y) + p.cost + np.maximum(self.weights, mu) @ self.costs
-        gradient -= self.rows.T @ (size / slack)
-        bounded = (np.sqrt(np.maximum(self.row_weights, left)) / slack)[:, None] * self.rows
-        whitened = [group.whitened(x) for group in self.groups]
-        hessian = self.gram + bounded.T @ bounded
-        for group, white in zip(self.groups, whitened, strict=True):
-            gradient -= group.gradient(white, np.maximum(group.weights, mu))
-            hessian += group.hessian(white, np.maximum(group.weights, left))
-
-        def root() -> Array:
-            parts = [
-                group.root(white, np.maximum(group.weights, left))
-                for group, white in zip(self.groups, whitened, strict=True)
-            ]
-            return np.concatenate([p.A, bounded, *parts])
-
-        def curvature(d: Array) -> float:
-            squares = float(np.sum((p.A @ d) ** 2) + np.sum((bounded @ d) ** 2))
-            for group, white in zip(self.groups, whitened, strict=True):
-                squares += float(np.maximum(group.weights, left) @ np.sum(group.along(white, d) ** 2, axis=1))
-            return squares
-
-        direction = _newton(hessian, gradient, curvature, root)
-        moved = p.A @ direction
-        rates, scales = [self.rows @ direction / slack], [size]
-        for group, white in zip(self.groups, whitened, strict=True):
-            spread = np.linalg.eigvalsh(group.along(white, direction).reshape(group.offsets.shape))
-            rates.append(np.asarray(spread, dtype=np.float64).ravel())
-            scales.append(np.repeat(np.maximum(group.weights, mu), group.offsets.shape[1]))
-        rate, scale = np.concatenate(rates), np.concatenate(scales)
-        slope = float(gradient @ direction) + float(scale @ rate)  # without the logarithms
-        return direction * _lowest(float(moved @ moved), slope, rate, scale), float(-gradient @ direction)
-
-
-def _newton(
-    hessian: Array, gradient: Array, curvature: Callable[[Array], float], root: Callable[[], Array]
-) -> Array:
-    """The d with hessian · d = -gradient; by QR of its root where the product has lost what matters.
-
-    Args:
-        hessian: rootᵀ root, shape (variables, variables).
-        gradient: Shape (variables,).
-        curvature: |root · d|² of a direction d.
-        root: Shape (rows, variables), made where it is needed.
-    """
-    size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(np.float64).tiny))
-    side = -size * gradient
-    with contextlib.suppress(np.linalg.LinAlgError):
-        found = size * np.linalg.solve(size[:, None] * hessian * size, side)
-        along = float(-gradient @ found)
-        if abs(curvature(found) - along) <= LOST * abs(along):
-            return found
-    scaled = root() * size
-    R: Any = np.linalg.qr(scaled, mode="r")
-    R[np.diag_indices(len(R))] += np.where(np.diag(R) == 0.0, np.finfo(np.float64).eps, 0.0)
-    found = np.zeros_like(side)
-    for _ in range(3):  # semi-normal equations, refined
-        rest = side - scaled.T @ (scaled @ found)
-        found += np.linalg.solve(R, np.linalg.solve(R.T, rest))
-    return size * found
-
-
-def _lowest(square: float, slope: float, rate: Array, scale: Array) -> float:
-    """The α > 0 that minimises ½ square α² + slope α - Σ scale log(1 + rate α), convex: Newton within a bracket.
-
-    A fixed share of the way to the border would bring eigenvalues there that are a long way from it at the minimum,
-    and from there they come back by a factor of two each step.
-    """
-    if np.abs(rate).max(initial=0.0) <= WHOLE:
-        return 1.0
-    low, high = 0.0, 1.0 / max(-float(rate.min(initial=0.0)), 1e-300)
-    alpha = min(1.0, 0.5 * high)
-    for _ in range(LINE):
-        part = rate / (1.0 + rate * alpha)
-        first = square * alpha + slope - float(scale @ part)
-        if first > 0.0:
-            high = alpha
-        else:
-            low = alpha
-        move = first / (square + float(scale @ part**2))
-        alpha -= move
-        if not low < alpha < high:
-            alpha = 0.5 * (low + high) if high < 1e299 else 2.0 * low
-        if abs(move) <= 0.01 * alpha:
-            break
-    return alpha
-
-
 def minimise(
     problem: Smooth, start: Array, *, aim: float = GAP, near: bool = False, longest: int = LONGEST
 ) -> SmoothSolution:
@@ -364,7 +85,7 @@ def minimise(
         EstimationError: The start lies outside.
         UnsolvedError: No proof was reached.
     """
-    barriers = _Barriers(problem)
+    barriers = Barriers(problem)
     x = np.array(start, dtype=np.float64)
     if not barriers.inside(x):
         raise EstimationError("The start of the search is no consistent body.", remedy="start from a consistent one.")
@@ -383,9 +104,7 @@ def minimise(
     raise trouble
 
 
-def _follow(
-    barriers: _Barriers, x: Array, mu: float, aim: float, shrink: float, longest: int
-) -> SmoothSolution:
+def _follow(barriers: Barriers, x: Array, mu: float, aim: float, shrink: float, longest: int) -> SmoothSolution:
     """Follow the centres from one weight of the barriers to where the gap is what is aimed at."""
     taken, before = 0, mu
     while True:
@@ -414,7 +133,7 @@ def _follow(
     return SmoothSolution(x, barriers.problem.objective(x), gap, taken)
 
 
-def _finite(barriers: _Barriers, x: Array) -> float:
+def _finite(barriers: Barriers, x: Array) -> float:
     """The objective, unless the search has run away."""
     with np.errstate(over="ignore", invalid="ignore"):
         objective = barriers.objective(x)
@@ -427,7 +146,7 @@ def _finite(barriers: _Barriers, x: Array) -> float:
 
 
 def _centre(
-    barriers: _Barriers, x: Array, weights: tuple[float, float], enough: float, most: int
+    barriers: Barriers, x: Array, weights: tuple[float, float], enough: float, most: int
 ) -> tuple[Array, float, int]:
     """Newton's method from the centre for one weight to that for another; its last squared decrement, the steps."""
     decrement, (left, mu) = float("inf"), weights

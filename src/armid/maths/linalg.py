@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 
 from armid.values import Array
 
-__all__ = ["condition", "half_of", "inverse_of", "null_directions", "scaled_condition", "unit_columns"]
+__all__ = [
+    "condition",
+    "half_of",
+    "inverse_of",
+    "null_directions",
+    "orthonormal",
+    "scaled_condition",
+    "unit_columns",
+]
 
 LEAST = 1e-15
 """Smallest eigenvalue over the largest, rows and columns scaled: what is smaller is rounding."""
+
+FAR_FROM_LEAST = 1e5
+"""Largest entry of the inverse of a Cholesky factor for which no eigenvalue is near the least."""
+
+CLEAR = 1e6
+"""Largest entry of the inverse of a triangle with columns of unit length for which no rank is missing."""
 
 RANK_TOLERANCE = 1e-10
 """Singular values of unit columns below this share of the largest are rank that is missing: rounding of the
@@ -47,6 +63,21 @@ def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     return np.linalg.svd(padded, full_matrices=False)[2][unseen]
 
 
+def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
+    """Q (rows, b), R (b, b) and R⁻¹ of columns of unit length, A = Q R; `None` unless all are clearly independent.
+
+    Much cheaper than singular values, which are for what is left.
+    """
+    if len(A) < A.shape[1]:
+        return None
+    Q, R = np.linalg.qr(A)
+    # The diagonal of R only bounds the rank from above: a cheap way out.
+    if np.abs(np.diag(R)).min(initial=1.0) <= 1.0 / CLEAR:
+        return None
+    inverse = np.linalg.inv(R)
+    return (Q, R, inverse) if np.abs(inverse).max(initial=0.0) < CLEAR else None
+
+
 def inverse_of(matrix: Array) -> Array:
     """Inverse of a positive definite matrix, symmetric and positive whatever rounding made of the matrix."""
     half = half_of(matrix)
@@ -56,5 +87,10 @@ def inverse_of(matrix: Array) -> Array:
 def half_of(matrix: Array) -> Array:
     """A square root h of the inverse of a positive definite matrix, h hᵀ = matrix⁻¹."""
     size = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
-    values, vectors = np.linalg.eigh(size[:, None] * (0.5 * (matrix + matrix.T)) * size)
+    scaled = size[:, None] * (0.5 * (matrix + matrix.T)) * size
+    with contextlib.suppress(np.linalg.LinAlgError):
+        half = np.linalg.inv(np.linalg.cholesky(scaled)).T
+        if np.abs(half).max(initial=0.0) < FAR_FROM_LEAST:
+            return size[:, None] * half
+    values, vectors = np.linalg.eigh(scaled)
     return size[:, None] * vectors / np.sqrt(np.maximum(values, LEAST * values[-1]))
