@@ -32,7 +32,7 @@ UNFELT = (1e-6, 1e-4, 1e-2)
 there need be no smallest residual, since bodies of infinite mass can come ever nearer to it. The last moves what is
 known to a deviation of s kg by a thousandth of s of that deviation."""
 
-SHORT = 40
+SHORT = 60
 """Newton steps from the prior's mean after which another start is looked for; twenty to forty are usual."""
 
 MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
@@ -178,7 +178,7 @@ class Program:
     def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
         """The minimum with log-det terms: from the prior's mean, or from where it is without the logarithms.
 
-        Without them the program is conic. To solve that costs as much as forty Newton steps, and pays where the path
+        Without them the program is conic. To solve that costs as much as fifty Newton steps, and pays where the path
         from the mean is longer: mostly where no body explains the data.
         """
         mean = feasible.unknowns(self.belief.inside(self.standard))

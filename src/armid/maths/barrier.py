@@ -10,6 +10,7 @@ parameters; what the last Newton step left is added to it [Nesterov1994].
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ GAP = 1e-9
 """Gap aimed at, over the size of the objective, at least one: a thousandth of what is accepted."""
 
 STEPS = 200
-"""Newton steps for one weight of the barriers before giving up; five to twenty are usual."""
+"""Newton steps for one weight of the barriers before giving up; two to ten are usual."""
 
 LONGEST = 250
 """Newton steps in all after which no further weight is tried; twenty to a hundred are usual. Where more are needed
@@ -79,7 +80,8 @@ def minimise(
         start: A point strictly inside every cone and log-det term, shape (variables,).
         aim: Gap aimed at.
         near: The start is near the minimum: the search begins with the weights of the log-det terms.
-        longest: Newton steps after which no further weight is tried; a search that is to be short is not repeated.
+        longest: Newton steps after which no further weight is tried. A search that is to be short begins nearer to the
+            weights of the log-det terms, and is not repeated.
 
     Raises:
         EstimationError: The start lies outside.
@@ -90,8 +92,9 @@ def minimise(
     if not barriers.inside(x):
         raise EstimationError("The start of the search is no consistent body.", remedy="start from a consistent one.")
     mu = max(1.0, _finite(barriers, x) / max(barriers.orders, 1))
-    if near and len(barriers.weights):
-        mu = float(barriers.weights.min())
+    if len(barriers.weights) and (near or longest < LONGEST):
+        least = float(barriers.weights.min())
+        mu = least if near else max(least, math.sqrt(least * mu))  # a shorter path that now and then leads nowhere
     trouble = UnsolvedError(
         "The search for consistent parameters gave no answer.",
         remedy="loosen what is asked of the bodies, or identify with another method.",
@@ -111,7 +114,8 @@ def _follow(barriers: Barriers, x: Array, mu: float, aim: float, shrink: float, 
         absolute = aim * max(1.0, abs(_finite(barriers, x)))
         last = mu * barriers.parameters <= absolute and bool((mu <= barriers.weights).all())
         enough = min(PROVED * mu, 0.1 * absolute) if last else CENTRED * mu
-        x, decrement, steps = _centre(barriers, x, (before, mu), enough, min(STEPS, longest))
+        most = min(STEPS, longest if last else longest - taken + 1)
+        x, decrement, steps = _centre(barriers, x, (before, mu), enough, most)
         taken, before = taken + steps, mu
         if taken > longest and not last:
             raise UnsolvedError(
