@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
+from armid.maths.linalg import condition, half_of, null_directions, orthonormal, scaled_condition, unit_columns
 
 
 def with_singular_values(rng, rows, values):
@@ -71,3 +71,30 @@ def test_poor_columns_are_not_missing():
     A = with_singular_values(np.random.default_rng(4), 40, [1.0, 0.5, 1e-6])
     assert len(null_directions(A)) == 0
     assert len(null_directions(A, tolerance=1e-3)) == 1
+
+
+@pytest.mark.parametrize(("values", "clear"), [([3.0, 1.0, 1e-3], True), ([3.0, 1.0, 1e-9], False)])
+def test_columns_that_are_clearly_independent_have_a_triangle(values: list[float], clear: bool):
+    A, _ = unit_columns(with_singular_values(np.random.default_rng(1), 9, values))
+    found = orthonormal(A)
+    assert (found is not None) == clear
+    if found is not None:
+        Q, R, inverse = found
+        np.testing.assert_allclose(Q @ R, A, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(R @ inverse, np.eye(3), rtol=0, atol=1e-12)
+    assert orthonormal(A[:2]) is None
+
+
+@pytest.mark.parametrize("least", [1e-2, 1e-7, 1e-11])
+def test_half_of_the_inverse_whichever_way_it_is_found(least: float):
+    """By a triangle, or by eigenvalues where the matrix is nearly singular."""
+    values = np.array([2.0, 1.0, least])
+    V = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    half = half_of((V * values) @ V.T)
+    inverse = (V / values) @ V.T
+    np.testing.assert_allclose(half @ half.T, inverse, rtol=0, atol=1e-14 / least * np.abs(inverse).max())
+
+
+def test_half_of_a_singular_matrix_is_finite():
+    half = half_of(np.ones((3, 3)))
+    assert np.isfinite(half).all()

@@ -80,7 +80,7 @@ def minimise(
         start: A point strictly inside every cone and log-det term, shape (variables,).
         aim: Gap aimed at.
         near: The start is near the minimum: the search begins with the weights of the log-det terms.
-        longest: Newton steps after which no further weight is tried. A search that is to be short begins nearer to the
+        longest: Newton steps after which no further weight is tried. A short search begins nearer to the
             weights of the log-det terms, and is not repeated.
 
     Raises:
