@@ -329,6 +329,19 @@ def test_constraints_are_kept(prior: str):
     assert standard.deviation[standard.names.index("XY_3")] == 0.0
 
 
+def test_a_mass_at_a_limit_of_the_study_is_the_studys_and_not_identified():
+    """The other two links known, the data weigh the third; the study takes a tenth off what they say."""
+    free = estimate(known=(1, 2))[1]
+    assert free.status[free.names.index("M_3")] == "identified"
+    for limit in ({"masses": {"3": [0.5, 0.9]}}, {"heaviest": 3.0, "masses": {"3": [1.1, 2.0]}}):
+        fit, standard = estimate(known=(1, 2), **limit)
+        assert standard.status[standard.names.index("M_3")] == "prior-dominated"
+        said = {finding.code: finding.evidence for finding in fit.findings}
+        assert said["held-at-limit"] == "Limits of the study hold these where they are: M_3."
+    wide, _ = estimate(known=(1, 2), masses={"3": [0.5, 2.0]})
+    assert "held-at-limit" not in {finding.code for finding in wide.findings}
+
+
 def test_known_links_are_as_described():
     _, standard = estimate(known=(3,), prior="none")
     own = model().inertial_columns.reshape(-1, 10)[2]
@@ -350,6 +363,7 @@ def test_known_links_are_as_described():
         ({"com": {"1": [[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0]]}}, "plane"),
         ({"equal": (["XX_1"],)}, "equal"),
         ({"equal": ("XX_1",)}, "equal"),
+        ({"equal": (["XX_1", "M_2"],)}, "kg·m², kg"),
         ({"fixed": {"QQ_1": 1.0}}, "QQ_1"),
         ({"fixed": {"XX_1": "one"}}, "XX_1"),
         ({"fixed": [1.0]}, "fixed"),

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import EstimationError
 from armid.estimation.consistency import consistency_cones, smallest_eigenvalues
@@ -18,7 +19,7 @@ from armid.estimation.problem import Standard
 from armid.maths.cones import Cone
 from armid.values import Array
 
-__all__ = ["ContradictionError", "Feasible", "Requirements", "feasible_set"]
+__all__ = ["ContradictionError", "Feasible", "Requirements", "at_mass_limit", "feasible_set"]
 
 ROUNDED = 1e-9
 """How negative an eigenvalue of a link that is given may be: rounding of a description."""
@@ -143,6 +144,11 @@ def _affine(standard: Standard, asked: Requirements) -> tuple[Array, Array]:
             raise EstimationError(
                 f"equal must name two or more parameters that are not given otherwise; found {list(group)}."
             )
+        if len(units := dict.fromkeys(standard.units[k] for k in where)) > 1:
+            raise EstimationError(
+                f"equal must name parameters of one unit; found {list(group)} in {', '.join(units)}.",
+                remedy="give a list for each unit.",
+            )
         joined = np.isin(leader, leader[where])
         leader[joined] = leader[joined].min()
     unknown = np.unique(leader[~given])
@@ -150,6 +156,25 @@ def _affine(standard: Standard, asked: Requirements) -> tuple[Array, Array]:
     free = np.flatnonzero(~given)
     basis[free, np.searchsorted(unknown, leader[free])] = 1.0
     return origin, basis
+
+
+def at_mass_limit(standard: Standard, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
+    """Which parameters (p,) are masses that stand at a limit of their own.
+
+    Args:
+        standard: The standard parameters.
+        asked: What is required.
+        values: The estimate, shape (p,).
+        near: Distance from a limit at which a parameter stands at it, shape (p,).
+    """
+    low, high = np.full(len(values), -np.inf), np.full(len(values), np.inf)
+    masses = standard.inertial[:, 0]
+    if asked.heaviest is not None:
+        high[masses] = asked.heaviest
+    for number, (least, largest) in (asked.masses or {}).items():
+        k = masses[_link(standard, number, "masses")]
+        low[k], high[k] = least, min(high[k], largest)
+    return np.asarray((values <= low + near) | (values >= high - near))
 
 
 def _mass_cones(standard: Standard, asked: Requirements) -> list[Cone]:

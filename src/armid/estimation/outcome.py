@@ -9,6 +9,7 @@ import numpy as np
 from armid.errors import Finding
 from armid.estimation.centre import find_centre
 from armid.estimation.consistency import smallest_eigenvalues
+from armid.estimation.constraints import Requirements, at_mass_limit
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit import Fit
 from armid.estimation.prior import Belief, carried
@@ -59,6 +60,7 @@ class Outcome:
         values: The estimate, shape (p,).
         gap: Duality gap of the method; NaN where it knows none.
         basis: Parameters (p,) that each unknown moves, shape (p, x); the identity where not given.
+        asked: What the study requires of the parameters, where it may.
     """
 
     def __init__(
@@ -70,7 +72,9 @@ class Outcome:
         values: Array,
         gap: float,
         basis: Array | None = None,
+        asked: Requirements | None = None,
     ) -> None:
+        self.asked = asked
         self.standard, self.weighted, self.belief, self.prior = standard, weighted, belief, prior
         self.values, self.gap = values, gap
         self.base: Array = standard.regrouping @ values
@@ -149,6 +153,7 @@ class Outcome:
         )
         at_bound = standard.nonnegative & (values <= AT_BOUND * np.maximum(deviation, np.finfo(np.float64).tiny))
         held = at_bound & (pull * white > PUSHED) & ~given
+        limited = self._limited(deviation) & ~given
         price = float(self.weighted.weights**2 @ (squares - self.weighted.squares)) / self.weighted.freedom
         lowest = float(values[standard.nonnegative].min(initial=np.inf))
         proof = Proof(price, float(self.least.min(initial=np.inf)), lowest, self.gap)
@@ -159,7 +164,7 @@ class Outcome:
             deviation,
             np.stack([values, values], axis=1),
             resolution,
-            status_of(resolution, self.told, given, held),
+            status_of(resolution, self.told, given, held | limited),
             self.prior,
             proof,
             lift(
@@ -171,7 +176,7 @@ class Outcome:
                 self._bounded(),
             ),
         )
-        return fit, (*self.belief.findings, *self._findings(price, held))
+        return fit, (*self.belief.findings, *self._findings(price, held, limited))
 
     def _bounded(self) -> Array:
         """What cannot be negative, shape (p,)."""
@@ -180,7 +185,15 @@ class Outcome:
             bounded[own[[0, 4, 6, 9]]] = True  # mass and the moments of inertia about the axes
         return bounded.astype(np.float64)
 
-    def _findings(self, price: float, held: Array) -> list[Finding]:
+    def _limited(self, deviation: Array) -> Array:
+        """Which parameters (p,) a limit of the study holds; what is one with such a mass is held with it."""
+        if self.asked is None:
+            return np.zeros(len(self.values), dtype=bool)
+        near = AT_BOUND * np.maximum(deviation, np.abs(self.values))
+        at = at_mass_limit(self.standard, self.asked, self.values, near)
+        return np.asarray((self.basis != 0.0) @ (self.basis[at] != 0.0).any(axis=0), dtype=bool)
+
+    def _findings(self, price: float, held: Array, limited: Array) -> list[Finding]:
         """What the reader of the result should know."""
         found: list[Finding] = []
         for own, smallest in zip(self.standard.inertial, self.least, strict=True):
@@ -205,4 +218,8 @@ class Outcome:
         if held.any():
             names = ", ".join(name for name, is_held in zip(self.standard.names, held, strict=True) if is_held)
             found.append(Finding("held-at-zero", "info", "", f"The data would have these negative: {names}."))
+        if limited.any():
+            names = ", ".join(name for name, at in zip(self.standard.names, limited, strict=True) if at)
+            said = f"Limits of the study hold these where they are: {names}."
+            found.append(Finding("held-at-limit", "info", "", said))
         return found

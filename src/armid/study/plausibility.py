@@ -214,7 +214,7 @@ def weak_finding(information: Information, observations: Observations, fit: Fit,
     remedy = "move all joints together, fast and wide"
     if longer > 1.0:
         remedy = f"record {np.ceil(longer * seconds):.0f} s or more instead of {seconds:.2g} s, and {remedy}"
-    meaning = "The estimate is an arm that could be, not this one; expect it to fail on other motion."
+    meaning = "The estimate is an arm that could be, not this one; it may fail on other motion."
     return Finding("weak-data", "warning", "", f"{'; '.join(said)}. {meaning}", f"{remedy}.")
 
 

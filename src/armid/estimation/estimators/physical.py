@@ -144,7 +144,7 @@ class PhysicallyConsistent:
         program = Program(standard, asked, kind, belief, weighted.correlation)
         prior = self._weigh_prior(information, program, weighted)
         bodies = program.solve(weighted.rows, weighted.rows @ weighted.values, prior.weight)
-        return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis).fit()
+        return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis, asked).fit()
 
     def _kind(self, standard: Standard) -> str:
         """The prior that it is."""
