@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,11 @@ from labs import write_recordings, write_study
 VOID = {"meta", "link", "br", "img", "input", "path", "line", "circle", "rect"}
 
 
-def make_run(folder: Path) -> Run:
+def make_run(folder: Path, method: str = "wls") -> Run:
     """A run in `folder / "run"`, its study and recordings in `folder`."""
     write_recordings(folder)
-    result = identify(load_study(write_study(folder)))
+    study = load_study(write_study(folder))
+    result = identify(replace(study, estimation=replace(study.estimation, method=method)))
     return load_run(save_run(result, folder / "run"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -64,3 +65,25 @@ def test_a_description_is_certified_by_its_own_bodies():
 def test_a_description_without_bodies_has_nothing_to_certify():
     with pytest.raises(ModelError, match="no bodies"):
         described_values(load_robot("panda"))
+
+
+def test_names_that_are_not_complete_are_told_in_their_own_kind():
+    """Base, standard and physical names differ; what is missing is missing of the set that was begun."""
+    robot = read(URDF, source="small", locked={}, tip=None)
+    values = described_values(robot)
+    del values["XX_3"]
+    with pytest.raises(ModelError, match="30 standard parameters: XX_3 missing"):
+        certify_named(robot, values)
+    with pytest.raises(ModelError, match="QQ_1 not known") as caught:
+        certify_named(robot, {"QQ_1": 1.0})
+    assert all(each in str(caught.value) for each in ("ZZR_1", "M_1, MX_1", "m_1, rx_1"))
+
+
+def test_a_run_of_bodies_says_what_its_own_weigh(tmp_path: Path):
+    """Its base parameters belong to many bodies; the nearest ones are others than the run's."""
+    own = make_run(tmp_path, method="physical")
+    standard = own.estimate.fit.standard
+    assert standard is not None
+    said = {each.code: each.evidence for each in certify_run(own).findings}["own-bodies"]
+    assert f"{standard.values[standard.names.index('M_2')]:.4g}" in said
+    assert f"{standard.proof.smallest_eigenvalue:.3g}" in said

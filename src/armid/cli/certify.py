@@ -22,7 +22,11 @@ def certify(
         str, typer.Argument(metavar="RUN | ROBOT", help="A run, or an arm: its own bodies, or values that follow.")
     ],
     values: Annotated[
-        str | None, typer.Argument(metavar="[VALUES.json]", help="{name: value}: base, standard or physical names.")
+        str | None,
+        typer.Argument(
+            metavar="[VALUES.json]",
+            help="{name: value} by base (ZZR_1), standard (ZZ_1) or physical names (m_1, rx_1, Ixx_1); FV_1, FS_1.",
+        ),
     ] = None,
     motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Look at the mass matrix along it too.")] = None,
     heaviest: Annotated[float, typer.Option(min=0.0, help="Largest mass of a link in the second answer, kg.")] = 10.0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding, ModelError
 from armid.estimation.estimate import collapse
+from armid.estimation.standard_fit import StandardFit
 from armid.excitation.fourier import load_plan
 from armid.excitation.plans import PLANS, builtin_plan
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
@@ -148,18 +149,33 @@ def certify_named(
         theta = np.zeros(len(standard_names))
         theta[base.kept] = given
         return _verdict("base", model, base.names, given, base.regrouping, theta, motion, heaviest)
-    unknown = sorted(set(values) - set(standard_names))
-    missing = sorted(set(standard_names) - set(values))
-    if unknown or missing:
-        lacking = sorted(set(base.names) - set(values))
-        raise ModelError(
-            f"The names are neither {robot.name}'s {base.count} base parameters nor its standard ones: "
-            f"{', '.join((unknown or lacking)[:8])} {'not known' if unknown else 'missing'}.",
-            possible=", ".join(base.names),
-            remedy="look at armid base for the names under this gravity, locks and terms.",
-        )
+    if set(values) != set(standard_names):
+        raise _incomplete(robot, values, base.names, standard_names)
     theta = np.array([values[name] for name in standard_names])
     return _verdict("standard", model, standard_names, theta, np.eye(len(theta)), theta, motion, heaviest)
+
+
+def _incomplete(
+    robot: Robot, values: Mapping[str, float], base: Sequence[str], standard: Sequence[str]
+) -> ModelError:
+    """What to say of names that are no whole set: of which set they are, and what it lacks."""
+    known = {*base, *standard}
+    if unknown := [name for name in values if name not in known]:
+        fault = f"{', '.join(unknown[:8])} not known."
+        named = f"The names are neither {robot.name}'s {len(base)} base parameters nor its standard ones"
+    else:
+        alone = set(values) - set(base)  # what is standard alone tells which set was begun
+        wanted, kind = (standard, "standard") if alone else (base, "base")
+        named = f"The names are not all of {robot.name}'s {len(wanted)} {kind} parameters"
+        lacking = [name for name in wanted if name not in values]
+        others = [name for name in values if name not in wanted]
+        fault = f"{', '.join((lacking or others)[:8])} {'missing' if lacking else 'of another set'}."
+    return ModelError(
+        f"{named}: {fault}",
+        possible=f"base: {', '.join(base)}; or standard: {', '.join(standard[:10])}, … for every link; or physical: "
+        f"{', '.join(f'{symbol}_1' for symbol in PHYSICAL)}, … for every link; with friction FV_1, FS_1, …",
+        remedy="look at armid base for the names under this gravity, locks and terms.",
+    )
 
 
 def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float = HEAVIEST) -> Verdict:
@@ -169,7 +185,21 @@ def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float = HEA
     theta = np.zeros(len(base.standard_names))
     theta[base.kept] = values
     found = _verdict("base", run.model, base.names, values, base.regrouping, theta, motion, heaviest)
-    return found if found.certificate.feasible else replace(found, findings=(*found.findings, _meaning(run, found)))
+    said = [] if found.certificate.feasible else [_meaning(run, found)]
+    if run.estimate.fit.standard is not None and run.model.has_rigid_bodies:
+        said.append(_own_bodies(run, run.estimate.fit.standard))
+    return replace(found, findings=(*found.findings, *said))
+
+
+def _own_bodies(run: Run, standard: StandardFit) -> Finding:
+    """The bodies that a run has estimated: one answer of the many with its base parameters."""
+    places = [standard.names.index(f"M_{link + 1}") for link in range(run.model.n)]
+    masses = ", ".join(f"{standard.values[k]:.4g}" for k in places)
+    evidence = (
+        f"The run's own bodies weigh {masses} kg; the smallest eigenvalue of their pseudo-inertias is "
+        f"{standard.proof.smallest_eigenvalue:.3g}. The masses above are of other bodies with its base parameters."
+    )
+    return Finding("own-bodies", "info", "", evidence)
 
 
 def _meaning(run: Run, verdict: Verdict) -> Finding:
