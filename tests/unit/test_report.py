@@ -87,6 +87,32 @@ def test_the_page_says_what_the_run_says(page: Page, run: Run):
     assert 'path = "run2.csv"' in "".join(page.words)
 
 
+def test_what_friction_was_chosen_comes_before_all_that_was_looked_at(run: Run, tmp_path: Path):
+    """Hundreds of candidates stand folded below the pictures; what was taken is one line a joint."""
+    shutil.copytree(run.folder, tmp_path / "run")
+    names = [joint.name for joint in run.robot.joints]
+    evidence = [
+        {"joint": name, "candidate": candidate, "ratio": 0.9, "deviation": 0.02, "chosen": candidate == "ripple 2"}
+        for name in names
+        for candidate in ("stribeck 0.1", "ripple 2")
+    ]
+    joints = [{"name": name, "ratio": 0.8, "deviation": 0.01, "chosen": ["ripple 2"]} for name in names]
+    record = {"why": "", "prior_weight": None, "joints": joints, "evidence": evidence}
+    (tmp_path / "run" / "friction.json").write_text(json.dumps(record))
+    html = render(gather(load_run(tmp_path / "run"), data=Path(run.folder).parent))
+    chosen, pictures, folded, everything = (
+        html.index(mark)
+        for mark in (
+            'id="table-chosen"',
+            'data-plot="friction',
+            f"<summary>All {2 * len(names)} candidates",
+            'id="table-ladder"',
+        )
+    )
+    assert chosen < pictures < folded < everything
+    assert "0.80 ± 0.01" in Page(html).prose
+
+
 FULL_STUDY = """
 [robot]
 description = "small.urdf"

@@ -33,6 +33,9 @@ FEWEST_IN_BIN = 5
 MOST_SYMBOLS = 5
 """Kinds of friction parameters that have a column; more are in the table of parameters."""
 
+CANDIDATES = "ladder"
+"""Key of the table of candidates, which has hundreds of rows and is folded below the pictures."""
+
 MOST_REVERSALS = 25
 """Reversals drawn by themselves; the means are over all."""
 
@@ -61,25 +64,26 @@ def show_friction(material: Material) -> Section | None:
         ("mean", "mean of what is seen"),
         ("law", "fitted law"),
     )
-    chosen = _ladder(material)
-    tables = (_table(material, evidence, reversals), *(() if chosen is None else (chosen,)))
-    return Section("Friction", {"laws": _laws(material)}, tables, rows, legend if rows else ())
+    tables = (_table(material, evidence, reversals), *_ladder(material))
+    content = {"laws": _laws(material), "folded": CANDIDATES}
+    return Section("Friction", content, tables, rows, legend if rows else ())
 
 
-def _ladder(material: Material) -> Table | None:
-    """What the friction ladder looked at and took; nothing where friction was named and not chosen."""
+def _ladder(material: Material) -> tuple[Table, ...]:
+    """What the friction ladder took, and all that it looked at; nothing where friction was named and not chosen."""
     path = Path(material.run.folder) / "friction.json"
     if not path.is_file():
-        return None
+        return ()
     record = json.loads(path.read_text(encoding="utf-8"))
-    columns = (
-        Column("joint", words=True),
-        Column("candidate", words=True),
-        Column("error with it"),
-        Column("standard error"),
-        Column("", words=True),
-    )
-    rows = [
+    taken = [
+        [
+            Cell(each["name"], kind="name"),
+            Cell(f"{fixed(each['ratio'], 2)} ± {fixed(each['deviation'], 2)}", each["ratio"]),
+            Cell("; ".join(each["chosen"]) or "–"),
+        ]
+        for each in record["joints"]
+    ]
+    looked_at = [
         [
             Cell(each["joint"], kind="name"),
             Cell(each["candidate"]),
@@ -90,13 +94,17 @@ def _ladder(material: Material) -> Table | None:
         for each in record["evidence"]
     ]
     said = (
-        "Error on stretches of motion that were left out, over that without the candidate. All together: "
-        + ", ".join(f"{each['name']} {fixed(each['ratio'], 2)}" for each in record["joints"])
-        + ". The same stretches made the choice, so this is optimistic; the error on recordings kept for validation "
-        "is not."
+        "Error on stretches of motion that were left out, over that without what was added, ± its standard error. "
+        "The same stretches made the choice, so it is optimistic; the error on recordings kept for validation is not."
     )
-    note = " ".join(part for part in (said if rows else "", record["why"]) if part)
-    return Table("ladder", "How friction was chosen", columns, rows, note)
+    note = " ".join(part for part in (said if looked_at else "", record["why"]) if part)
+    joint, error = Column("joint", words=True), Column("error with it")
+    chosen = Table("chosen", "How friction was chosen", (joint, error, Column("added", words=True)), taken, note)
+    if not looked_at:
+        return (chosen,)
+    columns = (joint, Column("candidate", words=True), error, Column("standard error"), Column("", words=True))
+    title = f"All {len(looked_at)} candidates that were looked at"
+    return chosen, Table(CANDIDATES, title, columns, looked_at, "Error over that without the candidate.")
 
 
 def _laws(material: Material) -> list[str]:
@@ -111,7 +119,8 @@ def _laws(material: Material) -> list[str]:
 def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence[Reversals]) -> Table:
     model, unit = material.run.model, effort_unit(material)
     chosen = [p for p, own in zip(model.parameters, friction_columns(model), strict=True) if own]
-    kinds = list(dict.fromkeys(p.symbol for p in chosen))[:MOST_SYMBOLS]
+    symbols_of_all = list(dict.fromkeys(p.symbol for p in chosen))
+    kinds, further = symbols_of_all[:MOST_SYMBOLS], symbols_of_all[MOST_SYMBOLS:]
     units = {symbol: next(p.unit for p in chosen if p.symbol == symbol) for symbol in kinds}
     ends = dict(zip(material.run.estimate.fit.names, material.run.estimate.intervals, strict=True))
     columns = (
@@ -140,6 +149,8 @@ def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence
         "share of its variance that follows from velocity, from position with direction, and from the time since the "
         "last reversal, chance taken off. ▲ marks shares that are worth a richer law."
     )
+    if further:
+        note += f" {', '.join(further)}: in the table of parameters."
     return Table("friction", "Friction of each joint, and what the laws leave", columns, rows, note)
 
 
