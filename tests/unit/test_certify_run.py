@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from armid.errors import ModelError
+from armid.errors import EstimationError, ModelError
 from armid.robot import load_robot
 from armid.robot.readers.urdf import read
 from armid.study.certify import Verdict, certify_named, certify_run, described_values
@@ -87,3 +87,11 @@ def test_a_run_of_bodies_says_what_its_own_weigh(tmp_path: Path):
     said = {each.code: each.evidence for each in certify_run(own).findings}["own-bodies"]
     assert f"{standard.values[standard.names.index('M_2')]:.4g}" in said
     assert f"{standard.proof.smallest_eigenvalue:.3g}" in said
+
+
+@pytest.mark.parametrize("heaviest", [0.0, 1e-9, 1e-6])
+def test_a_limit_that_leaves_no_body_is_refused(heaviest: float):
+    """A real body's pseudo-inertia has a least eigenvalue, and so its mass; under it a search has nothing to find."""
+    robot = read(URDF, source="small", locked={}, tip=None)
+    with pytest.raises(EstimationError, match="no body"):
+        certify_named(robot, described_values(robot), heaviest=heaviest)

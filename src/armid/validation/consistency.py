@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armid.errors import EstimationError
 from armid.estimation.consistency import EPSILON, consistency_cones
 from armid.estimation.problem import bare_standard
 from armid.maths.cones import Cone, solve_cones
@@ -82,8 +83,13 @@ def certify_values(
         heaviest: Largest mass of a link [kg].
 
     Raises:
-        EstimationError: The program could not be solved to a certificate.
+        EstimationError: The program could not be solved to a certificate, or no body is as light as `heaviest`.
     """
+    if heaviest is not None and heaviest <= epsilon:
+        raise EstimationError(
+            f"With links of at most {heaviest:g} kg there is no body: the smallest counts from {epsilon:g} kg on.",
+            remedy="give a heaviest that a link of the arm may weigh.",
+        )
     values = array(values, (len(names),), "values")
     p = len(model.parameters)
     cost = np.zeros(p + 1)
