@@ -40,6 +40,7 @@ def test_table_41_belongs_to_no_real_body(table41: Verdict):
     assert table41.limited.distance == DISTANCE
     assert certificate.distance <= table41.limited.distance
     assert certificate.relative_distance == pytest.approx(0.0205, abs=1e-4)
+    assert certificate.inertial_distance == pytest.approx(0.080, abs=5e-4)
     assert certificate.masses.sum() > 1000.0  # tonnes
     assert (table41.limited.masses <= 10.0 + 1e-6).all()
     inertial = np.linalg.norm([v for n, (v, _) in TRUTH["table41"].items() if not n.startswith("F")])

@@ -73,7 +73,8 @@ def _report(verdict: Verdict, motion: str | None) -> None:
     word = "[bold green]feasible[/]" if certificate.feasible else "[bold red]infeasible[/]"
     console.print(
         f"{verdict.kind} parameters: {word}, distance {certificate.distance:.4g} "
-        f"({100 * certificate.relative_distance:.3g} %)"
+        f"({100 * certificate.relative_distance:.3g} % of all values, {100 * certificate.inertial_distance:.3g} % of "
+        "those of bodies)"
     )
     console.print(f"  masses of the nearest body in kg: {_list(certificate.masses)}")
     console.print(

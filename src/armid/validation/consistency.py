@@ -46,6 +46,7 @@ class Certificate:
         feasible: Whether they can.
         distance: Euclidean distance to the nearest that can, over the values given, in SI units.
         relative_distance: The same over the values' length.
+        inertial_distance: The part of the distance in values that bodies have a share in, over the length of these.
         blame: Every value's change on the way there, largest first.
         nearest: The nearest consistent values, in the order given.
         witness: Standard parameters (p,) of a body that has them.
@@ -56,6 +57,7 @@ class Certificate:
     feasible: bool
     distance: float
     relative_distance: float
+    inertial_distance: float
     blame: tuple[Blame, ...]
     nearest: Array
     witness: Array
@@ -104,10 +106,13 @@ def certify_values(
     change = nearest - values
     length, size = float(np.linalg.norm(change)), float(np.linalg.norm(values))
     order = np.argsort(-np.abs(change))
+    bodies = np.any(linear[:, model.inertial_columns] != 0.0, axis=1)
+    body = float(np.linalg.norm(values[bodies]))
     return Certificate(
         length <= FEASIBLE * max(size, 1.0),
         length,
         length / size if size else 0.0,
+        float(np.linalg.norm(change[bodies])) / body if body else 0.0,
         tuple(Blame(str(names[k]), float(change[k])) for k in order.tolist()),
         nearest,
         witness,
