@@ -342,6 +342,21 @@ def test_a_mass_at_a_limit_of_the_study_is_the_studys_and_not_identified():
     assert "held-at-limit" not in {finding.code for finding in wide.findings}
 
 
+def test_what_bodies_hold_far_from_the_data_is_not_identified():
+    """A centre of mass that a box keeps from where it is; where bodies have made the torque nothing is held."""
+    _, free = estimate(known=(1, 2))
+    held, boxed = estimate(known=(1, 2), com={"3": [[-0.01, -0.01, -0.01], [0.01, 0.01, 0.01]]})
+    moments = [boxed.names.index(name) for name in ("MX_3", "MY_3", "MZ_3")]
+    off = [k for k in moments if free.status[k] == "identified"]
+    off = [k for k in off if abs(boxed.values[k] - free.values[k]) > 10.0 * free.deviation[k]]
+    assert off and all(boxed.status[k] == "prior-dominated" for k in off)
+    said = {finding.code: finding.evidence for finding in held.findings}
+    assert all(boxed.names[k] in said["held-inside"] for k in off)
+    for prior in ("none", "log-det"):
+        fit, _ = estimate(prior=prior)
+        assert "held-inside" not in {finding.code for finding in fit.findings}
+
+
 def test_known_links_are_as_described():
     _, standard = estimate(known=(3,), prior="none")
     own = model().inertial_columns.reshape(-1, 10)[2]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import Finding
 from armid.estimation.centre import find_centre
@@ -15,6 +16,7 @@ from armid.estimation.fit import Fit
 from armid.estimation.prior import Belief, carried
 from armid.estimation.problem import Standard
 from armid.estimation.standard_fit import (
+    IDENTIFIED,
     PriorUse,
     Proof,
     StandardFit,
@@ -154,6 +156,7 @@ class Outcome:
         at_bound = standard.nonnegative & (values <= AT_BOUND * np.maximum(deviation, np.finfo(np.float64).tiny))
         held = at_bound & (pull * white > PUSHED) & ~given
         limited = self._limited(deviation) & ~given
+        moved = self._moved(np.abs(pull) * white) & (resolution >= IDENTIFIED) & ~given & ~limited
         price = float(self.weighted.weights**2 @ (squares - self.weighted.squares)) / self.weighted.freedom
         lowest = float(values[standard.nonnegative].min(initial=np.inf))
         proof = Proof(price, float(self.least.min(initial=np.inf)), lowest, self.gap)
@@ -164,7 +167,7 @@ class Outcome:
             deviation,
             np.stack([values, values], axis=1),
             resolution,
-            status_of(resolution, self.told, given, held | limited),
+            status_of(resolution, self.told, given, held | limited | moved),
             self.prior,
             proof,
             lift(
@@ -176,7 +179,7 @@ class Outcome:
                 self._bounded(),
             ),
         )
-        return fit, (*self.belief.findings, *self._findings(price, held, limited))
+        return fit, (*self.belief.findings, *self._findings(price, held, limited, moved))
 
     def _bounded(self) -> Array:
         """What cannot be negative, shape (p,)."""
@@ -184,6 +187,17 @@ class Outcome:
         for own in self.standard.inertial:
             bounded[own[[0, 4, 6, 9]]] = True  # mass and the moments of inertia about the axes
         return bounded.astype(np.float64)
+
+    def _moved(self, pulled: Array) -> NDArray[np.bool_]:
+        """Which bodies' parameters (p,) prior and constraints hold far from where the data would have them.
+
+        Args:
+            pulled: Pull of the data on each parameter, over what white noise makes of it, shape (p,).
+        """
+        result = np.zeros(len(pulled), dtype=np.bool_)
+        own = self.standard.inertial
+        result[own] = pulled[own] > PUSHED * np.sqrt(self.weighted.correlation)
+        return result
 
     def _limited(self, deviation: Array) -> Array:
         """Which parameters (p,) a limit of the study holds; what is one with such a mass is held with it."""
@@ -193,7 +207,7 @@ class Outcome:
         at = at_mass_limit(self.standard, self.asked, self.values, near)
         return np.asarray((self.basis != 0.0) @ (self.basis[at] != 0.0).any(axis=0), dtype=bool)
 
-    def _findings(self, price: float, held: Array, limited: Array) -> list[Finding]:
+    def _findings(self, price: float, held: Array, limited: Array, moved: Array) -> list[Finding]:
         """What the reader of the result should know."""
         found: list[Finding] = []
         for own, smallest in zip(self.standard.inertial, self.least, strict=True):
@@ -222,4 +236,9 @@ class Outcome:
             names = ", ".join(name for name, at in zip(self.standard.names, limited, strict=True) if at)
             said = f"Limits of the study hold these where they are: {names}."
             found.append(Finding("held-at-limit", "info", "", said))
+        if moved.any():
+            names = ", ".join(name for name, is_moved in zip(self.standard.names, moved, strict=True) if is_moved)
+            far = f"more than {PUSHED:g} deviations from where the data would have them"
+            said = f"Bodies that can exist, the prior and the study's limits hold these {far}: {names}."
+            found.append(Finding("held-inside", "info", "", said))
         return found
