@@ -233,7 +233,6 @@ def verdict_record(verdict: Verdict) -> dict[str, Any]:
         "feasible": certificate.feasible,
         "distance": certificate.distance,
         "relative_distance": certificate.relative_distance,
-        "inertial_distance": certificate.inertial_distance,
         "blame": [{"name": each.name, "change": each.change} for each in certificate.blame],
         "nearest": {"masses": certificate.masses, "total_mass": float(certificate.masses.sum())},
         "with_mass_limit": {
