@@ -15,15 +15,17 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, Finding, MissingExtraError
-from armid.report import rendering
+from armid.report import evidence, rendering
 from armid.report.comparison import changes, pair_of
+from armid.report.evidence import look_at
 from armid.report.material import Material, gather, records_of
 from armid.report.page import render, write_comparison, write_report
 from armid.report.sections.provenance import show_provenance
-from armid.study.identify import identify
+from armid.study.identify import identify, observe_recordings, read_recording
 from armid.study.records import to_json
 from armid.study.run import Run, load_run, save_run
 from armid.study.study import Study, load_study
+from armid.validation.predict import score
 from labs import (
     STUDY,
     small_model,
@@ -315,6 +317,26 @@ def test_separate_rows_are_shown_without_a_clock(tmp_path: Path):
     page = Page(render(gather(run)))
     titles = {plot["layout"]["xaxis"]["title"]["text"] for plot in page.data["plots"].values()}
     assert titles == {"row", "velocity [rad/s]", "position [rad]"}
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
+    run: Run, tmp_path: Path, own: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """With friction of its own for each recording, too: then a further recording's scatter is in it."""
+    study = load_study(Path(run.folder).parent / "study.toml")
+    train = tuple(replace(each, role="train") for each in study.recordings)
+    study = replace(study, recordings=train, estimation=replace(study.estimation, friction_per_recording=own))
+    made = load_run(save_run(identify(study), tmp_path / "run"))
+    recording, _ = read_recording(train[1], study.folder, made.robot)
+    drawn = look_at(made, train[1], recording)
+    observations, _ = observe_recordings([(train[1], recording)], made.processing, made.robot)
+    judged = score(made.model, made.estimate, observations)
+    inside = np.mean(np.abs(drawn.residual) <= drawn.half_band, axis=0, where=np.isfinite(drawn.residual))
+    np.testing.assert_allclose(inside, judged.coverage95, atol=1e-12)  # the same rows
+    monkeypatch.setattr(evidence, "BAND_ROWS", len(drawn.time) // 4)
+    between = look_at(made, train[1], recording).half_band
+    np.testing.assert_allclose(between, drawn.half_band, rtol=0.2)  # it changes as slowly as the motion
 
 
 def test_a_run_that_was_never_checked_has_a_page(run: Run, tmp_path: Path):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, ModelError, RecordingError, StudyError
-from armid.estimation.estimate import standard_parameters
+from armid.estimation.estimate import Estimate, standard_parameters
 from armid.estimation.estimators import PhysicallyConsistent, Ridge, WeightedLeastSquares
 from armid.measurement.processing import Processing
 from armid.model.terms import TERMS, Coulomb, Stribeck, Viscous
@@ -449,13 +449,17 @@ def test_a_part_keeps_its_rows_and_what_belongs_to_them():
         cut(whole, (0.0, 0.001))
 
 
+def with_own(folder: Path, key: str) -> Estimate:
+    """The estimate of two recordings with parameters of their own, which one recording by itself is refused."""
+    write_recordings(folder)
+    own = STUDY + f"[estimation]\n{key} = true\n"
+    with pytest.raises(StudyError, match=f"{key.split()[-1]} needs at least two training recordings"):
+        identify(load_study(write_study(folder, own)))
+    return identify(load_study(write_study(folder, own.replace('role = "validate"\n', "")))).estimate
+
+
 def test_friction_for_each_recording_needs_two(tmp_path: Path):
-    write_recordings(tmp_path)
-    own = STUDY + "[estimation]\nfriction_per_recording = true\n"
-    with pytest.raises(StudyError, match="at least two training recordings"):
-        identify(load_study(write_study(tmp_path, own)))
-    both = own.replace('role = "validate"\n', "")
-    estimate = identify(load_study(write_study(tmp_path, both))).estimate
+    estimate = with_own(tmp_path, "friction_per_recording")
     assert {"FV_1[1]", "FV_1[2]", "FO_3[2]", "ZZR_1"} <= set(estimate.fit.names)
     assert not any("[" in name for name in estimate.fit.names if not name.startswith(("FV", "FS", "FO")))
     alone = {each["name"]: each for each in standard_parameters(estimate)}
@@ -465,16 +469,11 @@ def test_friction_for_each_recording_needs_two(tmp_path: Path):
 
 
 def test_offsets_for_each_recording_leave_friction_shared(tmp_path: Path):
-    write_recordings(tmp_path)
-    own = STUDY + "[estimation]\noffset_per_recording = true\n"
-    with pytest.raises(StudyError, match="offset_per_recording needs at least two training recordings"):
-        identify(load_study(write_study(tmp_path, own)))
-    both = own.replace('role = "validate"\n', "")
-    names = identify(load_study(write_study(tmp_path, both))).estimate.fit.names
+    names = with_own(tmp_path, "offset_per_recording").fit.names
     assert {"FO_1[1]", "FO_3[2]", "FV_1", "FS_2"} <= set(names)
     assert not any("[" in name for name in names if not name.startswith("FO"))
-    every = both.replace("offset_per", "friction_per_recording = true\noffset_per")  # which has offsets in it
-    assert "FV_1[1]" in identify(load_study(write_study(tmp_path, every))).estimate.fit.names
+    every = with_own(tmp_path, "offset_per_recording = true\nfriction_per_recording")  # which has offsets in it
+    assert "FV_1[1]" in every.fit.names
 
 
 def test_friction_that_is_chosen_gives_each_recording_its_offset(tmp_path: Path):

@@ -11,25 +11,20 @@ import numpy as np
 from armid.estimation.estimate import Estimate, torque_parameters
 from armid.information.observations import Observations, ObservedRun
 from armid.information.residuals import compare
-from armid.information.rows import rows
-from armid.information.setup import column_source
 from armid.maths.spectrum import spectrum
 from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
-from armid.report.plots import every
 from armid.study.identify import observe_recordings
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
+from armid.validation.torque_band import band_of_rows
 from armid.values import Array
 
 __all__ = ["Evidence", "Spectrum", "friction_columns", "joined", "look_at"]
 
 BAND_ROWS = 5000
-"""Rows at which the variance of the prediction is worked out; it varies as slowly as the motion does."""
-
-SMALLEST_SHARE = 1e-3
-"""Share of the parameters in a band's variance below which their degrees of freedom are as good as infinite."""
+"""Rows, or up to twice as many, at which the band is worked out; it varies as slowly as the motion does."""
 
 SPECTRUM_SAMPLES = 1 << 17
 """Samples that a spectrum is made of at most: 16 s of an 8 kHz log, two minutes of a 1 kHz one."""
@@ -148,38 +143,19 @@ def friction_columns(model: DynamicsModel) -> Array:
 
 
 def _half_band(model: DynamicsModel, estimate: Estimate, observations: Observations) -> Array:
-    """Half width (M, n) of the 95 % band of a measurement: covariance of the parameters, and noise."""
-    from scipy.special import stdtrit  # a third of a second to import
-
-    fit = estimate.fit
-    share = _parameter_variance(model, estimate, observations)
-    variance = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
-    # The share of the parameters has their degrees of freedom, the noise has many.
-    free = np.median(fit.freedom) * (variance / np.maximum(share, SMALLEST_SHARE * variance)) ** 2
-    return stdtrit(free, 0.975) * np.sqrt(variance)
-
-
-def _parameter_variance(model: DynamicsModel, estimate: Estimate, observations: Observations) -> Array:
-    """Variance (M, n) of the predicted torque that the parameters' covariance makes."""
-    base, fit = estimate.base, estimate.fit
-    total = sum(len(run.rows) for run in observations.runs)
-    variance = np.zeros((total, model.n))
-    index = [fit.names.index(name) for name in base.names if name in fit.names]
-    if len(index) < base.count:  # friction has values of its own for each recording, and none for this one
-        return variance
-    covariance = fit.covariance[np.ix_(index, index)]
-    source = column_source(model, base)
-    begin = 0
-    for run in observations.runs:
-        for _, x in rows(source, run, observations.band):
-            here = slice(begin, begin + x.shape[1])
-            seen = every(x.shape[1], max(2, x.shape[1] * BAND_ROWS // total))
-            for j, parameters in enumerate(source.layout.parameters):
-                y = x[source.layout.offset[j] : source.layout.offset[j + 1] - 1, seen]
-                own = np.einsum("km,km->m", covariance[np.ix_(parameters, parameters)] @ y, y)
-                variance[here, j] = np.interp(np.arange(x.shape[1]), seen, own)
-            begin = here.stop
-    return variance
+    """Half width (M, n) of the 95 % band of a measurement, between rows at which it is worked out."""
+    counts = [len(run.rows) for run in observations.runs]
+    step = max(1, sum(counts) // BAND_ROWS)
+    looked = [np.arange(0, count, step) for count in counts]
+    found = np.split(
+        band_of_rows(model, estimate, observations, step), np.cumsum([len(seen) for seen in looked])[:-1]
+    )
+    return np.concatenate(
+        [
+            np.stack([np.interp(np.arange(count), seen, of_joint) for of_joint in widths.T], axis=1)
+            for count, seen, widths in zip(counts, looked, found, strict=True)
+        ]
+    )
 
 
 def _spectrum(model: DynamicsModel, theta: Array, run: ObservedRun) -> Spectrum:
