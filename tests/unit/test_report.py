@@ -340,7 +340,7 @@ def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
 
 
 def test_a_run_that_was_never_checked_has_a_page(run: Run, tmp_path: Path):
-    """No validation, and friction of its own for each recording: dashes and copies, no empty tables."""
+    """No validation, and friction of its own for each recording: dashes and copies, means of friction, nothing empty."""
     study = load_study(Path(run.folder).parent / "study.toml")
     both = tuple(replace(each, role="train") for each in study.recordings)
     study = replace(study, recordings=both, estimation=replace(study.estimation, friction_per_recording=True))
@@ -348,6 +348,7 @@ def test_a_run_that_was_never_checked_has_a_page(run: Run, tmp_path: Path):
     assert "– not judged" in page.prose and "FV_1[2]" in page.words and "checks" not in page.data["tables"]
     assert "Residuals on training motion" in page.prose and "nan" not in page.prose.lower().split()
     assert "FV_{1}^{(2)}" in page.data["tables"]["parameters"]["latex"]
+    assert "–" not in page.data["tables"]["friction"]["latex"] and "the mean is shown" in page.prose
 
 
 # Two runs -------------------------------------------------------------------------------------------------------

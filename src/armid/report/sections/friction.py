@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armid.estimation.estimate import torque_parameters
+from armid.estimation.estimate import averaged, torque_parameters
 from armid.model.expression import symbols, text
 from armid.model.motion import Motion
 from armid.report.evidence import Evidence, friction_columns, joined
@@ -122,7 +122,9 @@ def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence
     symbols_of_all = list(dict.fromkeys(p.symbol for p in chosen))
     kinds, further = symbols_of_all[:MOST_SYMBOLS], symbols_of_all[MOST_SYMBOLS:]
     units = {symbol: next(p.unit for p in chosen if p.symbol == symbol) for symbol in kinds}
-    ends = dict(zip(material.run.estimate.fit.names, material.run.estimate.intervals, strict=True))
+    estimate = material.run.estimate
+    mean = averaged(estimate.base.names, estimate.fit)
+    ends = dict(zip(mean.names, mean.intervals, strict=True))
     columns = (
         Column("joint", words=True),
         *(Column(symbol, units[symbol]) for symbol in kinds),
@@ -149,6 +151,8 @@ def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence
         "share of its variance that follows from velocity, from position with direction, and from the time since the "
         "last reversal, chance taken off. ▲ marks shares that are worth a richer law."
     )
+    if len(estimate.fit.names) > len(mean.names):
+        note += " Of what each recording has for itself the mean is shown."
     if further:
         note += f" {', '.join(further)}: in the table of parameters."
     return Table("friction", "Friction of each joint, and what the laws leave", columns, rows, note)
