@@ -340,7 +340,7 @@ def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
 
 
 def test_a_run_that_was_never_checked_has_a_page(run: Run, tmp_path: Path):
-    """No validation, and friction of its own for each recording: dashes and copies, means of friction, nothing empty."""
+    """No validation, and friction of its own for each recording: copies, means of friction, nothing empty."""
     study = load_study(Path(run.folder).parent / "study.toml")
     both = tuple(replace(each, role="train") for each in study.recordings)
     study = replace(study, recordings=both, estimation=replace(study.estimation, friction_per_recording=True))
