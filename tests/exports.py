@@ -147,7 +147,7 @@ def run_with(
         bare = bare_standard(model)
         ends, prior, proof = np.stack([theta, theta], 1), PriorUse("none", 0.0, "", 1.0), Proof(0.0, 0.0, 0.0, 0.0)
         status = ("identified",) * p
-        bodies = StandardFit(bare.names, bare.units, theta, np.zeros(p), ends, np.ones(p), status, prior, proof)
+        bodies = StandardFit(bare.names, bare.units, theta, np.zeros((p, p)), ends, np.ones(p), status, prior, proof)
     fit = Fit(
         base.names,
         base.values_of(theta),

@@ -131,8 +131,8 @@ def test_a_lift_splits_the_posterior_into_what_base_parameters_say_and_the_rest(
     split = lift(P, L, np.eye(6), 1.0, np.zeros(6), np.zeros(6))
     base = np.linalg.inv(H + np.linalg.inv(L @ np.linalg.inv(P) @ L.T))
     np.testing.assert_allclose(L @ split.share, np.eye(3), atol=1e-9)
-    whole = np.diag(split.share @ base @ split.share.T) + split.rest
-    np.testing.assert_allclose(whole, np.diag(np.linalg.inv(L.T @ H @ L + P)), rtol=1e-9)
+    whole = split.share @ base @ split.share.T + split.rest
+    np.testing.assert_allclose(whole, np.linalg.inv(L.T @ H @ L + P), rtol=1e-9, atol=1e-12)
 
 
 def test_the_record_has_the_proof_and_the_prior_of_bodies_and_of_nothing_else():

@@ -12,7 +12,7 @@ from armid.estimation.beside import Joined, join
 from armid.estimation.jointly import solve_joined
 from armid.estimation.payload import LOAD_NAMES, Load, find_gains, find_load
 from armid.information.information import stack, total
-from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia
+from armid.maths.inertia import about_com, com_inertia_to_vector, pseudo_inertia
 from armid.values import Array
 from carried import LOAD, Carrying, arm, carrying, changing, known, load_columns
 
@@ -70,14 +70,16 @@ def test_friction_that_must_not_change_is_taken_for_a_load():
 
 @pytest.mark.parametrize("load", [LOAD, POINT], ids=["box", "point"])
 def test_intervals_hold_the_truth_and_bodies_are_real(load: Array):
-    inside = []
+    inside, about = [], []
     for seed in range(DRAWS):
         rng = np.random.default_rng(seed)
         found = find_load(beside(carrying(1, rng), carrying(2, rng, load, friction=1.2)))
         inside.append(holds(found.intervals, load))
+        about.append(holds(np.vstack([found.com_intervals, found.inertia_intervals]), about_com(load)[1:]))
+        assert holds(found.inertia_intervals, about_com(found.values)[4:]).all()
         assert is_real(found)
         assert holds(found.intervals, found.values).all() and holds(found.statistical, found.values).all()
-    assert np.mean(inside) >= COVERED
+    assert np.mean(inside) >= COVERED and np.mean(about) >= COVERED
     assert np.mean(inside, axis=0).min() >= 0.7
 
 
@@ -142,6 +144,7 @@ def test_a_whole_load_may_be_known():
     pair = carrying(1, rng, correction=CORRECTION), carrying(2, rng, LOAD, correction=CORRECTION)
     load, gains = find_gains(beside(*pair), LOAD, np.full(6, np.inf))
     np.testing.assert_array_equal(load.values, LOAD)
+    np.testing.assert_allclose(load.inertia_intervals.T, [about_com(LOAD)[4:]] * 2)
     assert holds(gains.intervals, CORRECTION).all()
 
 
@@ -152,6 +155,7 @@ def test_where_only_one_joint_moves_bodies_are_real_and_what_is_unknown_is_said(
     assert is_real(load)
     assert 1 <= load.status.count("identified") < 10
     assert load.status.count("not identifiable") >= 5
+    assert np.isnan(load.inertia_intervals).any()
 
 
 def test_without_any_motion_the_load_is_refused_and_named():

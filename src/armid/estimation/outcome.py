@@ -145,7 +145,8 @@ class Outcome:
         standard, values = self.standard, self.values
         covariance, share = shares(self.information, self.precision)
         follow = self.basis != 0.0
-        white = np.sqrt(np.maximum(np.sum((self.basis @ covariance) * self.basis, axis=1), 0.0))
+        spread = self.basis @ covariance @ self.basis.T
+        white = np.sqrt(np.maximum(np.diag(spread), 0.0))
         deviation = np.sqrt(self.weighted.correlation) * white
         given = ~follow.any(axis=1)
         resolution = follow @ share
@@ -164,7 +165,7 @@ class Outcome:
             standard.names,
             standard.units,
             values,
-            deviation,
+            self.weighted.correlation * spread,
             np.stack([values, values], axis=1),
             resolution,
             status_of(resolution, self.told, given, held | limited | moved),

@@ -22,8 +22,15 @@ from armid.errors import EstimationError
 from armid.estimation.beside import Joined
 from armid.estimation.estimate import Status
 from armid.estimation.jointly import Solved, solve_joined
+from armid.estimation.links import ENTERING
 from armid.maths.cones import Cone, solve_cones, upper_triangle
-from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_to_com_inertia
+from armid.maths.inertia import (
+    PSEUDO_INERTIA_OF,
+    about_com,
+    about_com_slope,
+    pseudo_inertia,
+    vector_to_com_inertia,
+)
 from armid.values import Array, array
 
 __all__ = ["LOAD_NAMES", "Gains", "Load", "find_gains", "find_load"]
@@ -60,6 +67,8 @@ class Load:
         status: What the recording says of each.
         com: Centre of mass, shape (3,) [m].
         com_intervals: Its 95 % intervals, shape (3, 2) [m].
+        inertia_intervals: Those of the inertia about it, in parameter order, shape (6, 2) [kg·m²]; NaN where the
+            recording does not determine what enters.
         moved: Distance of the unconstrained estimate from it, in standard deviations; zero where that was real.
         unconstrained: The estimate without the condition, shape (10,).
         solved: Solution that it comes from.
@@ -71,6 +80,7 @@ class Load:
     status: tuple[Status, ...]
     com: Array
     com_intervals: Array
+    inertia_intervals: Array
     moved: float
     unconstrained: Array
     solved: Solved
@@ -176,6 +186,7 @@ def _load(joined: Joined, solved: Solved, known: Array) -> Load:
         _status(values, t * np.sqrt(np.diag(solved.covariance)[ten]), blind),
         com,
         np.stack([com - com_half, com + com_half], axis=1),
+        _inertia_about_com(values, estimate, covariance, t, blind),
         moved,
         estimate,
         solved,
@@ -187,7 +198,8 @@ def _as_known(values: Array, solved: Solved) -> Load:
     exact = np.stack([values, values], axis=1)
     com = values[MOMENTS] / values[MASS]
     status: tuple[Status, ...] = ("identified",) * 10
-    return Load(values, exact, exact, status, com, np.stack([com, com], axis=1), 0.0, values, solved)
+    inertia = np.repeat(about_com(values)[4:, None], 2, axis=1)
+    return Load(values, exact, exact, status, com, np.stack([com, com], axis=1), inertia, 0.0, values, solved)
 
 
 def _span(directions: Array) -> Array:
@@ -308,3 +320,23 @@ def _com(values: Array, covariance: Array, t: float) -> tuple[Array, Array]:
     slope = np.zeros((3, 10))
     slope[:, MASS], slope[:, MOMENTS] = -com / mass, np.eye(3) / mass
     return com, t * np.sqrt(np.einsum("ik,kl,il->i", slope, covariance, slope))
+
+
+def _inertia_about_com(
+    values: Array, estimate: Array, covariance: Array, t: float, blind: NDArray[np.bool_]
+) -> Array:
+    """Intervals (6, 2) of the inertia about the centre of mass, by its slope.
+
+    About the estimate without the condition, widened to the nearest real body, whose moments are not negative.
+    """
+    ends = np.full((6, 2), np.nan)
+    if estimate[MASS] > 0.0:
+        slope = about_com_slope(estimate)
+        half = t * np.sqrt(np.maximum(np.einsum("ik,kl,il->i", slope, covariance, slope), 0.0))
+        about = about_com(estimate)
+        ends = np.stack([about - half, about + half], axis=1)[4:]
+        ends[[0, 2, 5]] = np.maximum(ends[[0, 2, 5]], 0.0)
+        nearest = about_com(values)[4:]
+        ends = np.stack([np.minimum(ends[:, 0], nearest), np.maximum(ends[:, 1], nearest)], axis=1)
+    ends[(ENTERING[4:] & blind).any(axis=1)] = np.nan
+    return ends

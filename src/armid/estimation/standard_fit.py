@@ -103,7 +103,7 @@ class Lift:
 
     Attributes:
         share: Change of each standard parameter with the base parameters, the least under the prior, shape (p, b).
-        rest: Variance that stays where base parameters are known, the prior's and the cone's, shape (p,).
+        rest: Covariance that stays where base parameters are known, the prior's and the cone's, shape (p, p).
         shift: Way from the estimate to the middle of what can be, shape (p,).
         base_shift: The same in base parameters, shape (b,).
         bounded: What cannot be negative, shape (p,).
@@ -117,8 +117,9 @@ class Lift:
 
     def __post_init__(self) -> None:
         p, b = np.shape(self.share)
-        for name in ("rest", "shift", "bounded"):
+        for name in ("shift", "bounded"):
             object.__setattr__(self, name, array(getattr(self, name), (p,), name))
+        object.__setattr__(self, "rest", array(self.rest, (p, p), "rest"))
         object.__setattr__(self, "share", array(self.share, (p, b), "share"))
         object.__setattr__(self, "base_shift", array(self.base_shift, (b,), "base_shift"))
 
@@ -131,7 +132,7 @@ class StandardFit(Shown):
         names: Their names; friction of several recordings has copies, `FV_1[2]`.
         units: Their units.
         values: Shape (p,).
-        deviation: Standard deviations of what data and prior leave open, correlation of rows counted, shape (p,).
+        covariance: Of what data and prior leave open, correlation of rows counted, shape (p, p).
         intervals: Student's 95 % intervals, cut where physics forbids values, shape (p, 2).
         resolution: Share of the data in each value, shape (p,).
         status: What that means, p of them.
@@ -143,7 +144,7 @@ class StandardFit(Shown):
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: Array
-    deviation: Array
+    covariance: Array
     intervals: Array
     resolution: Array
     status: tuple[str, ...]
@@ -155,9 +156,15 @@ class StandardFit(Shown):
         p = len(self.names)
         for name in ("names", "units", "status"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        for name in ("values", "deviation", "resolution"):
+        for name in ("values", "resolution"):
             object.__setattr__(self, name, array(getattr(self, name), (p,), name))
+        object.__setattr__(self, "covariance", array(self.covariance, (p, p), "covariance"))
         object.__setattr__(self, "intervals", array(self.intervals, (p, 2), "intervals"))
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations of what data and prior leave open, shape (p,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     def summary(self) -> Summary:
         """Parameters with intervals, and what the data say of each."""
@@ -230,8 +237,7 @@ def lift(precision: Array, regrouping: Array, basis: Array, correlation: float, 
     within = known.T @ spread
     share = within.T @ back.T / length
     left = spread - known @ within
-    rest = correlation * np.sum(left**2, axis=0)
-    return Lift(share, rest, shift, regrouping @ shift, bounded)
+    return Lift(share, correlation * (left.T @ left), shift, regrouping @ shift, bounded)
 
 
 def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> StandardFit:
@@ -248,8 +254,9 @@ def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> St
     own = fit.lift
     if own is None:
         return fit
-    learned = np.maximum(np.sum((own.share @ scatter) * own.share, axis=1), 0.0)
-    certain = np.maximum(np.sum((own.share @ known) * own.share, axis=1), 0.0) + own.rest + own.shift**2
+    scattered = own.share @ scatter @ own.share.T
+    settled = own.share @ known @ own.share.T + own.rest + np.outer(own.shift, own.shift)
+    learned, certain = np.maximum(np.diag(scattered), 0.0), np.maximum(np.diag(settled), 0.0)
     part = own.share**2 * np.diag(scatter)
     whole = part.sum(axis=1)
     free = np.where(whole > 0.0, part @ freedom / np.where(whole > 0.0, whole, 1.0), np.inf)
@@ -259,4 +266,5 @@ def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> St
     half = stdtrit(np.where(learned > 0.0, free, np.inf), 0.975) * deviation
     ends = np.stack([fit.values - half, fit.values + half], axis=1)
     ends[own.bounded > 0.0] = np.maximum(ends[own.bounded > 0.0], 0.0)
-    return replace(fit, deviation=deviation, intervals=ends)
+    covariance = scattered + settled
+    return replace(fit, covariance=0.5 * (covariance + covariance.T), intervals=ends)

@@ -15,6 +15,8 @@ from armid.values import Array
 __all__ = [
     "INERTIA_INDEX",
     "PSEUDO_INERTIA_OF",
+    "about_com",
+    "about_com_slope",
     "com_inertia_to_vector",
     "inertia_matrix",
     "inertia_vector",
@@ -107,3 +109,24 @@ def vector_to_com_inertia(vector: Array) -> tuple[float, Array, Array]:
     com = vector[1:4] / mass
     S = skew(com)
     return mass, com, inertia_matrix(vector[4:]) + mass * S @ S
+
+
+def about_com(vector: Array) -> Array:
+    """Mass, centre of mass and inertia about it (10,), in parameter order; NaN from the second on without a mass."""
+    mass, h = float(vector[0]), np.asarray(vector[1:4])
+    if not mass > 0.0:
+        return np.concatenate([[mass], np.full(9, np.nan)])
+    parallel = (h @ h * np.eye(3) - np.outer(h, h)) / mass
+    return np.concatenate([[mass], h / mass, np.asarray(vector[4:]) - inertia_vector(parallel)])
+
+
+def about_com_slope(vector: Array) -> Array:
+    """Derivative (10, 10) of `about_com` by the ten parameters; the mass must be positive."""
+    mass, h = float(vector[0]), np.asarray(vector[1:4])
+    parallel = (h @ h * np.eye(3) - np.outer(h, h)) / mass
+    slope = np.eye(10)
+    slope[1:4, 0], slope[1:4, 1:4] = -h / mass**2, np.eye(3) / mass
+    slope[4:, 0] = inertia_vector(parallel) / mass
+    for k, e in enumerate(np.eye(3)):
+        slope[4:, 1 + k] = -inertia_vector(2.0 * h[k] * np.eye(3) - np.outer(e, h) - np.outer(h, e)) / mass
+    return slope

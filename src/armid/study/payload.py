@@ -27,6 +27,9 @@ FAR = 3.0
 NOTHING = 1e-5
 """Mass that the lower end of an interval has where the data allow none [kg]: the speck of dust of a real body."""
 
+INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
+"""Entries of an inertia in parameter order."""
+
 PRINTED = (0, 1, 2, 3, 4, 5, 7, 6, 8, 9)
 """The load's parameters as the field lists them: XX XY XZ YY YZ ZZ."""
 
@@ -197,6 +200,7 @@ def payload_record(payload: Payload) -> dict[str, Any]:
         "mass": {"value": load.values[0], "interval95": load.intervals[0], "statistical95": load.statistical[0]},
         "com": {"value": load.com, "interval95": load.com_intervals},
         "inertia_about_com": load.inertia_about_com,
+        "inertia_about_com_interval95": dict(zip(INERTIA, load.inertia_intervals, strict=True)),
         "distance_to_real": load.moved,
         "gains": None if payload.gains is None else _gains_record(payload),
         "residual": {"rms": load.solved.fit.residual_rms},

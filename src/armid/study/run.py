@@ -16,6 +16,7 @@ from typing import Any
 
 from armid.errors import ArmidError
 from armid.estimation.estimate import Estimate
+from armid.estimation.links import LinkTable, link_record, link_table
 from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
 from armid.model.dynamics import DynamicsModel
@@ -67,7 +68,12 @@ class Run(Shown):
             ("parameters", str(len(fit.names))),
             ("verdict on unseen motion", self.verdict),
         )
-        return Summary(f"run {self.folder}", ("", ""), rows, "values: run.estimate")
+        return Summary(f"run {self.folder}", ("", ""), rows, "values: run.estimate; bodies of the links: run.links")
+
+    @property
+    def links(self) -> LinkTable:
+        """Mass, centre of mass and inertia about it of each link, as described and as estimated."""
+        return link_table(self.model, self.estimate)
 
 
 def save_run(result: Result, folder: Path | str, *, beside: Mapping[str, Any] | None = None) -> Path:
@@ -158,7 +164,9 @@ def _write(result: Result, draft: Path) -> None:
         record = ladder_record(result.ladder, result.robot.joint_names)
         replace_file(draft / "friction.json", to_json(record) + "\n")
     replace_file(draft / "validation.json", to_json(validation_record(result.validation)) + "\n")
-    replace_file(draft / MARKER, to_json(estimate_record(result.estimate)) + "\n")
+    record = estimate_record(result.estimate)
+    record["links"] = link_record(link_table(result.model, result.estimate))
+    replace_file(draft / MARKER, to_json(record) + "\n")
 
 
 def _study_record(study: Study) -> dict[str, Any]:
