@@ -26,12 +26,12 @@ def surprise(state: State, values: Array, new: Information) -> tuple[Array, Arra
         Squared torque error over the expected one, and the root of it over what it usually is, shapes (n,).
     """
     error = np.zeros(new.n)
-    if state.covariance is None:
+    if state.root is None:
         return error, error
     news = state.innovations
     for j, joint in enumerate(new.joints):
         own, R = joint.parameters, state.weights[j] * joint.R[0]
-        unsure = np.einsum("ij,jk,ik->", R[:, :-1], state.covariance[np.ix_(own, own)], R[:, :-1], optimize=True)
+        unsure = np.sum((R[:, :-1] @ state.root[own]) ** 2)
         error[j] = np.sum((R[:, -1] - R[:, :-1] @ values[own]) ** 2) / (max(new.rows[0, j], 1) + unsure)
     known = (news.blocks > 0.0) & (news.level > 0.0)
     level = np.where(known, news.level, np.where(error > 0.0, error, 1.0))
@@ -61,7 +61,7 @@ def hear(
     """
     news = before.innovations
     seen = new.rows[0] > 0
-    if before.covariance is None:
+    if before.root is None:
         return news
     blocks = left * news.blocks + seen
     # An error that stays large becomes the usual one in the end.
@@ -74,7 +74,7 @@ def hear(
         told = R[:, :-1] @ half[own]
         inner = told.T @ R[:, :-1]
         white = float(np.sum(told**2))
-        unsure = float(np.sum((inner @ before.covariance[np.ix_(own, own)]) * inner))
+        unsure = float(np.sum((inner @ before.root[own]) ** 2))
         # What the pull says of the noise, and not of an estimate that is still unsure.
         share = (white / (white + unsure)) ** 2 if usual and white > 0.0 else 0.0
         size, beside = half.T @ pull[j], half.T @ news.pull[j]

@@ -11,12 +11,15 @@ Forgetting moves no estimate and makes none surer, so the covariance P changes w
 
 with G the block's information, H' all that is stored and S the variance of the block's pull. It is that of the
 forgetting estimate with as many samples as it really uses, twice as many as τ holds. S is G times a factor for each
-joint: how much more than white noise its blocks pull, alone and together with the block before.
+joint: how much more than white noise its blocks pull, alone and together with the block before. P is kept as a factor L with
+P = L Lᵀ: its update stacks (1 - X G) L beside X A_jᵀ for the whitened rows A_j of each joint and is made square by an
+orthogonal transformation, so that no variance can become negative [Bierman1977].
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +101,7 @@ def resume(block: Information, earlier: Fit, memory: Memory | None = None, *, fu
     news = replace(start.innovations, level=1.0 / worth + 0.0 * first, blocks=first, power=first, expected=first)
     jump = JUMP * np.sqrt(np.diag(covariance)) if start.memory.jump is None else start.memory.jump
     forgets = replace(start.memory, jump=jump)
-    return replace(start, kept=kept, whole=kept, covariance=covariance, memory=forgets, innovations=news)
+    return replace(start, kept=kept, whole=kept, root=_root(covariance), memory=forgets, innovations=news)
 
 
 def update(state: State, block: Information, seconds: float) -> State:
@@ -140,7 +143,7 @@ def update(state: State, block: Information, seconds: float) -> State:
         jump = JUMP * np.sqrt(np.sum(half**2, axis=1))
         moved = replace(moved, memory=replace(state.memory, jump=jump))
     news = hear(replace(state, weights=weights), values, new, half, error, left, usual=not changed)
-    return replace(moved, covariance=_spread(state, weights, new, half), innovations=news)
+    return replace(moved, root=_spread(state, weights, new, half), innovations=news)
 
 
 def fit(state: State) -> Fit:
@@ -149,7 +152,8 @@ def fit(state: State) -> Fit:
     Raises:
         EstimationError: The rows so far do not determine every parameter.
     """
-    if state.covariance is None:
+    covariance = state.covariance
+    if covariance is None:
         unseen = shortest(state.whole[:, :-1], state.whole[:, -1])[2]
         raise EstimationError(
             f"The rows so far determine {len(state.names) - len(unseen)} of {len(state.names)} parameters.",
@@ -168,7 +172,7 @@ def fit(state: State) -> Fit:
         state.names,
         values,
         np.sqrt(np.sum(half**2, axis=1)),
-        state.covariance,
+        covariance,
         "recursive",
         max(float(np.sum(state.innovations.expected)), 1.0),
         np.sqrt(squares / np.maximum(state.rows, 1.0)),
@@ -215,12 +219,24 @@ def _discounted(old: JointFactors, new: JointFactors, left: float) -> JointFacto
     return JointFactors(old.parameters, factor_columns(rows.T))
 
 
+def _root(covariance: Array) -> Array:
+    """Factor (b, b) of a covariance, whatever the units; what rounding made negative is zero."""
+    size, share, directions = _scaled_eigenvalues(covariance)
+    return size[:, None] * directions * np.sqrt(np.maximum(share, 0.0))
+
+
 def _root_of_inverse(covariance: Array) -> Array:
     """Square root of the inverse of a covariance, whatever the units."""
-    size = np.sqrt(np.diag(covariance))
+    size, share, directions = _scaled_eigenvalues(covariance)
+    return (directions / np.sqrt(np.maximum(share, np.finfo(np.float64).eps * share[-1]))).T / size
+
+
+def _scaled_eigenvalues(covariance: Array) -> tuple[Array, Array, Array]:
+    """Deviations, eigenvalues and eigenvectors of the correlations of a covariance (b, b)."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     size = np.where(size > 0.0, size, 1.0)
     share, directions = np.linalg.eigh(covariance / np.outer(size, size))
-    return (directions / np.sqrt(np.maximum(share, np.finfo(np.float64).eps * share[-1]))).T / size
+    return size, share, directions
 
 
 def _left(data: Information, values: Array, weights: Array, half: Array) -> tuple[Array, Array]:
@@ -258,27 +274,29 @@ def _settled(state: State, data: Information) -> Array:
 
 def _renewed(state: State) -> State:
     """The state once what may change has done so: all that is known becomes rows that are kept."""
-    assert state.covariance is not None  # else nothing is a surprise
+    assert state.root is not None  # else nothing is a surprise
     assert state.memory.jump is not None
     changing = _changing(state)
     kept = _triangle(renew(state.whole, changing, state.memory.jump))
     empty = tuple(JointFactors(joint.parameters, np.zeros_like(joint.R)) for joint in state.joints)
-    covariance = state.covariance + np.diag(np.where(changing, state.memory.jump, 0.0) ** 2)
-    return replace(state, joints=empty, rows=np.zeros_like(state.rows), kept=kept, whole=kept, covariance=covariance)
+    root = _square(np.column_stack([state.root, np.diag(np.where(changing, state.memory.jump, 0.0))]))
+    return replace(state, joints=empty, rows=np.zeros_like(state.rows), kept=kept, whole=kept, root=root)
 
 
 def _spread(before: State, weights: Array, new: Information, half: Array) -> Array:
-    """Covariance (b, b) of the values after new rows, with a square root of the inverse of all information."""
-    if before.covariance is None:  # white noise until blocks have said more
-        return half @ half.T
+    """Factor (b, b) of the covariance after new rows, with a square root of the inverse of all information."""
+    if before.root is None:  # white noise until blocks have said more
+        return _square(half)
     X, b = half @ half.T, len(before.names)
-    G, S = np.zeros((2, b, b))
+    G, S = np.zeros((b, b)), []
     for weight, c, joint in zip(weights, before.innovations.correlation, new.joints, strict=True):
         A = weight * joint.R[0, :, :-1]
-        place = np.ix_(joint.parameters, joint.parameters)
-        product = A.T @ A
-        G[place] += product
-        S[place] += c * product
-    stays = np.eye(b) - X @ G
-    covariance = stays @ before.covariance @ stays.T + X @ S @ X
-    return 0.5 * (covariance + covariance.T)
+        G[np.ix_(joint.parameters, joint.parameters)] += A.T @ A
+        S.append(np.sqrt(c) * (X[:, joint.parameters] @ A.T))
+    return _square(np.column_stack([before.root - X @ (G @ before.root), *S]))
+
+
+def _square(root: Array) -> Array:
+    """Lower triangular factor (b, b) of the same covariance as a wide one (b, k), k >= b."""
+    R: Any = np.linalg.qr(root.T, mode="r")
+    return R.T

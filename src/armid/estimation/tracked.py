@@ -83,7 +83,8 @@ class State:
         weights: Weight of each joint's rows, shape (n,).
         fixed: Whether the weights were given; else they follow the residuals.
         whole: All rows whitened, triangular, side last, shape (b, b + 1).
-        covariance: Of the values, shape (b, b); `None` while the data do not determine them.
+        root: Factor L of the covariance L Lᵀ of the values, shape (b, b); `None` while the data do not determine them.
+            A factor, since rounding can make variances negative that are updated as a matrix [Bierman1977].
         memory: How the past is forgotten.
         innovations: What the blocks said that was new.
     """
@@ -95,9 +96,14 @@ class State:
     weights: Array
     fixed: bool
     whole: Array
-    covariance: Array | None
+    root: Array | None
     memory: Memory
     innovations: Innovations
+
+    @property
+    def covariance(self) -> Array | None:
+        """Covariance of the values, shape (b, b); `None` while the data do not determine them."""
+        return None if self.root is None else self.root @ self.root.T
 
     @property
     def values(self) -> Array:
