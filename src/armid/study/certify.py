@@ -320,14 +320,20 @@ def _verdict(
         pose,
         along,
         constraints,
-        _findings(kind, model, certificate, pose, theta),
+        _findings(kind, model, certificate, limited, heaviest, pose, theta),
     )
 
 
 def _findings(
-    kind: str, model: DynamicsModel, certificate: Certificate, pose: Pose, theta: Array
+    kind: str,
+    model: DynamicsModel,
+    certificate: Certificate,
+    limited: Certificate,
+    heaviest: float,
+    pose: Pose,
+    theta: Array,
 ) -> tuple[Finding, ...]:
-    """What the numbers mean."""
+    """Findings of a certificate; torques leave the mass of the nearest body open, so it is not stated."""
     findings: list[Finding] = []
     if not certificate.feasible:
         worst = ", ".join(f"{each.name} by {each.change:+.3g}" for each in certificate.blame[:4])
@@ -337,8 +343,8 @@ def _findings(
                 "error",
                 "",
                 f"No real body has these values. The nearest lies {certificate.distance:.4g} away "
-                f"({100 * certificate.relative_distance:.3g} %), mostly in {worst}, and weighs "
-                f"{certificate.masses.sum():.4g} kg.",
+                f"({100 * certificate.relative_distance:.3g} %), mostly in {worst}; where no link may weigh more than "
+                f"{heaviest:g} kg, {limited.distance:.4g}.",
                 "do not simulate or export them as they are.",
             )
         )
