@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import os
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager, nullcontext
@@ -151,8 +150,6 @@ def excite(robot: str, **options: Any) -> None:
 
         armid excite panda --after runs/monday --duration 10
     """
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # before NumPy is loaded: matrices here are small
     from armid.cli.console import output_console, print_findings
     from armid.report.preflight import write_preflight
     from armid.report.preview.page import write_preview

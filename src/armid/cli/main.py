@@ -33,6 +33,7 @@ from armid.cli.thesis import thesis
 from armid.cli.track import track
 from armid.cli.validate import validate
 from armid.errors import ArmidError
+from armid.threads import prefer_one_thread
 
 __all__ = ["app", "main"]
 
@@ -110,6 +111,7 @@ for command in COMMANDS:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; errors of armid become one message and exit code 2."""
+    prefer_one_thread()
     given = sys.argv[1:] if arguments is None else arguments
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # a terminal without Greek letters gets their numbers

@@ -35,6 +35,7 @@ from armid.estimation.whiteness import whiteness
 from armid.information.information import Information, stack, total
 from armid.information.memory import remember
 from armid.maths.linalg import unit_columns
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["FEWEST_BLOCKS", "FEWEST_PERIODS", "block_covariance", "choose", "cover", "scale_covariance"]
@@ -73,6 +74,7 @@ ALIKE = 0.1
 """Largest difference of the rates of rows, relative, at which spectra of runs are put together."""
 
 
+@one_blas_thread
 def cover(fit: Fit, source: Problem | Information) -> Fit:
     """The fit with a covariance whose intervals cover, and the reason why it is of its kind.
 

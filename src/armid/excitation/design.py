@@ -29,6 +29,7 @@ from armid.excitation.interior import descend_inside
 from armid.excitation.objective import Objective
 from armid.excitation.places import Workspace
 from armid.excitation.solver import STAGES, Problem, descend, drawn_together, from_pose, highest, utilisation
+from armid.threads import ONE_THREAD
 from armid.values import Array
 
 __all__ = ["Candidate", "Progress", "Search", "search", "single_threaded_pool"]
@@ -48,8 +49,6 @@ SHAKES = (0.1, 0.3, 0.8)
 
 FIRST_SCALE = 0.95
 """Random starts begin at this share of their limits."""
-
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 Progress = Callable[["Candidate", float, int], None]
 """Told the best plan so far, the seconds gone, and how many descents are done."""
@@ -187,7 +186,7 @@ def single_threaded_pool(workers: int) -> Generator[Executor]:
         workers: How many processes.
     """
     before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    os.environ.update(ONE_THREAD)
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, _context(), initializer=_ignore_interrupts)
     try:

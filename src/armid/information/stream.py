@@ -26,6 +26,7 @@ from armid.information.setup import ColumnSource, column_source
 from armid.maths.linalg import scaled_condition
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["Progress", "inform"]
@@ -47,6 +48,7 @@ GRAM_RESIDUAL = 1e-5
 """Smallest residual, over the torque, that factors made from products resolve: ε under the root, with room."""
 
 
+@one_blas_thread
 def inform(
     model: DynamicsModel,
     base: BaseParameters,

@@ -18,6 +18,7 @@ from armid.model.expression import functions, symbols
 from armid.model.motion import Motion
 from armid.model.structure import SPAN_TOLERANCE, echelon, parameter_units, structural_base
 from armid.shown import Shown, Summary
+from armid.threads import one_blas_thread
 from armid.values import Array, array
 
 __all__ = ["BaseParameters", "find_base_parameters"]
@@ -126,6 +127,7 @@ def grouped_name(name: str) -> str:
     return f"{symbol}R_{number}"
 
 
+@one_blas_thread
 def find_base_parameters(model: DynamicsModel) -> BaseParameters:
     """Base parameters of a model under its robot's gravity, kept from base to tip, the earliest first.
 

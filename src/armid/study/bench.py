@@ -35,6 +35,7 @@ from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.study.identify import Progress
+from armid.threads import ONE_THREAD
 from armid.values import Array
 
 __all__ = ["run_benchmarks"]
@@ -44,7 +45,6 @@ TILE = 256
 TORQUE_NOISE = 0.3
 ROUNDS = 5
 DESIGN_SAMPLES = 2000
-ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")}
 
 
 def run_benchmarks(samples: int, *, progress: Progress | None = None) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from armid.study.labels import labels, together
 from armid.study.plausibility import gravity_finding
 from armid.study.remedies import tables_of
 from armid.study.study import RecordingChoice, Study, build_model, load_choice
+from armid.threads import one_blas_thread
 from armid.validation.doctor import EFFECTS, EXPLAINS, SEVERITIES, Evidence, examine
 from armid.validation.doctor.channel_delay import explain as explain_delay
 from armid.validation.doctor.contact import explain as explain_contact
@@ -188,6 +189,7 @@ def findings_on(
     return [*together(named), *watch(model, recordings, said)]
 
 
+@one_blas_thread
 def watch(
     model: DynamicsModel,
     recordings: Sequence[tuple[RecordingChoice, Recording]],

@@ -48,6 +48,7 @@ from armid.study.study import (
     load_choice,
     resolve_model,
 )
+from armid.threads import one_blas_thread
 from armid.validation.predict import Score, Validation, score, validate
 from armid.values import Array, digest
 
@@ -148,6 +149,7 @@ def read_recording(
     return cut(read.recording, choice.part), read.findings
 
 
+@one_blas_thread
 def identify(
     study: Study,
     *,
@@ -169,6 +171,7 @@ def identify(
     return conclude(prepare(study, given=given, threads=threads, progress=progress), progress=progress)
 
 
+@one_blas_thread
 def prepare(
     study: Study,
     *,
@@ -223,6 +226,7 @@ def prepare(
     return Prepared(study, model, base, tuple(recordings), problem, tuple(findings), began, ladder)
 
 
+@one_blas_thread
 def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     """Estimate by the study's method and check it on the recordings kept for validation.
 

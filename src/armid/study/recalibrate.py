@@ -21,6 +21,7 @@ from armid.study.identify import Result, read_recording, score_recordings
 from armid.study.plausibility import few_blocks_finding, negative_finding
 from armid.study.run import Run
 from armid.study.study import EstimationChoice, RecordingChoice, RobotChoice, Study, resolve_model
+from armid.threads import one_blas_thread
 from armid.validation.predict import Score, validate
 from armid.values import digest, sha256_of_file
 
@@ -55,6 +56,7 @@ class Recalibration:
     before: tuple[Score, ...]
 
 
+@one_blas_thread
 def recalibrate(
     run: Run,
     paths: Sequence[str],

@@ -23,6 +23,7 @@ from armid.study.beside import doubts, load_columns, read_new
 from armid.study.identify import Progress, changing_parameters, silent
 from armid.study.recalibrate import Changed
 from armid.study.run import Run
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["SURPRISE", "Event", "Track", "track", "track_record", "track_table"]
@@ -79,6 +80,7 @@ class Track:
     findings: tuple[Finding, ...]
 
 
+@one_blas_thread
 def track(
     run: Run,
     paths: Sequence[str],

@@ -17,6 +17,7 @@ from armid.estimation.consistency import EPSILON, consistency_cones
 from armid.estimation.problem import bare_standard
 from armid.maths.cones import Cone, solve_cones
 from armid.model.dynamics import DynamicsModel
+from armid.threads import one_blas_thread
 from armid.values import Array, array
 
 __all__ = ["Blame", "Certificate", "certify_values"]
@@ -65,6 +66,7 @@ class Certificate:
     gap: float
 
 
+@one_blas_thread
 def certify_values(
     model: DynamicsModel,
     names: Sequence[str],

@@ -34,6 +34,7 @@ from armid.estimation.problem import Problem
 from armid.estimation.uncertainty import block_covariance
 from armid.information.information import Information, restrict, stack, total
 from armid.maths.linalg import condition, scaled_condition
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["EssentialParameters"]
@@ -64,6 +65,7 @@ class EssentialParameters:
         if not self.price >= 0.0:
             raise EstimationError(f"price must be at least 0; found {self.price!r}.", possible="0.003, inf")
 
+    @one_blas_thread
     def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.
 

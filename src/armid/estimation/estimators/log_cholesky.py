@@ -21,6 +21,7 @@ from armid.estimation.problem import Problem, Standard
 from armid.estimation.standard_fit import PriorUse
 from armid.estimation.weighted import Weighted, weigh
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["LogCholesky"]
@@ -84,6 +85,7 @@ class LogCholesky:
             if not isinstance(getattr(self, option), int) or getattr(self, option) < 1:
                 raise EstimationError(f"{option} must be a positive number; found {getattr(self, option)!r}.")
 
+    @one_blas_thread
     def estimate(self, problem: Problem) -> Fit:
         """Estimate standard and base parameters.
 

@@ -13,6 +13,7 @@ import numpy as np
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import fit_of, solve
 from armid.estimation.problem import Problem
+from armid.threads import one_blas_thread
 
 __all__ = ["OrdinaryLeastSquares"]
 
@@ -24,6 +25,7 @@ class OrdinaryLeastSquares:
     name: ClassVar[str] = "ols"
     quick: ClassVar[bool] = True
 
+    @one_blas_thread
     def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.
 

@@ -27,6 +27,7 @@ from armid.estimation.problem import Problem, Standard
 from armid.estimation.standard_fit import PriorUse, Trial
 from armid.estimation.weighted import Weighted, rows_of, weigh
 from armid.information.information import Information
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["PhysicallyConsistent"]
@@ -103,6 +104,7 @@ class PhysicallyConsistent:
             raise EstimationError(f"equal must be a list of lists of names; found {self.equal!r}.")
         object.__setattr__(self, "equal", tuple(tuple(group) for group in self.equal))
 
+    @one_blas_thread
     def estimate(self, problem: Problem) -> Fit:
         """Estimate standard and base parameters.
 

@@ -29,6 +29,7 @@ from armid.estimation.uncertainty import scale_covariance
 from armid.estimation.weighted import Weighted, rows_of, weigh
 from armid.information.information import Information, stack
 from armid.maths.linalg import condition, scaled_condition
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["Ridge"]
@@ -61,6 +62,7 @@ class Ridge:
         if self.weight != "auto" and not 0.0 <= self.weight < np.inf:
             raise EstimationError(f"weight must be at least 0; found {self.weight!r}.", possible="auto, a number")
 
+    @one_blas_thread
     def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.
 

@@ -34,6 +34,7 @@ from armid.estimation.uncertainty import scale_covariance
 from armid.information.information import Information, JointFactors, stack, total
 from armid.information.setup import column_source
 from armid.information.weighted import Rows, Segment, weighted_information
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["RobustLeastSquares"]
@@ -85,6 +86,7 @@ class RobustLeastSquares:
         if self.constant is not None and not 0.0 < self.constant < np.inf:
             raise EstimationError(f"constant must be above 0; found {self.constant!r}.", possible="1.345, 4.685")
 
+    @one_blas_thread
     def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.
 

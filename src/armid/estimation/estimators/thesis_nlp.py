@@ -25,6 +25,7 @@ from armid.estimation.prior import believe
 from armid.estimation.problem import Problem, Standard
 from armid.estimation.standard_fit import PriorUse
 from armid.estimation.weighted import Weighted, weigh
+from armid.threads import one_blas_thread
 from armid.values import Array
 
 __all__ = ["ThesisNLP"]
@@ -90,6 +91,7 @@ class ThesisNLP:
             raise EstimationError(f"long must be two lists of links; found {self.long!r}.")
         object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
 
+    @one_blas_thread
     def estimate(self, problem: Problem) -> Fit:
         """Estimate physical, standard and base parameters; every joint's rows count alike.
 

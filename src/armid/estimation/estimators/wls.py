@@ -16,6 +16,7 @@ from armid.estimation.fit import Fit
 from armid.estimation.least_squares import fit_of, residual_deviation, solve
 from armid.estimation.problem import Problem
 from armid.information.information import total
+from armid.threads import one_blas_thread
 
 __all__ = ["WeightedLeastSquares"]
 
@@ -39,6 +40,7 @@ class WeightedLeastSquares:
     name: ClassVar[str] = "wls"
     quick: ClassVar[bool] = True
 
+    @one_blas_thread
     def estimate(self, problem: Problem) -> Fit:
         """Estimate the base parameters.
 

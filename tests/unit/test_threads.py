@@ -1,0 +1,71 @@
+"""BLAS threads: one within armid's stages and in the command line, the caller's own number elsewhere."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from threadpoolctl import ThreadpoolController
+
+from armid.threads import ONE_THREAD, one_blas_thread
+
+np.linalg.inv(np.eye(2))  # BLAS is loaded
+
+
+def counts() -> set[int]:
+    return {library["num_threads"] for library in ThreadpoolController().info() if library["user_api"] == "blas"}
+
+
+@pytest.fixture
+def two_threads():
+    if not counts():
+        pytest.skip("threadpoolctl does not know this BLAS")
+    with ThreadpoolController().limit(limits=2, user_api="blas"):
+        yield
+
+
+def test_a_stage_has_one_thread_and_its_caller_keeps_his(two_threads: None):
+    @one_blas_thread
+    def inner() -> set[int]:
+        return counts()
+
+    @one_blas_thread
+    def outer() -> tuple[set[int], set[int]]:
+        return inner(), counts()
+
+    assert outer() == ({1}, {1}) and counts() == {2}
+
+
+def test_a_stage_that_fails_restores_the_number(two_threads: None):
+    @one_blas_thread
+    def fails() -> None:
+        raise ValueError
+
+    with pytest.raises(ValueError):
+        fails()
+    assert counts() == {2}
+
+
+SCRIPT = """
+import json
+from armid.cli.main import main
+try:
+    main(["base", "ur5e", "--json"])
+except SystemExit:
+    pass
+from threadpoolctl import ThreadpoolController
+print(json.dumps([each["num_threads"] for each in ThreadpoolController().info() if each["user_api"] == "blas"]))
+"""
+
+
+@pytest.mark.parametrize(("own", "expected"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, 2)])
+def test_the_command_line_has_one_thread_unless_the_user_says_otherwise(own: dict[str, str], expected: int):
+    if expected > (os.cpu_count() or 1):
+        pytest.skip("more threads than cores")
+    environment = {name: value for name, value in os.environ.items() if name not in ONE_THREAD} | own
+    done = subprocess.run([sys.executable, "-c", SCRIPT], env=environment, capture_output=True, text=True, check=True)
+    assert set(json.loads(done.stdout.splitlines()[-1])) <= {expected}
