@@ -83,8 +83,8 @@ class State:
         weights: Weight of each joint's rows, shape (n,).
         fixed: Whether the weights were given; else they follow the residuals.
         whole: All rows whitened, triangular, side last, shape (b, b + 1).
-        root: Factor L of the covariance L Lᵀ of the values, shape (b, b); `None` while the data do not determine them.
-            A factor, since rounding can make variances negative that are updated as a matrix [Bierman1977].
+        root: Factor L of the covariance L Lᵀ of the values, shape (b, b); `None` while the data do not determine
+            them. A factor, since rounding can make variances negative that are updated as a matrix [Bierman1977].
         memory: How the past is forgotten.
         innovations: What the blocks said that was new.
     """

@@ -343,8 +343,8 @@ def _findings(
                 "error",
                 "",
                 f"No real body has these values. The nearest lies {certificate.distance:.4g} away "
-                f"({100 * certificate.relative_distance:.3g} %), mostly in {worst}; where no link may weigh more than "
-                f"{heaviest:g} kg, {limited.distance:.4g}.",
+                f"({100 * certificate.relative_distance:.3g} %), mostly in {worst}; where no link may weigh more "
+                f"than {heaviest:g} kg, {limited.distance:.4g}.",
                 "do not simulate or export them as they are.",
             )
         )
