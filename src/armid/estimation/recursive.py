@@ -11,9 +11,9 @@ Forgetting moves no estimate and makes none surer, so the covariance P changes w
 
 with G the block's information, H' all that is stored and S the variance of the block's pull. It is that of the
 forgetting estimate with as many samples as it really uses, twice as many as τ holds. S is G times a factor for each
-joint: how much more than white noise its blocks pull, alone and together with the block before. P is kept as a factor
-L with P = L Lᵀ: its update stacks (1 - X G) L beside X A_jᵀ for the whitened rows A_j of each joint and is made square
-by an orthogonal transformation, so that no variance can become negative [Bierman1977].
+joint: how much more than white noise its blocks pull, alone and together with the block before. P is kept as a
+factor L with P = L Lᵀ: its update stacks (1 - X G) L beside X A_jᵀ for the whitened rows A_j of each joint and is
+made square by an orthogonal transformation, so that no variance can become negative [Bierman1977].
 """
 
 from __future__ import annotations
