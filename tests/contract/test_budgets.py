@@ -21,7 +21,7 @@ MORE_FIELDS = {
     "Processing": 13,  # each field is a key of `[processing]` in a study
     "Rules": 11,  # each field is a limit that a design may have
     "Reading": 18,  # each field is a key of `[[recording]]` in a study
-    "Recording": 13,  # what a log may hold: five quantities, and how far they can be trusted
+    "Recording": 14,  # what a log may hold: five quantities, and how far they can be trusted
 }
 """Dataclasses past the budget, with their number of fields."""
 

@@ -8,6 +8,9 @@ import pytest
 from armid.errors import RecordingError
 from armid.measurement.clock import Stretch, is_even, jitter, uniform
 from armid.measurement.process import Processing, process
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.measurement.settle import settle
 from motions import clock, codes, motion, one, recording
 
 
@@ -51,6 +54,35 @@ def test_a_jittered_clock_is_moved_to_a_multiple_of_the_row_rate():
     kept = run.rows[run.mask[:, 0]]
     assert np.abs(run.motion.q - q)[kept].max() < 1e-4
     assert np.abs(run.motion.ddq - ddq)[kept].max() < 1e-3 * np.abs(ddq).max()
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_samples_left_out_of_an_even_clock_are_filled_and_no_other_is_moved(timed: bool):
+    t = clock(20.0, 1000.0)
+    again = np.arange(len(t))
+    lost = np.sort(np.random.default_rng(4).choice(len(t) // 4, 600, replace=False)) * 4 + 2
+    again[lost] -= 1
+    q, dq, _ = motion(t)
+    x = {"q": q[again], "effort": dq[again], "source": "log.csv"}
+    raw = Recording(time=t, **x) if timed else Recording(time=None, rate=1000.0, **x)
+    log, noticed = settle(raw, Reading())
+    assert codes(noticed) == ["rows-repeated"]
+    run, findings = one(log, Processing())
+    assert codes(findings) == ["rows-filled"] and "600 of 20000" in findings[0].evidence
+    assert run.rate == 1000.0
+    kept = np.isin(np.arange(len(t)), lost, invert=True)
+    np.testing.assert_array_equal(run.torque[kept], dq[kept])
+    np.testing.assert_allclose(run.motion.time, t, rtol=0, atol=1e-12)
+    assert np.abs(run.torque - dq).max() < 1e-6
+
+
+def test_jitter_is_that_of_the_stamps_as_recorded_whatever_was_left_out():
+    t = clock(20.0) + 1e-3 * np.random.default_rng(5).normal(size=2000)
+    number = np.flatnonzero(np.random.default_rng(6).random(2000) > 0.1)
+    assert jitter(t[number], number) == pytest.approx(jitter(t), rel=0.1)
+    assert jitter(t[number]) > 10 * jitter(t)
+    _, findings = one(recording(t[number], number=number), Processing(cutoff=2.0))
+    assert codes(findings) == ["clock-jitter"] and "0.099 steps off an even clock of 99.995 Hz" in findings[0].evidence
 
 
 def test_a_jittered_clock_is_left_where_nothing_needs_an_even_one():

@@ -293,6 +293,29 @@ def test_repeated_rows_are_masked_where_dropping_would_break_the_grid():
     assert (~long.recording.valid[:, 1]).sum() == 30
 
 
+def coarse(x, step):
+    return step * np.round(x / step)
+
+
+def test_equal_rows_at_rest_are_no_repeats_and_repeats_in_motion_are():
+    """A coarse log at 1 kHz: rest, a motion with a few repeated rows, rest."""
+    rng = np.random.default_rng(3)
+    time = np.arange(3000) / 1000.0
+    phase = np.clip((time - 0.5) / 2.0, 0.0, 1.0)
+    angle = 2 * np.pi * (phase - np.sin(2 * np.pi * phase) / (2 * np.pi))
+    q = coarse(np.sin(angle[:, None] * [1.0, 2.0, 1.0]) * [1.0, 0.5, 0.8], 1e-4)
+    effort = coarse(5.0 * np.cos(q) + 0.01 * rng.normal(size=q.shape), 0.05)
+    equal = ((q[1:] == q[:-1]) & (effort[1:] == effort[:-1])).all(axis=1)
+    assert equal[:450].sum() > 50 and not equal[900:2100].any()
+    assert read(recorded(time=time, q=q, dq=None, ddq=None, effort=effort)).findings == ()
+
+    again = np.arange(3000)
+    again[[1000, 1001, 1600, 2000]] = [999, 999, 1599, 1999]
+    result = read(recorded(time=time, q=q[again], dq=None, ddq=None, effort=effort[again]))
+    assert codes(result) == ["rows-repeated"] and result.findings[0].evidence.startswith("4 of 3000 rows")
+    assert set(range(3000)) - set(result.recording.number) == {1000, 1001, 1600, 2000}
+
+
 def test_standing_still_with_a_live_torque_is_no_repeat():
     q, dq, ddq = Q.copy(), DQ.copy(), DDQ.copy()
     q[100:200], dq[100:200], ddq[100:200] = q[100], 0.0, 0.0

@@ -202,7 +202,7 @@ def test_specks_that_count_for_no_joint_are_bridged_and_long_stretches_masked():
     q = np.array(log.q)
     q[3000:3015] = 99.0
     run, findings = one(replace(log, q=q), Processing(edges="pad"))
-    assert run.mask.all() and codes(findings) == ["clock-jitter"]
+    assert run.mask.all() and codes(findings) == ["rows-filled"]
     # A row leans on the 16 ms by the spline, and at the padded end on the curvature there.
     assert np.abs(run.motion.q - motion(run.motion.time)[0])[100:-100].max() < 1e-5
     valid[3000:3200] = False

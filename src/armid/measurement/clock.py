@@ -53,6 +53,7 @@ class Stretch:
         ddq: Accelerations, where recorded.
         effort: Torque, shape (N, n).
         bad: Samples that must not count, shape (N, n).
+        number: Number of each sample as recorded, shape (N,), where some in between are left out.
     """
 
     time: Array
@@ -62,6 +63,7 @@ class Stretch:
     ddq: Array | None
     effort: Array
     bad: NDArray[np.bool_]
+    number: NDArray[np.int64] | None = None
 
     @property
     def samples(self) -> int:
@@ -75,33 +77,44 @@ class Stretch:
         rate: float,
         bad: Callable[[NDArray[np.bool_]], NDArray[np.bool_]],
     ) -> Stretch:
-        """The same change made to every signal."""
+        """The same change made to every signal, after which no sample is missing."""
         dq = None if self.dq is None else signals(self.dq)
         ddq = None if self.ddq is None else signals(self.ddq)
         return Stretch(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
 
+    def kept(self, rows: slice | NDArray[np.bool_]) -> Stretch:
+        """Some of the samples."""
+        few = self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
+        number = np.arange(self.samples) if self.number is None else self.number
+        return replace(few, number=number[rows])
+
     def cut(self, first: int, stop: int) -> Stretch:
         """Samples `first` to `stop` - 1."""
-        rows = slice(first, stop)
-        return self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
+        return self.kept(slice(first, stop))
 
 
-def jitter(time: Array) -> float:
-    """Standard deviation of a clock from an even grid, in steps."""
-    return float(np.std(_unevenness(time)))
+def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
+    """Standard deviation of a clock from an even grid, in steps.
+
+    Args:
+        time: Stamps, shape (N,) [s].
+        number: Of each sample as recorded, shape (N,), where some are left out.
+    """
+    return float(np.std(_unevenness(time, number)))
 
 
-def is_even(time: Array) -> bool:
-    """Whether samples may be taken as evenly spaced."""
-    off = _unevenness(time)
+def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
+    """Whether samples were taken at an even rate, for `jitter`'s arguments."""
+    off = _unevenness(time, number)
     return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
 
 
-def _unevenness(time: Array) -> Array:
+def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
     """Distance of each sample from the even grid that fits best, in steps, shape (N,)."""
     if len(time) < 3:
         return np.zeros(len(time))
-    index = np.arange(len(time)) - (len(time) - 1) / 2
+    index = np.arange(len(time)) if number is None else number
+    index = index - index.mean()
     centred = time - time.mean()
     step = float(index @ centred / (index @ index))
     return (centred - step * index) / step
@@ -138,7 +151,7 @@ def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch]
         )
         for border in borders[1:-1]
     ]
-    return [replace(piece, rate=_mean_rate(piece.time, median)) for piece in pieces], findings
+    return [replace(piece, rate=_mean_rate(piece, median)) for piece in pieces], findings
 
 
 def _without_specks(whole: Stretch, longest: float) -> Stretch:
@@ -151,7 +164,7 @@ def _without_specks(whole: Stretch, longest: float) -> Stretch:
     inside = spoilt & (after > 0) & (after < len(good))
     last, following = good[np.maximum(after - 1, 0)], good[np.minimum(after, len(good) - 1)]
     keep = ~(inside & (whole.time[following] - whole.time[last] <= longest))
-    return whole.changed(lambda x: x[keep], whole.time[keep], whole.rate, lambda bad: bad[keep])
+    return whole.kept(keep)
 
 
 def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]:
@@ -185,9 +198,10 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]
             possible="at least two samples, all of them finite",
             remedy="remove these samples, or exclude their interval with the recording.",
         )
-    stretch = Stretch(time, 1.0, recording.q, recording.dq, recording.ddq, recording.effort, ~recording.valid)
+    quantities = recording.q, recording.dq, recording.ddq, recording.effort
+    stretch = Stretch(time, 1.0, *quantities, ~recording.valid, recording.number)
     if not present.all():
-        stretch = stretch.changed(lambda x: x[present], time[present], 1.0, lambda bad: bad[present])
+        stretch = stretch.kept(present)
     return stretch, _median_step(stretch.time, name)
 
 
@@ -204,14 +218,18 @@ def _median_step(time: Array, name: str) -> float:
     return float(np.median(steps))
 
 
-def _mean_rate(time: Array, step: float) -> float:
-    """Samples a second of a clock [Hz], free of the rounding of its time stamps."""
-    mean = (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else 1.0 / step
+def _mean_rate(piece: Stretch, step: float) -> float:
+    """Samples a second of a clock as recorded [Hz], free of the rounding of its time stamps."""
+    time, number = piece.time, piece.number
+    steps = len(time) - 1 if number is None else int(number[-1] - number[0])
+    mean = steps / float(time[-1] - time[0]) if len(time) > 1 else 1.0 / step
     return float(f"{mean:.{DIGITS}g}")
 
 
 def evened(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> Stretch:
-    """The stretch itself where its clock is even enough, else on an even grid that suits the output rows.
+    """The stretch on an even grid: its own where its clock is even enough, else one that suits the output rows.
+
+    On its own grid only samples that are missing are made, by a cubic spline; all others stay as they are.
 
     Args:
         stretch: With time stamps at any distance.
@@ -223,8 +241,8 @@ def evened(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> 
     if span is not None:
         samples = span * stretch.rate
         missed = abs(samples - round(samples)) * (1.0 if each else max(1.0, stretch.samples / samples))
-    if is_even(stretch.time) and missed <= WHOLE:
-        return stretch
+    if is_even(stretch.time, stretch.number) and missed <= WHOLE:
+        return _filled(stretch)
     length = 1.0 if span is None else span
     unit = 1.0 if span is not None else 0.0  # samples that the new rate must be a multiple of, in each span
     if rows:
@@ -232,6 +250,26 @@ def evened(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> 
     wanted = stretch.rate * length
     wanted = unit * np.ceil(wanted / unit * (1.0 - 1e-9)) if unit else wanted
     return uniform(stretch, float(wanted) / length, span)
+
+
+def _filled(stretch: Stretch) -> Stretch:
+    """An even stretch with the samples that it lacks; one beside a bad sample is bad."""
+    if stretch.number is None:
+        return stretch
+    place = stretch.number - stretch.number[0]
+    every = np.arange(place[-1] + 1)
+    if len(every) == len(place):
+        return stretch
+    time = np.interp(every, place, stretch.time)
+    before = np.searchsorted(place, every, side="right") - 1
+    behind = np.searchsorted(place, every)
+
+    def signals(x: Array) -> Array:
+        whole = resample(stretch.time, x, time)
+        whole[place] = x
+        return whole
+
+    return stretch.changed(signals, time, stretch.rate, lambda bad: bad[before] | bad[behind])
 
 
 def uniform(stretch: Stretch, rate: float, period: float | None = None) -> Stretch:

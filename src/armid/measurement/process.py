@@ -16,7 +16,7 @@ from armid.errors import Finding, RecordingError
 from armid.information.observations import Observations, ObservedRun
 from armid.maths.sampling import automatic_cutoff
 from armid.measurement.alignment import average, check_closed, whole_periods, windows
-from armid.measurement.clock import Stretch, evened, gather, is_even, jitter, stretches, uniform
+from armid.measurement.clock import Stretch, evened, gather, is_even, jitter, stretches
 from armid.measurement.movement import movement
 from armid.measurement.processing import THESIS, Processing
 from armid.measurement.recording import Recording
@@ -143,8 +143,7 @@ def resolve(processing: Processing, recordings: Sequence[Recording]) -> Processi
     for recording in recordings:
         if recording.consecutive is not False:
             piece = max(stretches(recording, None)[0], key=lambda piece: piece.samples)
-            if not is_even(piece.time):
-                piece = uniform(piece, piece.rate)
+            piece = evened(piece, None, 0.0, each=False)
             found.append(automatic_cutoff(piece.q, piece.rate))
     if not found:
         return replace(processing, cutoff=0.0, family="none")
@@ -286,7 +285,7 @@ def _on_a_grid(
     """The stretches on even grids, where anything is filtered or differentiated."""
     if processing.edges == "periodic" or processing.family != "none" or not given:
         return [_even(piece, processing, period, source, findings) for piece in pieces]
-    findings.extend(_left_uneven(piece, source) for piece in pieces if not is_even(piece.time))
+    findings.extend(_left_uneven(piece, source) for piece in pieces if not is_even(piece.time, piece.number))
     return list(pieces)
 
 
@@ -299,20 +298,35 @@ def _even(
         span = period if period is not None else piece.samples / piece.rate
     rows = 0.0 if processing.family == "none" else processing.decimate
     moved = evened(piece, span, rows, each=processing.average)
-    if moved is not piece:
-        steps = np.diff(piece.time)
+    if moved is piece:
+        return piece
+    if moved.rate == piece.rate and is_even(piece.time, piece.number):
+        findings.append(_filled(piece, moved, source))
+    else:
+        steps = np.diff(piece.time) / (1 if piece.number is None else np.diff(piece.number))
         samples = "" if span is None else f"; {span:.6g} s are {span * piece.rate:.6g} samples"
         findings.append(
             Finding(
                 "clock-jitter",
                 "info",
                 source,
-                f"Steps from {steps.min():.3g} to {steps.max():.3g} s, {jitter(piece.time):.2g} steps off an even "
-                f"clock of {piece.rate:.5g} Hz{samples}.",
+                f"Steps from {steps.min():.3g} to {steps.max():.3g} s, {jitter(piece.time, piece.number):.2g} steps off "
+                f"an even clock of {piece.rate:.5g} Hz{samples}.",
                 f"The samples were moved to {moved.rate:.6g} Hz by a cubic spline.",
             )
         )
     return moved
+
+
+def _filled(piece: Stretch, whole: Stretch, source: str) -> Finding:
+    return Finding(
+        "rows-filled",
+        "info",
+        source,
+        f"{whole.samples - piece.samples} of {whole.samples} samples of an even clock of {piece.rate:.5g} Hz are left "
+        "out.",
+        "They were filled by a cubic spline through their neighbours; the others stay as they are.",
+    )
 
 
 def _left_uneven(piece: Stretch, source: str) -> Finding:
@@ -320,7 +334,7 @@ def _left_uneven(piece: Stretch, source: str) -> Finding:
         "clock-jitter",
         "info",
         source,
-        f"{jitter(piece.time):.2g} steps off an even clock of {piece.rate:.5g} Hz.",
+        f"{jitter(piece.time, piece.number):.2g} steps off an even clock of {piece.rate:.5g} Hz.",
         "The samples were left where they are: nothing is filtered or differentiated.",
     )
 

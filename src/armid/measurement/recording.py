@@ -39,6 +39,7 @@ class Recording(Shown):
         valid: Which samples count, shape (N, n); shape (N,) is taken for all channels. All, if not given.
         effort_is_current: Whether the effort is a motor current that still needs a drive gain.
         columns: Names in the file of what each quantity was read from, where it has columns.
+        number: Number of each sample in the log as it was recorded, shape (N,), where some were left out since.
         source: Path of the file.
         sha256: Digest of the file's bytes; empty where there was no file.
     """
@@ -54,6 +55,7 @@ class Recording(Shown):
     valid: NDArray[np.bool_] = field(default_factory=_all_valid)
     effort_is_current: bool = False
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, "tuple[str, ...]"])
+    number: NDArray[np.int64] | None = None
     source: str = ""
     sha256: str = ""
 
@@ -67,6 +69,11 @@ class Recording(Shown):
                 object.__setattr__(self, name, self._fitting(values, q.shape, name))
         if self.time is not None:
             object.__setattr__(self, "time", self._fitting(self.time, (samples,), "time"))
+        if self.number is not None and len(self.number) != samples:
+            raise RecordingError(
+                f"{self.source or 'The recording'} numbers {len(self.number)} of {samples} samples.",
+                remedy="number all samples that are left, or none.",
+            )
         object.__setattr__(self, "joint_names", tuple(str(name) for name in self.joint_names))
         if self.joint_names and len(self.joint_names) != n:
             raise RecordingError(

@@ -38,6 +38,13 @@ REPEATED_RUN = 5
 """Rows in succession that repeat the row before and count as a stutter of the recorder, which is dropped; longer
 runs are a pause, which stays on the grid and is masked."""
 
+REACH = (20, 200)
+"""Rows on each side of equal ones that tell how fast channels change there, at least and at most."""
+
+CHANCE, LEAST_STEPS = 1e-3, 3.0
+"""Probability below which rows are not equal by chance, and what the channels must have moved by behind them, all
+together, in their smallest steps: an arm that rests moves on by one or two."""
+
 SAME_STEP = 0.25
 """Relative difference of a row's step in q from velocity times step: processed velocities lag, encoders round."""
 
@@ -95,7 +102,8 @@ def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
         for name in ("time", "q", "dq", "ddq", "effort", "valid")
         if (values := getattr(recording, name)) is not None
     }
-    return replace(recording, **quantities)
+    number = np.arange(recording.samples) if recording.number is None else recording.number
+    return replace(recording, number=number[keep], **quantities)
 
 
 def _excluded(recording: Recording, reading: Reading) -> NDArray[np.bool_]:
@@ -231,11 +239,15 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
     repeated = np.concatenate([[False], (values[1:] == values[:-1]).all(axis=1)])
     if not repeated.any():
         return recording, ()
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], repeated, [False]])))
-    drop = np.zeros(recording.samples, dtype=np.bool_)
-    for start, end in zip(edges[::2], edges[1::2], strict=True):
+    runs = np.flatnonzero(np.diff(np.concatenate([[False], repeated, [False]]))).reshape(-1, 2)
+    if recording.consecutive is not False:
+        runs = runs[_should_differ(values, runs)]
+    repeated, drop = np.zeros((2, recording.samples), dtype=np.bool_)
+    for start, end in runs:
         short = recording.time is not None and end - start <= REPEATED_RUN
-        drop[start:end] = short or recording.consecutive is False
+        repeated[start:end], drop[start:end] = True, short or recording.consecutive is False
+    if not repeated.any():
+        return recording, ()
     finding = Finding(
         "rows-repeated",
         "warning",
@@ -246,6 +258,37 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
     )
     recording = replace(recording, valid=recording.valid & ~repeated[:, None])
     return _kept(recording, ~drop), (finding,)
+
+
+def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether equal rows are repeats, by what the channels do before and behind them.
+
+    Where an arm rests and its channels are coarse, rows are equal because nothing changes. A channel that changes by
+    r of its smallest steps a row on both sides keeps its value over a row with probability 1 - r.
+
+    Args:
+        values: All channels, shape (N, c).
+        runs: First of the equal rows, and the one behind them, shape (K, 2).
+
+    Returns:
+        Shape (K,).
+    """
+    steps = np.abs(np.diff(values, axis=0))
+    moving = steps.any(axis=0)
+    steps = steps[:, moving]
+    steps /= np.where(steps > 0.0, steps, np.inf).min(axis=0)
+    sums = np.concatenate([np.zeros((1, steps.shape[1])), steps.cumsum(axis=0)])
+    first, behind = runs.T
+    reach = np.clip(2 * (behind - first + 1), *REACH)
+
+    def rate(low: NDArray[np.intp], high: NDArray[np.intp]) -> Array:
+        return (sums[high] - sums[low]) / np.maximum(high - low, 1)[:, None]
+
+    before = np.where(first[:, None] > 1, rate(np.maximum(first - 1 - reach, 0), first - 1), np.inf)
+    after = rate(behind - 1, np.minimum(behind - 1 + reach, len(steps)))
+    chance = np.maximum(1.0 - np.minimum(before, after), 0.0).prod(axis=1)
+    ends = np.append(steps, np.zeros((1, steps.shape[1])), axis=0)[behind - 1].sum(axis=1)
+    return (chance < CHANCE) & (ends >= LEAST_STEPS)
 
 
 def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:

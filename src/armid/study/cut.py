@@ -11,6 +11,9 @@ from armid.study.study import RecordingChoice
 
 __all__ = ["cut", "refuse_shared"]
 
+ROWS = ("time", "q", "dq", "ddq", "effort", "valid", "number")
+"""What a recording has one of for each sample."""
+
 FEWEST_ROWS = 10
 """Rows that a part must have: fewer give no derivative and no residual to judge by."""
 
@@ -34,7 +37,7 @@ def cut(recording: Recording, part: tuple[float, float]) -> Recording:
     def of(x: object) -> object:
         return None if x is None else x[rows]  # pyright: ignore[reportIndexIssue]
 
-    changed = {name: of(getattr(recording, name)) for name in ("time", "q", "dq", "ddq", "effort", "valid")}
+    changed = {name: of(getattr(recording, name)) for name in ROWS}
     return replace(recording, **changed)  # pyright: ignore[reportArgumentType]
 
 

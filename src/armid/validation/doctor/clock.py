@@ -31,10 +31,10 @@ def check(evidence: Evidence) -> list[Finding]:
     pieces, gaps = stretches(_as_logged(evidence.raw) or _clock_alone(recording), CUTOFF)
     remedy = "record it again, if the rows beside the gap are needed; the log is cut in two there"
     findings = [replace(gap, channel="time", remedy=remedy) for gap in gaps]
-    uneven = [piece for piece in pieces if not is_even(piece.time)]
+    uneven = [piece for piece in pieces if not is_even(piece.time, piece.number)]
     if uneven:
         steps = np.concatenate([np.diff(piece.time) for piece in uneven])
-        off = max(jitter(piece.time) for piece in uneven)
+        off = max(jitter(piece.time, piece.number) for piece in uneven)
         findings.append(
             Finding(
                 "clock-jitter",

@@ -118,7 +118,7 @@ def thin(recording: Recording, cutoff: float | None = None) -> Thin:
         few = slice(None, None, max(1, recording.samples // SEPARATE))
         values = {name: getattr(recording, name) for name in ("q", "dq", "ddq", "effort", "valid")}
         kept = {name: None if x is None else x[few] for name, x in values.items()}
-        whole = replace(recording, time=None, rate=1.0, **kept)
+        whole = replace(recording, time=None, rate=1.0, number=None, **kept)
         piece = stretches(whole, None)[0][0]
         processing = Processing(family="none", derivatives="given")
         run = separate_rows(piece, movement(piece, processing, given=True), processing)
