@@ -14,7 +14,7 @@ from armid.measurement.interpret import interpret
 from armid.measurement.reading import Reading
 from armid.robot import load_robot
 from armid.study.doctor import diagnose_recording
-from armid.validation.doctor import CHECKS, EFFECTS, EXPLAINS, Evidence, velocity_mismatch
+from armid.validation.doctor import CHECKS, EFFECTS, EXPLAINS, Evidence, joint_order, velocity_mismatch
 from armid.validation.doctor.excitation_weak import hardly_told
 from armid.validation.doctor.gravity_direction import explain as explain_gravity
 from armid.validation.doctor.position_offset import offsets_of
@@ -242,3 +242,42 @@ def test_a_zero_that_only_the_description_asks_for_is_no_error():
 
 def test_a_condition_number_that_is_rounding_is_not_told_as_a_number():
     assert hardly_told(("FV_1",), np.ones(1), 1e9).endswith("apart at all, as far as numbers can show.")
+
+
+def test_where_orders_tie_nothing_is_called_an_error(tmp_path: Path):
+    """Axes that do not feel each other: exchanged torques look like exchanged positions."""
+    path = tmp_path / "gantry.urdf"
+    path.write_text(GANTRY.replace('lower="-1" upper="1"', 'lower="-0.5" upper="0.5"'))
+    case = sound(2, robot=load_robot(path))
+    assert case.recording.effort is not None
+    found = [f for f in examined(case.logged(effort=case.recording.effort[:, ::-1])) if f.code == "joint-order"]
+    assert [f.severity for f in found] in ([], ["info"])
+
+
+@pytest.mark.parametrize("what", ["effort", "q"])
+def test_channels_are_never_exchanged_across_kinds(what: str):
+    """A SCARA whose quill slides between joints that turn, two of its channels exchanged all the same."""
+    case = sound(3, robot=load_robot(Path(__file__).parents[1] / "tables/scara.toml"))
+    values = getattr(case.recording, what)[:, [0, 1, 3, 2]]
+    found = examined(case.logged(dq=None, **{what: values}))
+    assert "joint-order" not in codes(found)
+
+
+def test_no_joint_is_given_positions_that_it_cannot_reach():
+    """Positions of two joints exchanged: put back where the limits of both allow it, and not where they do not."""
+    case = sound(4)
+    order = [0, 2, 1, 3, 4, 5]
+    mixed = case.logged(q=case.recording.q[:, order], dq=None)
+    assert [f.channel for f in examined(mixed) if f.code == "joint-order"] == [
+        ", ".join(case.robot.joint_names[1:3])
+    ]
+    joints = list(case.robot.joints)
+    low, high = mixed.recording.q[:, 1].min(), mixed.recording.q[:, 1].max()
+    joints[1] = replace(joints[1], position_limits=np.array([low, low + 0.6 * (high - low)]))
+    shorter = replace(case.robot, joints=tuple(joints))
+    low, high = mixed.recording.q[:, 2].min(), mixed.recording.q[:, 2].max()
+    assert low < joints[1].position_limits[0] - 0.5 or high > joints[1].position_limits[1] + 0.5
+    for name, state in (("wide", state_of(mixed)), ("short", state_of(replace(mixed, robot=shorter)))):
+        found = joint_order.explain(state)
+        moved = found is not None and found.channel == ", ".join(case.robot.joint_names[1:3])
+        assert moved == (name == "wide"), name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,10 @@ __all__ = ["check", "explain"]
 
 CODE = "joint-order"
 
-GAIN = 0.02
+GAIN = 0.03
 """Fall of the residual, as a logarithm, that another order must bring where one set of parameters explains all
-joints as well as one for each: logs in order rise by every exchange, by 0.02 and more."""
+joints as well as one for each: logs in order rise by every exchange, by 0.02 and more. Below it the log does not say
+which of two orders it has."""
 
 SURE = 0.3
 """Fall that is enough whatever the joints say of each other."""
@@ -47,9 +48,11 @@ order as it is by a margin."""
 FEW = 7
 """Joints up to which all orders are tried, in some milliseconds."""
 
+BEYOND = 0.1
+"""Share of the span of a joint's limits that positions may lie beyond them: limits are what a description says."""
 
-ALIKE = 0.03
-"""Difference of what two orders leave, as a logarithm, below which the log does not say which of them it has."""
+
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,13 +76,13 @@ def explain(state: State) -> Explanation | None:
     best = begin = _Order(same, same, cost_of(state.rows, products(state.rows)))
     near = _tried(state, coarse, same, same).cost + NEAR
     others: list[_Order] = []
+    takes = _takes(state)
     for step in range(EXCHANGES):
         rows = make_rows(state.source, coarse.reordered(best.motion, same))
-        pairs = [(i, j) for i in range(n) for j in range(i + 1, n)]
-        trials = [trial for pair in pairs for trial in _exchanged(state, coarse, best, rows, *pair)]
+        trials = [t for pair in combinations(range(n), 2) for t in _exchanged(state, coarse, best, rows, takes, *pair)]
         if step == 0:
-            trials += [_tried(state, coarse, same, _assigned(state))]
-            trials += [_tried(state, coarse, same[::-1], torque) for torque in (same[::-1], same)]
+            more = [(same, _assigned(state)), (same[::-1], same[::-1]), (same[::-1], same)]
+            trials += [_tried(state, coarse, *order) for order in more if _possible(takes, *order)]
         trials = sorted((t for t in _distinct(trials) if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
         close = [_tried(state, state.log, t.motion, t.torque) for t in trials]
         found = min(close, key=lambda order: order.cost, default=best)
@@ -91,11 +94,11 @@ def explain(state: State) -> Explanation | None:
         return None
     names = state.model.robot.joint_names
     moved = np.flatnonzero((best.torque != same) | (best.motion != same))
-    doubt = [_told(order) for order in others if order.cost < best.cost + ALIKE]
+    doubt = [_told(order) for order in others if order.cost < best.cost + GAIN]
     return Explanation(
         CODE,
         gain,
-        "error",
+        "info" if doubt else "error",
         ", ".join(names[j] for j in moved),
         f"With {_told(best)} one set of parameters leaves {1 - np.exp(-gain):.0%} less of the torque"
         + (f"; with {' or '.join(doubt)} it leaves as little, and the log does not say which." if doubt else "."),
@@ -171,15 +174,42 @@ def _with_torque(rows: Rows, log: Thin, motion: NDArray[np.intp], torque: NDArra
     return _Order(motion, torque, cost_of(changed, products(changed)))
 
 
-def _exchanged(state: State, log: Thin, order: _Order, rows: Rows, i: int, j: int) -> Iterator[_Order]:
+def _exchanged(
+    state: State, log: Thin, order: _Order, rows: Rows, takes: tuple[Flags, Flags], i: int, j: int
+) -> Iterator[_Order]:
     """Two more channels exchanged: of all quantities, of the positions alone, of the torque alone."""
     motion, torque = order.motion.copy(), order.torque.copy()
     for each in (motion, torque):
         each[[i, j]] = each[[j, i]]
-    moved = make_rows(state.source, log.reordered(motion, np.arange(len(motion))))
-    yield _with_torque(moved, log, motion, torque)
-    yield _with_torque(moved, log, motion, order.torque)
-    yield _with_torque(rows, log, order.motion, torque)
+    if _possible(takes, motion, order.torque):
+        moved = make_rows(state.source, log.reordered(motion, np.arange(len(motion))))
+        yield _with_torque(moved, log, motion, order.torque)
+        if _possible(takes, motion, torque):
+            yield _with_torque(moved, log, motion, torque)
+    if _possible(takes, order.motion, torque):
+        yield _with_torque(rows, log, order.motion, torque)
+
+
+def _takes(state: State) -> tuple[Flags, Flags]:
+    """Which joint could have which channel's positions, and which its torque, (n, n) each.
+
+    No joint has a channel of the other kind, in metres or in radians, nor positions far beyond its limits, unless
+    those that it has are as far beyond.
+    """
+    joints = state.model.robot.joints
+    slides = np.array([joint.is_prismatic for joint in joints])
+    alike = slides[:, None] == slides
+    q = np.concatenate([run.motion.q[run.rows] for run in state.log.runs])
+    low, high = np.array([joint.position_limits for joint in joints]).T[:, :, None]
+    beyond = np.maximum(low - q.min(axis=0), q.max(axis=0) - high)
+    span = np.where(np.isfinite(high - low) & (high > low), high - low, np.inf)
+    return alike & (beyond <= np.maximum(BEYOND * span, np.diag(beyond)[:, None])), alike
+
+
+def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDArray[np.intp]) -> bool:
+    """Whether every joint could have the channels of an order."""
+    joints = np.arange(len(motion))
+    return bool(takes[0][joints, motion].all() and takes[1][joints, torque].all())
 
 
 def _assigned(state: State) -> NDArray[np.intp]:
