@@ -82,7 +82,8 @@ def test_jitter_is_that_of_the_stamps_as_recorded_whatever_was_left_out():
     assert jitter(t[number], number) == pytest.approx(jitter(t), rel=0.1)
     assert jitter(t[number]) > 10 * jitter(t)
     _, findings = one(recording(t[number], number=number), Processing(cutoff=2.0))
-    assert codes(findings) == ["clock-jitter"] and "0.099 steps off an even clock of 99.995 Hz" in findings[0].evidence
+    assert codes(findings) == ["clock-jitter"]
+    assert "0.099 steps off an even clock of 99.995 Hz" in findings[0].evidence
 
 
 def test_a_jittered_clock_is_left_where_nothing_needs_an_even_one():

@@ -268,9 +268,7 @@ def test_no_joint_is_given_positions_that_it_cannot_reach():
     case = sound(4)
     order = [0, 2, 1, 3, 4, 5]
     mixed = case.logged(q=case.recording.q[:, order], dq=None)
-    assert [f.channel for f in examined(mixed) if f.code == "joint-order"] == [
-        ", ".join(case.robot.joint_names[1:3])
-    ]
+    assert [f.channel for f in examined(mixed) if f.code == "joint-order"] == [", ".join(case.robot.joint_names[1:3])]
     joints = list(case.robot.joints)
     low, high = mixed.recording.q[:, 1].min(), mixed.recording.q[:, 1].max()
     joints[1] = replace(joints[1], position_limits=np.array([low, low + 0.6 * (high - low)]))

@@ -304,14 +304,15 @@ def _even(
         findings.append(_filled(piece, moved, source))
     else:
         steps = np.diff(piece.time) / (1 if piece.number is None else np.diff(piece.number))
+        off = jitter(piece.time, piece.number)
         samples = "" if span is None else f"; {span:.6g} s are {span * piece.rate:.6g} samples"
         findings.append(
             Finding(
                 "clock-jitter",
                 "info",
                 source,
-                f"Steps from {steps.min():.3g} to {steps.max():.3g} s, {jitter(piece.time, piece.number):.2g} steps off "
-                f"an even clock of {piece.rate:.5g} Hz{samples}.",
+                f"Steps from {steps.min():.3g} to {steps.max():.3g} s, {off:.2g} steps off an even "
+                f"clock of {piece.rate:.5g} Hz{samples}.",
                 f"The samples were moved to {moved.rate:.6g} Hz by a cubic spline.",
             )
         )
@@ -323,8 +324,8 @@ def _filled(piece: Stretch, whole: Stretch, source: str) -> Finding:
         "rows-filled",
         "info",
         source,
-        f"{whole.samples - piece.samples} of {whole.samples} samples of an even clock of {piece.rate:.5g} Hz are left "
-        "out.",
+        f"{whole.samples - piece.samples} of {whole.samples} samples are left out of an even clock of "
+        f"{piece.rate:.5g} Hz.",
         "They were filled by a cubic spline through their neighbours; the others stay as they are.",
     )
 

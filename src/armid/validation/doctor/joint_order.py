@@ -79,7 +79,9 @@ def explain(state: State) -> Explanation | None:
     takes = _takes(state)
     for step in range(EXCHANGES):
         rows = make_rows(state.source, coarse.reordered(best.motion, same))
-        trials = [t for pair in combinations(range(n), 2) for t in _exchanged(state, coarse, best, rows, takes, *pair)]
+        trials = [
+            t for pair in combinations(range(n), 2) for t in _exchanged(state, coarse, best, rows, takes, *pair)
+        ]
         if step == 0:
             more = [(same, _assigned(state)), (same[::-1], same[::-1]), (same[::-1], same)]
             trials += [_tried(state, coarse, *order) for order in more if _possible(takes, *order)]
