@@ -19,7 +19,8 @@ import pytest
 from rich.console import Console
 
 from armid.cli import main as cli
-from armid.cli.console import estimate_table, print_findings, print_verdict, validation_table
+from armid.cli.console import print_findings, print_verdict, validation_table
+from armid.cli.parameters import estimate_table, print_links
 from armid.errors import Finding
 from armid.estimation.estimators import ESTIMATORS
 from armid.excitation.fourier import save_plan
@@ -134,10 +135,16 @@ def test_base_prints_groupings_as_the_field_writes_them(armid: Armid):
     done = armid("base", "iiwa14-r820", *HANGING)
     assert (done.code, done.err) == (0, "")
     lines = done.out.splitlines()
-    assert lines[0].startswith("iiwa14-r820: 57 base parameters of 84; 11 without effect (M_1, MX_1")
-    assert "ZZR_1 = ZZ_1 + YY_2" in lines
-    assert "MYR_2 = MY_2 + MZ_3 + 0.2045 M_3 + 0.42 (M_4 + M_5 + M_6 + M_7)" in lines
-    assert len([line for line in lines if " = " in line]) == 57
+    assert lines[0].startswith(
+        "iiwa14-r820: 57 base parameters of 84, 43 inertial + 14 friction; 11 without effect (M_1, "
+    )
+    assert "  ZZR_1 = ZZ_1 + YY_2" in lines
+    assert "  MYR_2 = MY_2 + MZ_3 + 0.2045 M_3 + 0.42 (M_4 + M_5 + M_6 + M_7)" in lines
+    # Under each joint's number and name its groupings, and in one line what stands for itself.
+    assert [line for line in lines if line[0].isdigit()] == [f"{j} A{j}" for j in range(1, 8)]
+    assert not any(re.search(r"(\w+) = \1$", line) for line in lines) and "  FV_1, FS_1" in lines
+    alone = [name for line in lines if line.startswith("  ") and " = " not in line for name in line.split(", ")]
+    assert len(alone) + len([line for line in lines if " = " in line]) == 57
 
 
 def test_base_columns_say_what_removed_columns_depend_on(armid: Armid):
@@ -199,10 +206,58 @@ def test_identify_a_study(armid: Armid, small: Path, tmp_path: Path):
     done = armid("identify", small / "study.toml")
     assert done.code == 0 and only_faster(done.err)
     assert {path.name for path in (tmp_path / "runs" / "small").iterdir()} == RUN_FILES
-    assert done.out.endswith(f"run written to {Path('runs') / 'small'}\n")
-    for words in ("small: 24 base parameters, wls", "95 % interval", "N·m·s/rad", "unseen", "in band", "pass"):
+    run = Path("runs") / "small"
+    assert done.out.startswith("small: verdict on held-out motion: pass (3 of 3 checks hold)\n")
+    words = (
+        "24 base parameters, 15 inertial + 9 friction, by wls",
+        "validation",
+        "band",
+        f"open {run / 'report.html'}\n",
+    )
+    assert all(each in done.out for each in words)
+    assert "FV_1" not in done.out and "\x1b" not in done.out  # parameters are folded
+    # Numbers of parameters meet names of joints in the table that everybody sees.
+    assert all(re.search(rf"{j} │ joint_{j} ", done.out) for j in (1, 2, 3))
+    told, _, following = done.out.rpartition("next:\n")
+    assert f"run written to {run}\n" in told
+    for command in ("export", "validate", "preview"):
+        assert f"armid {command} {run}" in following
+
+
+def test_identify_prints_parameters_under_their_joints_when_asked(armid: Armid, small: Path):
+    done = armid("identify", small / "study.toml", "--verbose", "--no-report")
+    for words in ("24 base parameters (15 inertial + 9 friction), wls", "95 % interval", "N·m·s/rad", "│ 2 joint_2 "):
         assert words in done.out
-    assert "\x1b" not in done.out
+    assert (
+        done.out.index("│ 2 joint_2")
+        < done.out.index("FV_2")
+        < done.out.index("│ 3 joint_3")
+        < done.out.index("FV_3")
+    )
+    assert "report.html" not in done.out.partition("run written")[2] and "armid report runs/small" in done.out
+
+
+def test_identify_prints_the_bodies_of_the_links_or_what_gives_them(armid: Armid, small: Path):
+    done = armid("identify", small / "study.toml", "--method", "physical", "--no-report", "--out", "run")
+    table = done.out.partition("Bodies of the links")[2]
+    for link, mass in (("link_1", 3.0), ("link_2", 2.0), ("link_3", 1.0)):
+        new = re.search(rf"│ {link} +│ new │ +([\d.]+)", table)
+        assert new and 0.5 * mass < float(new[1]) < 2.0 * mass
+    assert "inertia about the centre of mass" in table and table.count("old │") == 3
+    kept = json.loads(Path("run/estimate.json").read_text(encoding="utf-8"))["links"]
+    assert [each["joint"] for each in kept] == ["joint_1", "joint_2", "joint_3"]
+    keys_of(kept[0], "link", "description", "estimate", "interval95", "reasons")
+    plain = armid("identify", small / "study.toml", "--no-report")
+    assert "Bodies of" not in plain.out and "--method physical" in " ".join(plain.out.split())
+
+
+def test_each_validation_recording_is_named(armid: Armid, small: Path):
+    write_recording(small_recording(4), Path("other.csv"))
+    options = ("--validate", small / "run2.csv", "other.csv", "--no-report")
+    done = armid("identify", small / "small.urdf", small / "run1.csv", *options)
+    flat = " ".join(done.out.split())
+    assert "valid. 1: run2.csv, valid. 2: other.csv" in flat
+    assert "are of the 2 validation recordings, the worst of each joint" in flat
 
 
 def test_identify_compares_every_method(armid: Armid, small: Path, tmp_path: Path):
@@ -321,11 +376,11 @@ def test_an_earlier_run_is_kept_unless_its_folder_is_named(armid: Armid, small: 
     first = armid(*command)
     kept = Path("runs/small/estimate.json").read_bytes()
     second = armid(*command)
-    assert first.out.endswith(f"run written to {Path('runs') / 'small'}\n")
-    assert second.out.endswith(f"run written to {Path('runs') / 'small-2'}\n")
+    assert f"run written to {Path('runs') / 'small'}\n" in first.out
+    assert f"run written to {Path('runs') / 'small-2'}\n" in second.out
     assert Path("runs/small/estimate.json").read_bytes() == kept
     third = armid(*command, "--out", "runs/small")
-    assert third.out.endswith(f"run written to {Path('runs') / 'small'}, in place of the one there\n")
+    assert f"run written to {Path('runs') / 'small'}, in place of the one there\n" in third.out
 
 
 def test_the_preset_processes_and_estimates_as_the_thesis_does(armid: Armid, small: Path):
@@ -359,7 +414,7 @@ def test_friction_of_each_recording_has_rows_of_its_own(armid: Armid, small: Pat
     text = STUDY.replace('role = "validate"', "") + "[estimation]\nfriction_per_recording = true\n"
     for name in ("small.urdf", "run1.csv", "run2.csv"):
         shutil.copy(small / name, name)
-    done = armid("identify", write_study(Path("."), text))
+    done = armid("identify", write_study(Path("."), text), "--verbose")
     assert done.code == 0 and "FV_1[1]" in done.out and "FS_3[2]" in done.out and "\\[" not in done.out
 
 
@@ -368,7 +423,7 @@ def test_a_failed_verdict_is_exit_code_1_and_the_run_is_there(armid: Armid, smal
     assert log.effort is not None
     write_recording(replace(log, effort=3.0 * log.effort), Path("heavy.csv"))
     done = armid("identify", small / "small.urdf", small / "run1.csv", "--validate", "heavy.csv")
-    assert done.code == 1 and "verdict on unseen motion: fail" in done.out
+    assert done.code == 1 and "verdict on held-out motion: fail" in done.out and "armid doctor" in done.out
     assert {path.name for path in Path("runs/small").iterdir()} == RUN_FILES
     found = armid("identify", small / "small.urdf", small / "run1.csv", "--validate", "heavy.csv", "--json")
     assert found.code == 1 and found.json["validation"]["verdict"] == "fail"
@@ -395,7 +450,7 @@ def test_an_arm_with_an_unruly_name_writes_where_it_should(armid: Armid, small: 
 
 def test_validate_a_run(armid: Armid, run: Path, small: Path):
     done = armid("validate", run, small / "run2.csv")
-    assert done.code == 0 and "unseen" in done.out and "train" not in done.out.splitlines()[2]
+    assert done.code == 0 and "validation" in done.out and "train " not in done.out
     assert only_faster(done.err)
     found = armid("validate", run, small / "run2.csv", "--json").json
     keys_of(found, "joints", "recordings", "verdict", "checks")
@@ -605,7 +660,8 @@ def test_tables_fit_a_narrow_terminal(run: Path):
     loaded = load_run(run)
     screen = StringIO()
     console = Console(file=screen, width=80, highlight=False)
-    console.print(estimate_table(loaded.estimate))
+    console.print(estimate_table(loaded.estimate, loaded.robot.joint_names))
+    print_links(console, loaded.links)
     for count in (1, 2, 9):
         scores = [Score("unseen.csv", "", *(np.array([12.3456, 0.1, 1.0]),) * 6) for _ in range(count)]
         judged = judge(loaded.robot.joint_names, scores, loaded.estimate)
@@ -613,12 +669,12 @@ def test_tables_fit_a_narrow_terminal(run: Path):
         print_verdict(console, judged)
     text = screen.getvalue()
     assert "…" not in text.replace(" … ", "")  # between the ends of intervals, and nowhere cut off
-    assert all(text.count(word) >= 3 for word in ("unseen", "nominal", "torque", "peak", "band")) and "runs" in text
+    assert all(text.count(word) >= 3 for word in ("valid", "URDF", "torque", "peak", "band")) and "runs" in text
 
 
 def test_values_are_shown_as_finely_as_they_are_known(armid: Armid, run: Path, small: Path):
     """Two digits of the interval's half width, three decimals at least."""
-    out = armid("identify", small / "study.toml").out
+    out = armid("identify", small / "study.toml", "--verbose").out
     rows = {line.split()[1]: line.replace("│", " ").split() for line in out.splitlines() if line.startswith("│")}
     estimate = load_run(run).estimate
     for k, name in enumerate(estimate.fit.names):

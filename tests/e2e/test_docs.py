@@ -51,7 +51,7 @@ def test_the_first_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys:
     monkeypatch.chdir(tmp_path)
     assert follow(PAGES["start.md"]) == 4
     out = capsys.readouterr().out
-    assert "verdict on unseen motion: pass" in out and "torque that holds this pose" in out
+    assert "verdict on held-out motion: pass" in out and "torque that holds this pose" in out
     assert (tmp_path / "runs" / "demo" / "report.html").stat().st_size < LARGEST
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, RobotName, Terms, model_choice, robot_choice
+
+if TYPE_CHECKING:
+    from armid.model.base import BaseParameters
 
 __all__ = ["base"]
 
@@ -40,6 +44,7 @@ def base(
     """
     from armid.cli.console import output_console, print_findings
     from armid.model.base import find_base_parameters
+    from armid.model.counts import counted
     from armid.model.formulas import base_formulas, base_record, column_formulas
     from armid.study.records import to_json
     from armid.study.study import build_model, load_choice
@@ -50,14 +55,29 @@ def base(
         sys.stdout.write(to_json(base_record(found)) + "\n")
         print_findings(arm.findings)
         return
-    lines = base_formulas(found, style.value)
-    if columns:
-        lines = (*lines, "", *column_formulas(found, style.value))
-    if style is not Style.latex:
+    formulas = base_formulas(found, style.value)
+    more = ("", *column_formulas(found, style.value)) if columns else ()
+    if style is Style.latex:
+        lines: Sequence[str] = formulas
+    else:
         zero = [found.standard_names[k] for k in found.zero_columns]
         output_console().print(
-            f"[bold]{arm.name}[/]: {found.count} base parameters of {len(found.standard_names)}; "
-            f"{len(zero)} without effect" + (f" ({', '.join(zero)})" if zero else "")
+            f"[bold]{arm.name}[/]: {found.count} base parameters of {len(found.standard_names)}, "
+            f"{counted(found.names)}; {len(zero)} without effect" + (f" ({', '.join(zero)})" if zero else "")
         )
-    sys.stdout.write("\n".join(lines) + "\n")
+        lines = _grouped(found, formulas, arm.joint_names)
+    sys.stdout.write("\n".join((*lines, *more)) + "\n")
     print_findings(arm.findings)
+
+
+def _grouped(found: BaseParameters, formulas: Sequence[str], joints: Sequence[str]) -> list[str]:
+    """Base parameters under their joints: groupings as formulas, then those that stand for themselves alone."""
+    from armid.model.counts import by_joint
+
+    lines: list[str] = []
+    for number, own in by_joint(found.names).items():
+        grouped = [k for k in own if formulas[k] != f"{found.names[k]} = {found.names[k]}"]
+        alone = [found.names[k] for k in own if k not in grouped]
+        lines += [f"{number} {joints[number - 1]}", *(f"  {formulas[k]}" for k in grouped)]
+        lines += [f"  {', '.join(alone)}"] if alone else []
+    return lines

@@ -14,9 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from armid.errors import ArmidError, Finding
-from armid.estimation.estimate import Estimate
-from armid.estimation.friction import Ladder
-from armid.estimation.standard_fit import StandardFit
+from armid.shown import names_apart
 from armid.study.compare import MethodTable
 from armid.study.identify import Progress as Tell
 from armid.validation.predict import Score, Validation
@@ -24,24 +22,22 @@ from armid.values import Array
 
 __all__ = [
     "error_console",
-    "estimate_table",
-    "ladder_table",
     "output_console",
     "print_error",
     "print_findings",
     "print_methods",
     "print_verdict",
     "progress",
-    "status_line",
     "validation_table",
 ]
 
 WIDTH_IN_A_PIPE = 120
 
-FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
-
 SHAPES = ("mesh-missing", "visual-left-out")
 """Findings about the shapes of an arm, which say nothing of its dynamics."""
+
+SHORT = {"validation": "valid.", "earlier run": "earlier"}
+"""Titles where there is a column for each of several recordings, so that a table fits 80 columns."""
 
 MOST_COLUMNS = 2
 """Recordings that have a column each; of more the mean is shown."""
@@ -62,9 +58,9 @@ def print_error(error: ArmidError) -> None:
     console = error_console()
     console.print(f"[bold red]error[/] {escape(error.problem)}")
     if error.possible:
-        console.print(f"[dim]possible[/] {escape(error.possible)}")
+        console.print(f"[dim]possible:[/] {escape(error.possible)}")
     if error.remedy:
-        console.print(f"[bold]do[/] {escape(error.remedy)}")
+        console.print(f"[bold]hint:[/] {escape(error.remedy)}")
 
 
 def print_findings(findings: Sequence[Finding], *, shapes: bool = False) -> None:
@@ -101,110 +97,80 @@ def progress(*, quiet: bool = False) -> Generator[Tell]:
         yield lambda stage, share: bar.update(task, description=stage, completed=share)
 
 
-def estimate_table(estimate: Estimate) -> Table:
-    """Base parameters in the form of the thesis's Table 4.1, with intervals."""
-    fit, ends = estimate.fit, estimate.intervals
-    decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
-    table = Table(
-        title=f"{estimate.robot}: {len(fit.names)} base parameters, {estimate.method}",
-        caption="* σ % above ten times the smallest: known worse than others, or near zero, as the interval tells",
-        header_style="bold",
-    )
-    for name in ("parameter", "value", "unit", "σ %", "95 % interval"):
-        table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
-    units = dict(zip(estimate.base.names, estimate.base.units, strict=True))
-    for k, name in enumerate(fit.names):
-        relative = fit.relative_deviation[k]
-        table.add_row(
-            escape(name),
-            f"{fit.values[k]:.{decimals[k]}f}",
-            units[name.split("[", 1)[0]],
-            f"{_percent(relative)}{'*' if fit.poorly_identified[k] else ' '}",
-            f"{ends[k, 0]:.{decimals[k]}f} … {ends[k, 1]:.{decimals[k]}f}",
-        )
-    return table
-
-
-def _decimals(half_width: float) -> int:
-    """Decimals that show two digits of an interval's half width, but no fewer than Table 4.1 has."""
-    if not 0.0 < half_width < math.inf:
-        return FEWEST_DECIMALS
-    return min(max(FEWEST_DECIMALS, 1 - math.floor(math.log10(half_width))), MOST_DECIMALS)
-
-
-def _percent(relative: float) -> str:
-    """Two decimals, as in Table 4.1, three digits where these say nothing; above a thousand it is only large."""
-    if not relative < 1000.0:
-        return "> 999"
-    return f"{relative:.2f}" if relative >= 0.1 else f"{relative:.3g}"
-
-
 def validation_table(
     validation: Validation, training: Sequence[Score], units: Sequence[str], before: Sequence[Score] = ()
 ) -> Table:
     """Torque errors, joint by joint; `before` are those of an earlier run on the same recordings."""
     same = len(set(units)) == 1
-    table = Table(title=f"Torque error, RMS{f' in {units[0]}' if same else ''}", header_style="bold")
-    table.add_column("joint")
+    title = f"Torque error, RMS{f' in {units[0]}' if same else ''}"
+    table = Table(title=title, header_style="bold", show_edge=False, pad_edge=False)
+    table.add_column("#", justify="right")
+    table.add_column("joint", overflow="fold")
     held = validation.recordings
-    several = [*_columns("train", training), *_columns("unseen", held), *_columns("earlier run", before)]
+    several = [*_columns("train", training), *_columns("validation", held), *_columns("earlier run", before)]
     for name, _ in several:
         table.add_column(name, justify="right")
-    last = (held or tuple(training))[-1]
-    for name in ("nominal", "of torque", "peak", "in band"):
+    judged = held or tuple(training)
+    for name in ("CAD/\nURDF", "relative\nRMS", "peak", "in\nband"):
         table.add_column(name, justify="right")
+    described = [score.prior_rms for score in judged if score.prior_rms is not None]
     for j, joint in enumerate(validation.joints):
         table.add_row(
+            str(j + 1),
             escape(joint) + ("" if same else f" [dim]{units[j]}[/]"),
             *(_number(rms[j]) for _, rms in several),
-            "-" if last.prior_rms is None else _number(last.prior_rms[j]),
-            _number(100 * last.relative[j], 1, " %"),
-            _number(last.peak[j]),
-            _number(100 * last.coverage95[j], 0, " %"),
+            _number(_together(described)[j]) if described else "-",
+            _number(100 * _worst([score.relative[j] for score in judged]), 1, " %"),
+            _number(_worst([score.peak[j] for score in judged])),
+            _number(-100 * _worst([-score.coverage95[j] for score in judged]), 0, " %"),
         )
-    table.caption = (
-        "nominal: the description alone; of torque: over its standard deviation; in band: rows inside the 95 % band"
-    )
+    table.caption = _legend(training, held, before)
     table.caption_justify = "left"
     return table
+
+
+def _legend(training: Sequence[Score], held: Sequence[Score], before: Sequence[Score]) -> str:
+    """Of which recordings the columns are, and what they mean."""
+    names = names_apart([score.path for score in (*training, *held, *before)])
+    parts: list[str] = []
+    for title, scores in (("train", training), ("validation", held)):
+        listed = [escape(names[score.path]) for score in scores if score.path]
+        numbered = [f"{SHORT.get(title, title)} {k + 1}: {name}" for k, name in enumerate(listed)]
+        if len(listed) > 1:
+            parts.append(", ".join(numbered) if len(listed) <= MOST_COLUMNS else f"{title}: root mean square of all")
+        elif listed and title == "validation":
+            parts.append(f"validation: {listed[0]}")
+    judged, kind = (held, "validation") if held else (training, "training")
+    of = f"the {len(judged)} {kind} recordings" if len(judged) > 1 else f"{kind}"
+    worst = ", the worst of each joint" if len(judged) > 1 else ""
+    parts.append(
+        f"CAD/URDF (the description by itself), relative RMS (over the torque's standard deviation), "
+        f"peak and share of rows in the 95 % band are of {of}{worst}"
+    )
+    return "; ".join(parts)
+
+
+def _together(errors: Sequence[Array]) -> Array:
+    """Root mean square over recordings."""
+    return np.sqrt(np.mean(np.square(errors), axis=0))
+
+
+def _worst(values: Sequence[float]) -> float:
+    """The largest that is known; NaN where none is."""
+    return max((value for value in values if math.isfinite(value)), default=math.nan)
 
 
 def _columns(name: str, scores: Sequence[Score]) -> list[tuple[str, Array]]:
     """Titles and errors of a column for each recording, or of one for all."""
     if len(scores) > MOST_COLUMNS:
-        mean = np.sqrt(np.mean([score.rms**2 for score in scores], axis=0))
-        return [(f"{name}, {len(scores)} runs", mean)]
-    return [(f"{name} {k + 1}" if len(scores) > 1 else name, score.rms) for k, score in enumerate(scores)]
+        return [(f"{name},\n{len(scores)} runs", _together([score.rms for score in scores]))]
+    short = SHORT.get(name, name)
+    return [(f"{short}\n{k + 1}" if len(scores) > 1 else name, score.rms) for k, score in enumerate(scores)]
 
 
 def _number(value: float, decimals: int = 3, unit: str = "") -> str:
     """A number, or a dash where there is none."""
     return f"{value:.{decimals}f}{unit}" if math.isfinite(value) else "-"
-
-
-def status_line(standard: StandardFit) -> str:
-    """What the data say of the standard parameters, in one line, and the prior that says the rest."""
-    kinds = ("identified", "prior-dominated", "not identifiable")
-    counts = ", ".join(f"{standard.status.count(kind)} {kind}" for kind in kinds)
-    prior = standard.prior
-    weight = f", weight {prior.weight:.3g}: {prior.how}" if prior.weight else ""
-    return f"of {len(standard.names)} standard parameters {counts}; prior {prior.kind}{weight}"
-
-
-def ladder_table(ladder: Ladder, joints: Sequence[str]) -> Table:
-    """Friction that was chosen for each joint, and what it gains on motion that was left out."""
-    table = Table(title="Friction chosen by motion that was left out", header_style="bold")
-    table.add_column("joint")
-    table.add_column("error, of that without", justify="right")
-    table.add_column("added")
-    for j, name in enumerate(joints):
-        chosen = [each.candidate for each in ladder.evidence if each.chosen and each.joint == name]
-        gain = f"{ladder.ratio[j]:.2f} ± {ladder.deviation[j]:.2f}"
-        table.add_row(name, gain, escape("; ".join(chosen) or "-"))
-    said = "± standard error from the scatter between stretches of motion; these made the choice, so it is optimistic"
-    table.caption = " ".join(filter(None, ((said + ".") if ladder.evidence else "", ladder.why)))
-    table.caption_justify = "left"
-    return table
 
 
 def print_methods(found: MethodTable, units: Sequence[str]) -> None:
@@ -240,12 +206,17 @@ def print_methods(found: MethodTable, units: Sequence[str]) -> None:
 
 
 def print_verdict(console: Console, validation: Validation) -> None:
-    """The verdict and the checks that it is made of."""
+    """The verdict with the number of checks that hold, and each of them, those that do not hold first."""
     colour = {"pass": "green", "fail": "red"}.get(validation.verdict, "yellow")
-    console.print(f"verdict on unseen motion: [bold {colour}]{validation.verdict}[/]")
-    for check in validation.checks:
-        mark = "[green]ok[/]  " if check.ok else "[red]fail[/]"
+    held = sum(check.ok for check in validation.checks)
+    of = f" ({held} of {len(validation.checks)} checks hold)" if validation.checks else ""
+    console.print(f"verdict on held-out motion: [bold {colour}]{validation.verdict}[/]{of}")
+    checks = Table.grid(padding=(0, 1))
+    for check in sorted(validation.checks, key=lambda check: check.ok):
+        mark = "[green]ok[/]" if check.ok else "[red]fail[/]"
         relation = f"{check.value:.3g} {'≤' if check.ok else '>'} {check.bound:.3g}"
-        console.print(f"  {mark} {relation:<16} {escape(check.name)}")
+        checks.add_row("", mark, relation, escape(check.name))
+    if validation.checks:
+        console.print(checks)
     if validation.verdict == "not judged":
-        console.print('  keep a recording for it: --validate RECORDING, or role = "validate" in the study')
+        console.print('  no recording was kept for it: --validate RECORDING, or role = "validate" in the study')

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from armid.cli.identify import Preset, report_result
-from armid.cli.options import Json, Out, Threads
+from armid.cli.identify import Preset
+from armid.cli.options import Json, Out, Threads, Verbose
 from armid.cli.report import NoReport, write_page
 
 __all__ = ["demo"]
@@ -21,6 +21,7 @@ def demo(
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     threads: Threads = 1,
     no_report: NoReport = False,
+    verbose: Verbose = False,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -33,6 +34,8 @@ def demo(
         armid demo --preset thesis
     """
     from armid.cli.console import output_console, progress
+    from armid.cli.result import print_next, print_result
+    from armid.estimation.links import link_record, link_table
     from armid.measurement.processing import Processing
     from armid.study.demo import RECORD, demo_study, run_demo, thesis_processing
     from armid.study.records import estimate_record, to_json, validation_record
@@ -49,6 +52,7 @@ def demo(
         record = estimate_record(done.result.estimate)
         record["run"] = str(folder)
         record["validation"] = validation_record(done.result.validation)
+        record["links"] = link_record(link_table(done.result.model, done.result.estimate))
         record["truth"] = {
             "base_parameters": done.truth,
             "relative_error": done.relative_error,
@@ -56,13 +60,13 @@ def demo(
         }
         sys.stdout.write(to_json(record) + "\n")
     else:
-        report_result(done.result)
+        print_result(done.result, verbose=verbose)
         output_console().print(
             f"against the truth: base parameters off by {100 * done.relative_error:.3f} %, "
             f"torque on Table A.2 by {done.torque_error:.4f} N·m RMS"
         )
-        sys.stdout.write(f"\nrun written to {folder}\n")
-    if not no_report:
-        write_page(folder, done.recordings)
+    page = not no_report and write_page(folder, done.recordings)
+    if not json:
+        print_next(done.result, folder, page=page)
     if done.result.validation.verdict == "fail":
         raise typer.Exit(1)

@@ -20,6 +20,7 @@ from armid.cli.options import (
     Terms,
     Threads,
     TorqueSign,
+    Verbose,
     known_arms,
     model_choice,
     robot_choice,
@@ -29,10 +30,10 @@ from armid.cli.report import NoReport, write_page
 
 if TYPE_CHECKING:
     from armid.study.compare import MethodTable
-    from armid.study.identify import Result
+    from armid.study.identify import Prepared, Result
     from armid.study.study import Study
 
-__all__ = ["identify", "report_result"]
+__all__ = ["identify"]
 
 
 class Preset(StrEnum):
@@ -73,6 +74,7 @@ def identify(
     compare: Annotated[bool, typer.Option("--compare", help="Also try every other method; one table.")] = False,
     threads: Threads = 1,
     no_report: NoReport = False,
+    verbose: Verbose = False,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -87,28 +89,36 @@ def identify(
 
         armid identify study.toml --compare
     """
-    from armid.cli.console import print_findings, progress
-    from armid.study import identify as stage
-    from armid.study.compare import compare_methods
+    from armid.cli.result import print_next
     from armid.study.run import refuse_folder
 
     if out is not None:
         refuse_folder(out)
     said = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
-    reading = {name: value for name, value in said.items() if value is not None}
-    study = _study(inputs, validate or [], reading, gravity, lock, terms)
+    study = _study(inputs, validate or [], said, gravity, lock, terms)
     study = _overridden(study, preset, cutoff, edges, method)
-    with progress(quiet=json) as tell:
-        prepared = stage.prepare(study, threads=threads, progress=tell)
-        result = stage.conclude(prepared, progress=tell)
-        table = compare_methods(prepared, progress=tell) if compare else None
+    prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
     folder, replaced = _save(result, table, out)
-    _print(result, table, folder, replaced, json=json)
-    print_findings(result.estimate.findings)
-    if not no_report:
-        write_page(folder, prepared.recordings)
+    _print(result, table, folder, verbose=verbose, json=json)
+    page = not no_report and write_page(folder, prepared.recordings)
+    if not json:
+        print_next(result, folder, page=page, replaced=replaced, asked=inputs)
     if result.validation.verdict == "fail":
         raise typer.Exit(1)
+
+
+def _identified(
+    study: Study, threads: int, *, compare: bool, quiet: bool
+) -> tuple[Prepared, Result, MethodTable | None]:
+    """The work itself, under a bar: what was prepared, the result, and every method beside it if asked."""
+    from armid.cli.console import progress
+    from armid.study import identify as stage
+    from armid.study.compare import compare_methods
+
+    with progress(quiet=quiet) as tell:
+        prepared = stage.prepare(study, threads=threads, progress=tell)
+        result = stage.conclude(prepared, progress=tell)
+        return prepared, result, compare_methods(prepared, progress=tell) if compare else None
 
 
 def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[Path, bool]:
@@ -122,9 +132,11 @@ def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[
     return folder, replaced
 
 
-def _print(result: Result, table: MethodTable | None, folder: Path, replaced: bool, *, json: bool) -> None:
-    """The result on standard output: one JSON object, or tables."""
-    from armid.cli.console import print_methods
+def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: bool, json: bool) -> None:
+    """The result on standard output, one JSON object or tables, and its findings on standard error."""
+    from armid.cli.console import print_findings, print_methods
+    from armid.cli.result import print_result
+    from armid.estimation.links import link_record, link_table
     from armid.study.compare import compare_record
     from armid.study.records import estimate_record, ladder_record, to_json, validation_record
 
@@ -132,68 +144,32 @@ def _print(result: Result, table: MethodTable | None, folder: Path, replaced: bo
         record = estimate_record(result.estimate)
         record["run"] = str(folder)
         record["validation"] = validation_record(result.validation)
+        record["links"] = link_record(link_table(result.model, result.estimate))
         if table is not None:
             record["compare"] = compare_record(table)
         if result.ladder is not None:
             record["friction"] = ladder_record(result.ladder, result.robot.joint_names)
         sys.stdout.write(to_json(record) + "\n")
-        return
-    report_result(result)
-    if table is not None:
-        print_methods(table, [joint.effort_unit for joint in result.robot.joints])
-    sys.stdout.write(f"\nrun written to {folder}{', in place of the one there' if replaced else ''}\n")
-
-
-def report_result(result: Any) -> None:
-    """Tables of an identification on standard output."""
-    from armid.cli.console import (
-        estimate_table,
-        ladder_table,
-        output_console,
-        print_verdict,
-        status_line,
-        validation_table,
-    )
-
-    console = output_console()
-    fit = result.estimate.fit
-    console.print(estimate_table(result.estimate))
-    if result.ladder is not None:
-        console.print(ladder_table(result.ladder, result.robot.joint_names))
-    units = [joint.effort_unit for joint in result.robot.joints]
-    console.print(validation_table(result.validation, result.training, units))
-    console.print(
-        f"condition number {fit.condition:.2f}, with columns of unit length {fit.scaled_condition:.2f}; "
-        f"{int(fit.rows.max())} rows\nintervals from {KINDS[fit.covariance_kind]}: {fit.report.why}\n"
-        f"{result.estimate.seconds:.2f} s from recordings to result"
-    )
-    if fit.standard is not None:
-        console.print(status_line(fit.standard))
-    print_verdict(console, result.validation)
-
-
-KINDS = {
-    "white": "residuals taken as white",
-    "period": "the scatter between periods",
-    "spectral": "the spectrum of the residuals",
-    "block": "the scatter between blocks",
-    "recursive": "what blocks said that was new",
-}
-"""What a kind of covariance is made of, in words."""
+    else:
+        print_result(result, verbose=verbose)
+        if table is not None:
+            print_methods(table, [joint.effort_unit for joint in result.robot.joints])
+    print_findings(result.estimate.findings)
 
 
 def _study(
     inputs: list[str],
     validate: list[str],
-    reading: dict[str, Any],
+    said: dict[str, Any],
     gravity: tuple[float, float, float] | None,
     lock: list[str] | None,
     terms: str | None,
 ) -> Study:
-    """The study that the arguments name or describe."""
+    """The study that the arguments name or describe; of a reading counts what is not `None`."""
     from armid.measurement.reading import Reading
     from armid.study.study import RecordingChoice, Study, default_estimation
 
+    reading = {name: value for name, value in said.items() if value is not None}
     if len(inputs) == 1:
         return _changed_study(inputs[0], validate, reading, gravity, lock, terms)
     how = Reading(**reading)

@@ -70,7 +70,7 @@ def report(
     print_findings([Finding("recording-missing", "warning", "", text, MISSING) for text in missing])
 
 
-def write_page(folder: Path, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> None:
+def write_page(folder: Path, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> bool:
     """The page of a run that has just been saved; where it cannot be made, a line on standard error says why.
 
     The results are on the screen by then, so nobody waits for it.
@@ -78,15 +78,18 @@ def write_page(folder: Path, recordings: Sequence[tuple[RecordingChoice, Recordi
     Args:
         folder: The run's folder.
         recordings: What it was made from.
+
+    Returns:
+        Whether it is there.
     """
     from armid.report.page import write_report
     from armid.study.run import load_run
 
-    attempt(PAGE, lambda: write_report(load_run(folder), folder / PAGE, recordings=recordings))
+    return attempt(PAGE, lambda: write_report(load_run(folder), folder / PAGE, recordings=recordings))
 
 
-def attempt(page: str, write: Callable[[], object]) -> None:
-    """Write a page beside results that are whole without it; where it cannot be made, a line says why."""
+def attempt(page: str, write: Callable[[], object]) -> bool:
+    """Write a page beside results that are whole without it; whether it is there, and a line if not."""
     from armid.errors import ArmidError
 
     sys.stdout.flush()
@@ -96,3 +99,6 @@ def attempt(page: str, write: Callable[[], object]) -> None:
         sys.stderr.write(f"no {page}: {error.problem} {error.remedy}".rstrip() + "\n")
     except KeyboardInterrupt:
         sys.stderr.write(f"no {page}: interrupted\n")
+    else:
+        return True
+    return False

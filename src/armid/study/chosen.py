@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 
+from armid.estimation.estimate import Estimate
 from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.friction import Ladder
 from armid.study.study import EstimationChoice
 
-__all__ = ["as_chosen", "lean_on_prior"]
+__all__ = ["as_chosen", "credited", "lean_on_prior"]
+
+GIVEN, CHOSEN = "given", "as chosen with the friction"
+"""How a weight was found, as methods say it of one in their options, and where the ladder put it there."""
 
 
 def as_chosen(choice: EstimationChoice, ladder: Ladder, *, described: bool) -> EstimationChoice:
@@ -41,3 +45,25 @@ def lean_on_prior(choice: EstimationChoice, weight: float | None, *, described: 
         return choice
     options = {**given, **{name: value for name, value in own.items() if name in names}}
     return dataclasses.replace(choice, options={**choice.options, choice.method: options})
+
+
+def credited(estimate: Estimate, ladder: Ladder | None) -> Estimate:
+    """The estimate whose prior's weight is said to come from the choice of friction, where it does."""
+    if ladder is None or ladder.prior_weight is None:
+        return estimate
+    said = f"weighs {ladder.prior_weight:.3g} "
+    findings = tuple(
+        dataclasses.replace(finding, evidence=finding.evidence.replace(f", {GIVEN}.", f", {CHOSEN}."))
+        if finding.code == "prior-weight" and said in finding.evidence
+        else finding
+        for finding in estimate.findings
+    )
+    fit = estimate.fit
+    if (
+        fit.standard is not None
+        and fit.standard.prior.how == GIVEN
+        and fit.standard.prior.weight == ladder.prior_weight
+    ):
+        prior = dataclasses.replace(fit.standard.prior, how=CHOSEN)
+        fit = dataclasses.replace(fit, standard=dataclasses.replace(fit.standard, prior=prior))
+    return dataclasses.replace(estimate, fit=fit, findings=findings)

@@ -35,7 +35,7 @@ from armid.robot import Robot
 from armid.shown import Shown, Summary
 from armid.study import plausibility
 from armid.study.beyond import highest_speeds, speed_finding
-from armid.study.chosen import as_chosen
+from armid.study.chosen import as_chosen, credited
 from armid.study.cut import cut, refuse_shared
 from armid.study.doctor import findings_on
 from armid.study.labels import labels
@@ -242,6 +242,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
         estimate = _estimate(study, model, prepared.base, stated_problem(prepared), recordings)
     except EstimationError as error:
         raise _diagnosed(error, prepared.findings) from error
+    estimate = credited(estimate, prepared.ladder)
     if prepared.problem.observations is not None:
         estimate = replace(estimate, speeds=highest_speeds(prepared.problem.observations))
     chosen = prepared.ladder is not None

@@ -160,7 +160,7 @@ class PhysicallyConsistent:
         if kind == "none":
             return PriorUse(kind, 0.0, "of this kind has none", correlation)
         if self.prior in ("auto", "mass") and self.weight == "auto":
-            return PriorUse(kind, 1.0, "where no other is asked for", correlation)
+            return PriorUse(kind, 1.0, "the default", correlation)
         if self.weight != "auto":
             return PriorUse(kind, float(self.weight), "given", correlation)
         parts = split(information, folds(information))

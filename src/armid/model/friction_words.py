@@ -1,0 +1,53 @@
+"""Torque terms in words with the units of their shapes: `Stribeck effect at 0.05 rad/s`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from armid.model.terms.term import Term
+
+__all__ = ["friction_of_joint", "in_words"]
+
+
+def in_words(term: Term, *, prismatic: bool = False) -> str:
+    """A term with its shapes, or its name where it has none to tell.
+
+    Args:
+        term: The term.
+        prismatic: Whether its joint slides: metres in place of radians.
+    """
+    length = "m" if prismatic else "rad"
+    write = _WORDS.get(term.name)
+    return write(term, length) if write else term.name.replace("-", " ")
+
+
+def friction_of_joint(terms: Iterable[Term], joint: str, *, prismatic: bool = False) -> tuple[str, ...]:
+    """The terms that act on a joint, in words and each once.
+
+    Args:
+        terms: Terms restricted to joints, or of all.
+        joint: Name of the joint.
+        prismatic: Whether it slides.
+    """
+    own = [term for term in terms if (on := getattr(term, "joints", None)) is None or joint in on]
+    return tuple(dict.fromkeys(in_words(term, prismatic=prismatic) for term in own))
+
+
+def _listed(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)
+
+
+_WORDS: dict[str, Callable[[Any, str], str]] = {
+    "hysteresis": lambda term, length: f"hysteresis over {_listed(term.widths)} {length}",
+    "stribeck": lambda term, length: f"Stribeck effect at {term.velocity:.3g} {length}/s",
+    "sigmoid": lambda term, length: f"sigmoid of velocity over {2.0 / term.slope:.3g} {length}/s",
+    "power-viscous": lambda term, length: f"viscous, velocity to the power {term.exponent:.3g}",
+    "piecewise-viscous": lambda term, length: f"viscous, slope changes at {_listed(term.knots)} {length}/s",
+    "asymmetric-coulomb": lambda term, length: "Coulomb, other by direction",
+    "asymmetric-viscous": lambda term, length: "viscous, other by direction",
+    "load-coulomb": lambda term, length: "Coulomb, grows with the load",
+    "load-viscous": lambda term, length: "viscous, grows with the load",
+    "ripple": lambda term, length: f"ripple, harmonics {_listed(term.harmonics)}",
+}
+"""Terms that have shapes, or a name that says less than a few words."""
