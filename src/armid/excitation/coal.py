@@ -52,11 +52,15 @@ def mesh_triangles(shape: Shape) -> Array:
 
 
 def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
-    """Corners (v, 3) [m] of a mesh in its own frame, and the three of each triangle, shape (t, 3)."""
+    """Corners (v, 3) [m] of a mesh in its own frame, and the three of each triangle, shape (t, 3).
+
+    They go counter-clockwise seen from outside, as in the file, also where the scale mirrors the mesh.
+    """
     mesh = _mesh(shape.path, tuple(shape.size.tolist()))
     faces = (mesh.tri_indices(k) for k in range(mesh.num_tris))
     index = np.array([(face[0], face[1], face[2]) for face in faces], dtype=np.intp).reshape(-1, 3)
-    return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3), index
+    index = index[:, ::-1] if np.prod(shape.size) < 0.0 else index
+    return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3), np.ascontiguousarray(index)
 
 
 def geometry(shape: Shape) -> Any:

@@ -97,7 +97,7 @@ def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:
         if path.is_file():
             stated = ET.Element("mesh", scale=mesh.get("scale", usual))
             scale = numbers(stated, "scale", 3, source, f"the mesh {file}")
-            found[mesh.get("name", Path(file).stem)] = str(path), np.abs(np.array(scale))
+            found[mesh.get("name", Path(file).stem)] = str(path), np.array(scale)
     return found
 
 

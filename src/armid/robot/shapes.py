@@ -27,7 +27,7 @@ class Shape:
         link: Index of the link that carries it; -1 for the base and the surroundings.
         kind: `capsule` and `cylinder` lie along z of their placement, a `half-space` is solid below z = 0.
         size: Radius and length between the caps' centres of a capsule, radius and length of a cylinder, radius of a
-            sphere, edges of a box, scale of a mesh, shape (3,) filled up with zeros [m].
+            sphere, edges of a box, scale of a mesh (negative: mirrored), shape (3,) filled up with zeros [m].
         placement: In the link's frame, shape (4, 4).
         path: File of a mesh.
     """
@@ -48,8 +48,16 @@ class Shape:
         needed = {"capsule": 1, "sphere": 1, "cylinder": 2, "box": 3, "mesh": 3, "half-space": 0}
         if self.kind not in needed:
             raise RobotError(f"{self.name!r} is of kind {self.kind!r}.", possible=", ".join(needed))
-        if (size < 0.0).any() or not (size[: needed[self.kind]] > 0.0).all():
-            raise RobotError(f"The {self.kind} {self.name!r} needs positive sizes; found {given.tolist()}.")
+        own = size[: needed[self.kind]]
+        # A negative scale mirrors a mesh: the parts of a left arm are often those of the right one.
+        if not (own != 0.0 if self.kind == "mesh" else own > 0.0).all() or (
+            self.kind != "mesh" and (size < 0.0).any()
+        ):
+            wanted = "a scale other than zero" if self.kind == "mesh" else "positive sizes"
+            raise RobotError(
+                f"The {self.kind} {self.name!r} needs {wanted}; found {given.tolist()}.",
+                remedy="correct it in the description.",
+            )
 
     def on(self, link: int, placement: Array) -> Shape:
         """The same carried by another link, whose frame sees this one's frame at a placement (4, 4)."""
