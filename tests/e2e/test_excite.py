@@ -186,7 +186,7 @@ def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, 
         ["--free-start", "--free-centre", "--jerk", 9],
         ["--criterion", "prediction", "--predict", tmp_path / "0" / "plan.json"],
         ["--envelope", f"{tmp_path / '0' / 'plan.json'}@16"],
-        ["--tip", "-1", "-1", "-1", "1", "1", "2"],
+        ["--tip-box", "-1", "-1", "-1", "1", "1", "2"],
     )):  # fmt: skip
         run([small, *QUICK, "--out", tmp_path / str(k), "--format", "csv", *more], capsys)
     first, inside = (load_plan(tmp_path / name / "plan.json") for name in "03")

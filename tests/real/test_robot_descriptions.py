@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from armid.errors import RobotError
 from armid.robot import forward_kinematics, frame_pose, load_robot
 from armid.robot.load import ARMS
 from armid.robot.readers import dh
@@ -52,9 +51,12 @@ def test_all_descriptions_are_read(shared_data, name):
         assert math.isfinite(joint.velocity_limit + joint.effort_limit)
 
 
-def test_the_fingers_of_the_panda_must_be_locked(shared_data):
-    with pytest.raises(RobotError, match="'panda_finger_joint2' is of kind mimic: it follows 'panda_finger_joint1'"):
-        load_robot(shared_data / "franka_panda_gaz/panda.urdf")
+def test_the_second_finger_of_the_panda_is_held(shared_data):
+    path = shared_data / "franka_panda_gaz/panda.urdf"
+    robot = load_robot(path)
+    assert robot.joint_names[7:] == ("panda_finger_joint1",)
+    assert any(f.code == "joint-follows" and f.channel == "panda_finger_joint1" for f in robot.findings)
+    assert load_robot(path, tip="panda_link8").n == load_robot(path, only="panda_joint?").n == 7
 
 
 def test_the_gen3_turns_without_end_and_its_pi_is_reported(shared_data):

@@ -45,8 +45,9 @@ EVERY_KEY = """
 [robot]
 description = "iiwa14.urdf"
 gravity = [0.0, 0.0, -9.81]
-locked = ["panda_finger_joint1"]
+lock = ["panda_finger_joint1"]
 tip = "flange"
+only = ["A*"]
 [model]
 terms = ["rigid-body", "viscous", "coulomb", "offset", "rotor-inertia"]
 coulomb = { width = 0.02 }
@@ -121,8 +122,9 @@ def test_every_key_arrives():
     assert asdict(study.robot) == {
         "description": "iiwa14.urdf",
         "gravity": (0.0, 0.0, -9.81),
-        "locked": ("panda_finger_joint1",),
+        "lock": ("panda_finger_joint1",),
         "tip": "flange",
+        "only": ("A*",),
     }
     assert study.model.terms == ("rigid-body", "viscous", "coulomb", "offset", "rotor-inertia")
     assert study.model.shapes == {"coulomb": {"width": 0.02}}
@@ -209,8 +211,8 @@ def test_an_unknown_key_is_answered_with_the_known_ones(tables: dict, where: str
         ({"robot": {"description": 5}}, "[robot] description must be text; found 5"),
         ({"robot": {"description": "x", "gravity": [1, 2]}}, "[robot] gravity must be three numbers"),
         ({"robot": {"description": "x", "gravity": "down"}}, "[robot] gravity must be three numbers"),
-        ({"robot": {"description": "x", "locked": "finger"}}, "[robot] locked must be a list of names"),
-        ({"robot": {"description": "x", "locked": {"finger": "in"}}}, "[robot] locked must be a list of names"),
+        ({"robot": {"description": "x", "locked": "finger"}}, "[robot] lock must be a list of names"),
+        ({"robot": {"description": "x", "locked": {"finger": "in"}}}, "[robot] lock must be a list of names"),
         ({"robot": {"description": "x", "tip": 3}}, "[robot] tip must be text"),
         ({"model": 3}, "[model] must be a table"),
         ({"model": {"terms": "viscous"}}, "[model] terms must be a list of names; found 'viscous'"),

@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import BASE_TERMS, Gravity, Json, Lock, RobotName, Terms, model_choice, robot_choice
+from armid.cli.options import (
+    BASE_TERMS,
+    Gravity,
+    Json,
+    Lock,
+    Only,
+    RobotName,
+    Terms,
+    TipLink,
+    model_choice,
+    robot_choice,
+)
 
 if TYPE_CHECKING:
     from armid.model.base import BaseParameters
@@ -28,6 +39,8 @@ def base(
     robot: RobotName,
     gravity: Gravity = None,
     lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
     terms: Terms = None,
     style: Annotated[Style, typer.Option(help="How formulas are written.")] = Style.text,
     columns: Annotated[
@@ -49,7 +62,7 @@ def base(
     from armid.study.records import to_json
     from armid.study.study import build_model, load_choice
 
-    arm = load_choice(robot_choice(robot, gravity, lock))
+    arm = load_choice(robot_choice(robot, gravity, lock, only, tip))
     found = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))
     if json:
         sys.stdout.write(to_json(base_record(found)) + "\n")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, robot_choice
+from armid.cli.options import Gravity, Json, Lock, Only, TipLink, robot_choice
 
 if TYPE_CHECKING:
     from armid.study.certify import Verdict
@@ -32,6 +32,8 @@ def certify(
     heaviest: Annotated[float, typer.Option(min=0.0, help="Largest mass of a link in the second answer, kg.")] = 10.0,
     gravity: Gravity = None,
     lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
     json: Json = False,
 ) -> None:
     """Certify parameters: the nearest real body, the worst pose of the mass matrix, the thesis's constraints.
@@ -54,7 +56,7 @@ def certify(
     if values is None and Path(subject).is_dir():
         verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
     else:
-        robot = load_choice(robot_choice(subject, gravity, lock))
+        robot = load_choice(robot_choice(subject, gravity, lock, only, tip))
         named = stage.described_values(robot) if values is None else stage.read_values(values)
         verdict = stage.certify_named(robot, named, motion=along, heaviest=heaviest)
     if json:

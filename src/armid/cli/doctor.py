@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, Rate, Terms, TorqueSign, known_arms, model_choice, robot_choice
+from armid.cli.options import (
+    Gravity,
+    Json,
+    Lock,
+    Only,
+    Rate,
+    Terms,
+    TipLink,
+    TorqueSign,
+    known_arms,
+    model_choice,
+    robot_choice,
+)
 from armid.errors import ArmidError
 
 if TYPE_CHECKING:
@@ -32,6 +44,8 @@ def doctor(
     period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
     gravity: Gravity = None,
     lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
     terms: Terms = None,
     json: Json = False,
 ) -> None:
@@ -59,7 +73,7 @@ def doctor(
     else:
         reading = Reading(**said)
         choices = tuple(RecordingChoice(path, reading=reading) for path in recordings)
-        study = Study(robot_choice(subject, gravity, lock), model_choice(terms), choices)
+        study = Study(robot_choice(subject, gravity, lock, only, tip), model_choice(terms), choices)
     found = diagnose(study)
     if json:
         sys.stdout.write(to_json(diagnosis_record(found)) + "\n")

@@ -17,9 +17,11 @@ from armid.cli.options import (
     Gravity,
     Json,
     Lock,
+    Only,
     Out,
     RobotName,
     Terms,
+    TipLink,
     model_choice,
     robot_choice,
     run_folder,
@@ -48,6 +50,8 @@ POSE, SEVERAL = "Q…", list[str] | None
 OPTIONS: dict[str, tuple[Any, Any]] = {
     "gravity": (Gravity, None),
     "lock": (Lock, None),
+    "only": (Only, None),
+    "tip": (TipLink, None),
     "terms": (Terms, None),
     "experiment": _option(
         str, "series", "series: the Fourier series; poses: static poses for gravity; sweeps: constant velocities, "
@@ -73,7 +77,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         "1/L; thesis-literal: as printed."
     ),
     "limit": _option(
-        SEVERAL, None, "A limit: A1.velocity=1.2, A1.position=-1:1, A1.effort=80, …; repeatable.",
+        SEVERAL, None, "Limits: A1.velocity=1.2, A1.position=-1:1, '*.effort=80' (of all joints), …; repeatable.",
         metavar="JOINT.KIND=VALUE",
     ),
     "acceleration": _option(float | None, None, "Limit of every joint, rad/s² or m/s²."),
@@ -83,7 +87,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "clearance": _option(float, 0.02, "Distance that bodies keep, m."),
     "floor": _option(float | None, None, "A floor so high above the base, m; negative: below; means --collision."),
     "environment": _option(Path | None, None, "TOML of boxes, spheres and half-spaces; means --collision."),
-    "tip": _option(
+    "tip_box": _option(
         str | None, None, "Box for the tip, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"
     ),
     "envelope": _option(
@@ -160,7 +164,7 @@ def excite(robot: str, **options: Any) -> None:
     from armid.study.study import build_model, load_choice
 
     formats = choose_formats(options["formats"])
-    arm = load_choice(robot_choice(robot, options["gravity"], options["lock"]))
+    arm = load_choice(robot_choice(robot, *(options[key] for key in ("gravity", "lock", "only", "tip"))))
     usual = run_folder(None, arm.name)
     folder = options["out"] or usual.with_name(f"{usual.name}-plan")
     refuse_plan_folder(folder)

@@ -15,10 +15,12 @@ from armid.cli.options import (
     Gravity,
     Json,
     Lock,
+    Only,
     Out,
     Rate,
     Terms,
     Threads,
+    TipLink,
     TorqueSign,
     Verbose,
     known_arms,
@@ -63,6 +65,8 @@ def identify(
     ] = None,
     gravity: Gravity = None,
     lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
     terms: Terms = None,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -95,7 +99,7 @@ def identify(
     if out is not None:
         refuse_folder(out)
     said = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
-    study = _study(inputs, validate or [], said, gravity, lock, terms)
+    study = _study(inputs, validate or [], said, (gravity, lock, only, tip), terms)
     study = _overridden(study, preset, cutoff, edges, method)
     prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
     folder, replaced = _save(result, table, out)
@@ -161,8 +165,7 @@ def _study(
     inputs: list[str],
     validate: list[str],
     said: dict[str, Any],
-    gravity: tuple[float, float, float] | None,
-    lock: list[str] | None,
+    arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
     """The study that the arguments name or describe; of a reading counts what is not `None`."""
@@ -171,21 +174,24 @@ def _study(
 
     reading = {name: value for name, value in said.items() if value is not None}
     if len(inputs) == 1:
-        return _changed_study(inputs[0], validate, reading, gravity, lock, terms)
+        return _changed_study(inputs[0], validate, reading, arm, terms)
     how = Reading(**reading)
     recordings = tuple(RecordingChoice(path, reading=how) for path in inputs[1:])
     recordings += tuple(RecordingChoice(path, "validate", how) for path in validate)
     model = model_choice(terms)
-    robot = robot_choice(inputs[0], gravity, lock)
+    robot = robot_choice(inputs[0], *arm)
     return Study(robot, model, recordings, estimation=default_estimation(model))
+
+
+ARM = ("gravity", "lock", "tip", "only")
+"""What the command line may say of an arm, beside a study."""
 
 
 def _changed_study(
     path: str,
     validate: list[str],
     reading: dict[str, Any],
-    gravity: tuple[float, float, float] | None,
-    lock: list[str] | None,
+    arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
     """The study of a file with what the command line says beside it; more recordings are read as its first one."""
@@ -204,10 +210,9 @@ def _changed_study(
             remedy="write it into the [[recording]] tables of the study.",
         )
     study = load_study(path)
-    said = robot_choice(study.robot.description, gravity, lock)
-    robot = replace(
-        study.robot, gravity=said.gravity or study.robot.gravity, locked=said.locked or study.robot.locked
-    )
+    said = robot_choice(study.robot.description, *arm)
+    given = {key: value for key in ARM if (value := getattr(said, key))}
+    robot = replace(study.robot, **given)
     first = next(choice.reading for choice in study.recordings if choice.role == "train")
     alike = replace(first, exclude=())
     extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate", alike) for path in validate)

@@ -146,7 +146,7 @@ def _repeated(option: str, arguments: list[str]) -> list[str]:
     return result
 
 
-POSES = ("--start", "--begin", "--end", "--noise", "--tip")
+POSES = ("--start", "--begin", "--end", "--noise", "--tip", "--tip-box")
 """Options of `excite` with as many numbers as there are joints, which may have blanks between them."""
 
 

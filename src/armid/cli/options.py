@@ -20,10 +20,12 @@ __all__ = [
     "Gravity",
     "Json",
     "Lock",
+    "Only",
     "Out",
     "RobotName",
     "Terms",
     "Threads",
+    "TipLink",
     "Verbose",
     "known_arms",
     "model_choice",
@@ -51,7 +53,23 @@ Gravity = Annotated[
 ]
 Lock = Annotated[
     list[str] | None,
-    typer.Option("--lock", metavar="JOINT[=VALUE]", help="Hold a joint still, at 0 or a value; repeatable."),
+    typer.Option(
+        "--lock",
+        metavar="JOINT[=VALUE]",
+        help="Hold joints still, at 0 or a value: names or patterns as leg_*, with commas between; repeatable.",
+    ),
+]
+Only = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--only", metavar="JOINT,…", help="Joints that move, names or patterns as arm_left_*; others are held still."
+    ),
+]
+TipLink = Annotated[
+    str | None,
+    typer.Option(
+        "--tip", metavar="LINK", help="Where the arm ends: joints not between base and LINK are held still."
+    ),
 ]
 Terms = Annotated[
     str | None,
@@ -69,20 +87,29 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also print every
 Threads = Annotated[int, typer.Option("--threads", min=1, help="Threads of the kernel.")]
 
 
-def robot_choice(description: str, gravity: tuple[float, float, float] | None, lock: list[str] | None) -> RobotChoice:
-    """The robot that the command line names."""
+def robot_choice(
+    description: str,
+    gravity: tuple[float, float, float] | None,
+    lock: list[str] | None,
+    only: list[str] | None = None,
+    tip: str | None = None,
+) -> RobotChoice:
+    """The robot that the command line names, and which of its joints move."""
     from armid.study.study import RobotChoice
 
-    locked: dict[str, float] = {}
-    for each in lock or ():
-        name, equals, value = each.partition("=")
-        try:
-            locked[name] = float(value) if equals else 0.0
-        except ValueError:
-            raise ArmidError(
-                f"--lock {each}: {value!r} is no number.", remedy="write --lock JOINT or --lock JOINT=VALUE."
-            ) from None
-    return RobotChoice(description, gravity, locked)
+    if tip is not None and BOX.fullmatch(tip):
+        raise ArmidError(f"--tip {tip}: this is no link.", remedy="the box that the tip keeps to is --tip-box.")
+    return RobotChoice(description, gravity, _separate(lock), tip, _separate(only))
+
+
+BOX = re.compile(r"[-+.\deE]+(,[-+.\deE]+){5}")
+"""Six numbers."""
+
+
+def _separate(given: list[str] | None) -> tuple[str, ...]:
+    """What repeated options with commas list."""
+    parts = (part.strip() for each in given or () for part in each.split(","))
+    return tuple(part for part in parts if part)
 
 
 def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelChoice:

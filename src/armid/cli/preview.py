@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, known_arms, robot_choice
+from armid.cli.options import Gravity, Json, Lock, Only, TipLink, known_arms, robot_choice
 
 if TYPE_CHECKING:
     from armid.measurement.reading import Reading
@@ -49,6 +49,8 @@ def preview(
     ] = None,
     gravity: Gravity = None,
     lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to write the page.")] = None,
     json: Json = False,
 ) -> None:
@@ -72,7 +74,7 @@ def preview(
 
     require_extra("jinja2")
     run, other = _run(robot), None if motion is None else _run(motion)
-    arm = load_choice(robot_choice(robot, gravity, lock)) if run is None else run.robot
+    arm = load_choice(robot_choice(robot, gravity, lock, only, tip)) if run is None else run.robot
     folder = Path() if run is None or motion is not None else Path(robot)
     known = other or run
     made = preview_of(

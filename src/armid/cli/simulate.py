@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, Out, RobotName, robot_choice, run_folder
+from armid.cli.options import Gravity, Json, Lock, Only, Out, RobotName, TipLink, robot_choice, run_folder
 
 if TYPE_CHECKING:
     from armid.lab.options import LabOptions
@@ -45,6 +46,8 @@ def simulate(
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Also write what truly happened, as NPZ.")] = False,
     gravity: Gravity = None,
     lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -61,20 +64,13 @@ def simulate(
     from armid.study.study import load_choice
 
     refuse_format(kind)
-    arm = load_choice(robot_choice(robot, gravity, lock))
+    arm = load_choice(robot_choice(robot, gravity, lock, only, tip))
     told = _told(options, mode, controller, effects, repetitions, rate)
     motion = the_plan(plan, period)
     with progress(quiet=json) as tell:
-        done = simulate_to(
-            out or run_folder(None, f"{arm.name}-lab"),
-            arm,
-            motion,
-            told,
-            kind=kind,
-            seed=seed,
-            noise_free=noise_free,
-            tell=lambda share: tell("simulation", share),
-        )
+        folder = out or run_folder(None, f"{arm.name}-lab")
+        write = partial(simulate_to, kind=kind, seed=seed, noise_free=noise_free)
+        done = write(folder, arm, motion, told, tell=lambda share: tell("simulation", share))
     _report(done, json=json)
     print_findings((*arm.findings, *doubts(done.simulated)))
 

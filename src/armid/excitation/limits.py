@@ -14,6 +14,7 @@ from armid.excitation.channels import Amplitudes, Channel, Coefficients, Range
 from armid.excitation.loads import Torque
 from armid.excitation.series import SeriesBasis
 from armid.model.motion import Motion
+from armid.robot.outline import matching
 from armid.robot.robot import Robot
 from armid.values import Array, array
 
@@ -101,7 +102,8 @@ def limits_of(
 
     Args:
         robot: The arm.
-        given: Limits by joint and kind; of positions a lower and an upper one.
+        given: Limits by joint and kind; of positions a lower and an upper one. Joints are names or patterns such as
+            `*`; a name goes before a pattern, a later pattern before an earlier one.
         acceleration: Of every joint [rad/s² or m/s²]; none where left out.
         jerk: Of every joint [rad/s³ or m/s³]; none where left out.
 
@@ -118,8 +120,9 @@ def limits_of(
         "jerk": np.full(robot.n, np.inf if jerk is None else jerk),
         "effort": described.effort.copy(),
     }
-    for (name, kind), value in (given or {}).items():
-        j = robot.joint_index(name)
+    names = robot.joint_names
+    for (name, kind), value in sorted((given or {}).items(), key=lambda each: each[0][0] in names):
+        which = [names.index(each) for each in matching(name, names)] or [robot.joint_index(name)]
         if kind not in KINDS:
             raise ArmidError(
                 f"There is no limit of {kind!r}.", possible=", ".join(KINDS), remedy=did_you_mean(kind, KINDS)
@@ -127,9 +130,9 @@ def limits_of(
         if kind == "position":
             if not isinstance(value, tuple):
                 raise ArmidError(f"The position limit of {name} needs a lower and an upper number; found {value}.")
-            values["lower"][j], values["upper"][j] = value
+            values["lower"][which], values["upper"][which] = value
         else:
-            values[kind][j] = value
+            values[kind][which] = value
     limits = Limits(robot.joint_names, **values)
     bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
     without = [
@@ -140,11 +143,20 @@ def limits_of(
     if without:
         raise ArmidError(
             f"{robot.name} does not say how far or how fast these may move: {', '.join(without)}.",
-            remedy=f"give each, for instance --limit {without[0]}="
-            + ("-1.5:1.5" if without[0].endswith("position") else "1.0")
-            + ", in radians, metres and seconds.",
+            remedy=_examples(without, robot.n),
         )
     return limits
+
+
+def _examples(without: list[str], joints: int) -> str:
+    """Options that give limits which are missing; a pattern only where no joint has a limit of its own."""
+    said: list[str] = []
+    for kind, value in (("position", "-1.5:1.5"), ("velocity", "1.0")):
+        own = [name for name in without if name.endswith(f".{kind}")]
+        if own:
+            each = [f"'*.{kind}={value}'"] if len(own) == joints > 1 else [f"{name}={value}" for name in own]
+            said.append(f"--limit {','.join(each)}")
+    return f"give them, for instance {' '.join(said)}, in radians, metres and seconds."
 
 
 def _finite(values: Array) -> NDArray[np.intp]:

@@ -13,13 +13,13 @@ from armid.export.content import Source
 from armid.export.formats import mjcf
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
-from armid.robot.load import builtin_arms, load_robot
+from armid.robot.load import builtin_arms, held_of, load_robot
 from armid.robot.markup import root_tag
 from armid.robot.readers.xacro import expand
 from armid.study.again import find_again
 from armid.study.identify import read_recording
 from armid.study.run import Run
-from armid.study.study import RecordingChoice
+from armid.study.study import RecordingChoice, parse_robot
 
 __all__ = ["Unseen", "find_source", "unseen_recordings"]
 
@@ -48,10 +48,11 @@ def find_source(run: Run, description: Path | str | None = None) -> Source:
         OutputError: It is not there any more, or has changed.
     """
     study = _record(run)
-    choice: Mapping[str, Any] = study["robot"]
-    name, locked = str(choice["description"]), _held(choice["locked"])
+    choice = parse_robot(study["robot"])
+    name = choice.description
+    selected: dict[str, Any] = {"lock": choice.lock, "only": choice.only, "tip": choice.tip}
     if name in builtin_arms():
-        return Source(name, "dh", b"", locked)
+        return Source(name, "dh", b"", held_of(name, **selected))
     places = [Path(description)] if description is not None else []
     places += [_from_here(study) / name, Path(run.robot.source)] if description is None else []
     path = next((place for place in places if place.is_file()), None)
@@ -60,14 +61,14 @@ def find_source(run: Run, description: Path | str | None = None) -> Source:
             f"The description {places[0]} that the run was made from is not there any more.",
             remedy="say where it is with --description FILE.",
         )
-    found = load_robot(path, gravity=choice["gravity"], locked=locked, tip=choice["tip"])
+    found = load_robot(path, gravity=choice.gravity, **selected)
     if found.sha256 != run.robot.sha256:
         raise OutputError(
             f"{path} is not the description that the run was made from: it has changed (sha256 "
             f"{found.sha256[:12]}…, then {run.robot.sha256[:12]}…).",
             remedy="say where the same text is with --description FILE, or identify again.",
         )
-    return _read(path, locked)
+    return _read(path, held_of(path, **selected))
 
 
 def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
@@ -122,13 +123,6 @@ def _read(path: Path, locked: Mapping[str, float]) -> Source:
     whole, files = mjcf.whole(path, data)
     included = (Finding("includes-inlined", "info", "", "files that it includes were put in place"),)
     return Source(str(path), "mjcf", whole, locked, files, included if whole != data else ())
-
-
-def _held(locked: Any) -> dict[str, float]:
-    """Locked joints with their positions."""
-    if isinstance(locked, Mapping):
-        return {str(name): float(value) for name, value in locked.items()}
-    return {str(name): 0.0 for name in locked}
 
 
 def _record(run: Run) -> dict[str, Any]:

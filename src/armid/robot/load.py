@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -11,11 +11,14 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from armid.errors import RobotError
-from armid.robot.readers import READERS, Reader
+from armid.robot.outline import held_joints
+from armid.robot.readers import READERS, Reader, urdf, xacro
 from armid.robot.robot import Robot
 from armid.robot.rounding import rounded
 
-__all__ = ["builtin_arms", "load_robot"]
+__all__ = ["builtin_arms", "held_of", "load_robot"]
+
+Locked = Mapping[str, float] | Iterable[str]
 
 ARMS = Path(__file__).parent / "arms"
 
@@ -29,8 +32,10 @@ def load_robot(
     description: str | Path,
     *,
     gravity: ArrayLike | None = None,
-    locked: Mapping[str, float] | Iterable[str] = (),
+    lock: Locked = (),
+    only: str | Sequence[str] = (),
     tip: str | None = None,
+    locked: Locked | None = None,
 ) -> Robot:
     """The robot of a description.
 
@@ -40,26 +45,62 @@ def load_robot(
     Args:
         description: Name of a built-in arm, or path to a URDF, xacro, MJCF or DH table in TOML.
         gravity: Acceleration of gravity in the base frame (3,) [m/s²]; what the description says if left out.
-        locked: Joints held still: names, or names with positions [rad or m].
-        tip: Name of the frame that stands for the tool flange; found if left out.
+        lock: Joints held still: names or `"name=position"` [rad or m], or positions by name; zero, or within the
+            limits what is nearest to it, where none is given. Names may be patterns such as `leg_*`. Joints that
+            follow another one (mimic) are held by themselves, and a finding says so.
+        only: Names or patterns of the joints that move; all others are held still.
+        tip: Name of the frame that stands for the tool flange: the joints between the base and it move, all others
+            are held still. Found if left out, and nothing is held for it.
+        locked: Former name of `lock`.
 
     Raises:
-        RobotError: No such arm or file, or one that cannot be read; the message says what is possible.
+        RobotError: No such arm or file, or one that cannot be read, or a pattern that fits no joint; the message says
+            what is possible.
         MissingExtraError: A format whose package is not installed.
     """
-    held = {locked: 0.0} if isinstance(locked, str) else _values(locked)
-    text, source, reader = _find(description)
-    robot = reader.read(text, source=source, locked=held, tip=tip)
-    robot = replace(robot, sha256=robot.sha256 or hashlib.sha256(text.encode()).hexdigest())
-    robot, _ = rounded(robot)
-    robot = robot.lock({name: value for name, value in held.items() if name in robot.joint_names})
+    text, source, reader = _expanded(description)
+    asked = _values(lock if locked is None else locked)
+    held = held_joints(reader.outline(text, source=source), source, asked, _names(only), tip)
+    robot = reader.read(text, source=source, locked=held.at, tip=tip)
+    sha256 = robot.sha256 or hashlib.sha256(text.encode()).hexdigest()
+    robot, _ = rounded(replace(robot, sha256=sha256, findings=(*robot.findings, *held.findings)))
+    robot = robot.lock({name: value for name, value in held.at.items() if name in robot.joint_names})
     return robot if gravity is None else robot.with_gravity(gravity)
 
 
-def _values(locked: Mapping[str, float] | Iterable[str]) -> dict[str, float]:
-    if isinstance(locked, Mapping):
-        return {name: float(value) for name, value in locked.items()}
-    return dict.fromkeys(locked, 0.0)
+def held_of(
+    description: str | Path, *, lock: Locked = (), only: str | Sequence[str] = (), tip: str | None = None
+) -> dict[str, float]:
+    """Positions [rad or m] of all joints that `load_robot` holds still, by name; arguments as there."""
+    text, source, reader = _expanded(description)
+    outline = reader.outline(text, source=source)
+    return dict(held_joints(outline, source, _values(lock), _names(only), tip).at)
+
+
+def _values(lock: Locked) -> dict[str, float | None]:
+    """Positions by name or pattern; `None` where none is given."""
+    if isinstance(lock, Mapping):
+        return {name: float(value) for name, value in lock.items()}
+    values: dict[str, float | None] = {}
+    for each in _names(lock):
+        name, equals, value = each.partition("=")
+        try:
+            values[name] = float(value) if equals else None
+        except ValueError:
+            raise RobotError(
+                f"--lock {each}: {value!r} is no number.", remedy="write --lock JOINT or --lock JOINT=VALUE."
+            ) from None
+    return values
+
+
+def _names(given: str | Iterable[str]) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def _expanded(description: str | Path) -> tuple[str, str, Reader]:
+    """Text, source and reader of a description, a xacro as the URDF that it stands for."""
+    text, source, reader = _find(description)
+    return (xacro.expand(text, source), source, urdf) if reader is xacro else (text, source, reader)
 
 
 def _find(description: str | Path) -> tuple[str, str, Reader]:

@@ -10,7 +10,7 @@ from xml.parsers import expat
 
 from armid.errors import RobotError
 
-__all__ = ["check_locked", "identity_only", "numbers", "parse_xml", "root_tag"]
+__all__ = ["check_locked", "floating", "identity_only", "numbers", "parse_xml", "root_tag"]
 
 
 def parse_xml(text: str, source: str) -> ET.Element:
@@ -108,3 +108,12 @@ def identity_only(name: str, kind: str, value: float) -> None:
             f"Joint {name!r} is {kind}; it can be locked at its zero pose only, not at {value}.",
             remedy=f"lock {name!r} without a value, or make it a fixed joint with the pose you need.",
         )
+
+
+def floating(source: str, name: str, kind: str, possible: str) -> RobotError:
+    """The error for a joint of several degrees of freedom that is not locked, such as a floating base."""
+    return RobotError(
+        f"{source}: joint {name!r} is of kind {kind!r}.",
+        possible=possible,
+        remedy=f"lock {name!r} (--lock {name}), which fixes what it carries; --tip LINK chooses one arm.",
+    )

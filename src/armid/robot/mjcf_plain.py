@@ -18,15 +18,15 @@ import numpy as np
 
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, rotation_x, rotation_y, rotation_z
-from armid.robot.markup import identity_only, numbers, parse_xml
+from armid.robot.markup import floating, identity_only, numbers, parse_xml
+from armid.robot.mjcf_outline import check_equalities, joints_of
 from armid.robot.pinocchio_model import Limits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
 from armid.values import Array
 
-__all__ = ["Plain", "flatten", "joint_names", "plain_mjcf"]
+__all__ = ["Plain", "flatten", "plain_mjcf"]
 
 REFUSED_ELEMENTS = ("frame", "replicate", "composite", "flexcomp", "attach")
-LOOPS = ("connect", "weld", "tendon", "flex", "flexvert", "flexstrain")
 IGNORED_COMPILER = ("boundmass", "boundinertia", "balanceinertia", "settotalmass")
 ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
 PRIMITIVES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
@@ -91,7 +91,7 @@ def flatten(root: ET.Element, source: str) -> ET.Element:
     for body in root.iter("body"):
         name = body.get("name") or f"body_{next(unnamed)}"
         body.set("name", name)
-        for k, joint in enumerate(_joints(body)):
+        for k, joint in enumerate(joints_of(body)):
             joint.set("name", joint.get("name") or f"{name}_joint_{k}")
     return root
 
@@ -113,7 +113,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
                 f"{source} uses <{element.tag}>, which armid does not read.",
                 remedy="let MuJoCo compile the file, save it (mj_saveLastXML) and give the result.",
             )
-    _check_equalities(root, source, locked)
+    check_equalities(root, source, locked)
     writer = _Writer(root, source, locked)
     plain = ET.Element("mujoco", model=root.get("model") or "robot")
     ET.SubElement(plain, "compiler", angle="radian")
@@ -134,41 +134,6 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
             writer.findings.append(finding)
     text = ET.tostring(plain, encoding="unicode")
     return Plain(text, limits, gravity, tuple(writer.findings), tuple(writer.geoms), tuple(writer.sites))
-
-
-def joint_names(root: ET.Element) -> list[str]:
-    """Names of all joints of a flattened document."""
-    return [
-        joint.get("name", "")
-        for worldbody in root.findall("worldbody")
-        for body in worldbody.iter("body")
-        for joint in _joints(body)
-    ]
-
-
-def _joints(body: ET.Element) -> list[ET.Element]:
-    """The joints of one body."""
-    return [element for element in body if element.tag in ("joint", "freejoint")]
-
-
-def _check_equalities(root: ET.Element, source: str, locked: Mapping[str, float]) -> None:
-    """Refuse what closes loops or ties joints to each other, unless the tied joint is locked."""
-    for constraint in (c for section in root.findall("equality") for c in section):
-        if constraint.get("active") == "false":
-            continue
-        if constraint.tag in LOOPS:
-            raise RobotError(
-                f"{source} has an equality of kind {constraint.tag!r}, which closes a loop or couples joints.",
-                possible="open chains and trees",
-                remedy='remove it, or give it active="false".',
-            )
-        follower = constraint.get("joint1")
-        if constraint.tag == "joint" and follower not in locked:
-            leader = constraint.get("joint2")
-            raise RobotError(
-                f"{source}: joint {follower!r} is of kind mimic: an equality ties it to {leader!r}.",
-                remedy=f"lock {follower!r}, or remove the equality.",
-            )
 
 
 @dataclass(slots=True)
@@ -233,7 +198,7 @@ class _Writer:
             raise RobotError(f"{self.source} has two bodies named {name!r}.", remedy="give each its own name.")
         self.bodies.add(name)
         joints = [
-            plain for joint in _joints(body) if (plain := self._joint(self.resolved(joint, childclass))) is not None
+            plain for joint in joints_of(body) if (plain := self._joint(self.resolved(joint, childclass))) is not None
         ]
         outer = inner = ET.Element("body", self._pose(body, f"body {name!r}"))
         for joint in joints[:-1]:
@@ -291,11 +256,7 @@ class _Writer:
             if name in self.locked:
                 identity_only(name, kind, self.locked[name])
                 return None
-            raise RobotError(
-                f"{self.source}: joint {name!r} is of kind {kind!r}.",
-                possible="hinge, slide",
-                remedy=f"lock {name!r}, or replace it by joints of these kinds.",
-            )
+            raise floating(self.source, name, kind, "hinge, slide")
         where, turns = f"joint {name!r}", kind == "hinge"
         if not any(numbers(joint, "axis", 3, self.source, where) or [1.0]):
             raise RobotError(f"{self.source}: {where} has an axis of zero length.", remedy="give its direction.")

@@ -93,7 +93,7 @@ def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
         None,
         options["clearance"] if options["collision"] or surroundings else None,
         surroundings,
-        _workspace(options["tip"]),
+        _workspace(options["tip_box"]),
         None if options["envelope"] is None else motion_of_file(options["envelope"], robot),
         not options["envelope_of_arm"],
     )
@@ -281,13 +281,13 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
 
 
 def _limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
-    """`JOINT.KIND=VALUE`, and `JOINT.position=LOW:HIGH`.
+    """`JOINT.KIND=VALUE`, and `JOINT.position=LOW:HIGH`; several with commas between.
 
     Raises:
         ArmidError: Something else.
     """
     result: dict[tuple[str, str], Limit] = {}
-    for text in given:
+    for text in (part.strip() for each in given for part in each.split(",")):
         name, equals, value = text.partition("=")
         joint, dot, kind = name.rpartition(".")
         low, colon, high = value.partition(":")
@@ -312,12 +312,12 @@ def _surroundings(options: Mapping[str, Any], robot: Robot) -> tuple[Shape, ...]
 
 def _workspace(text: str | None) -> Workspace | None:
     """The box for the tip."""
-    corners = numbers(text, "--tip", 6)
+    corners = numbers(text, "--tip-box", 6)
     if corners is None:
         return None
     low, high = corners[:3], corners[3:]
     if not (low < high).all():
         raise ArmidError(
-            f"--tip {text}: the box is empty.", remedy="give its low corner and then its high one, in metres."
+            f"--tip-box {text}: the box is empty.", remedy="give its low corner and then its high one, in metres."
         )
     return box_workspace(low.tolist(), high.tolist())

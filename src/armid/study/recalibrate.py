@@ -20,7 +20,7 @@ from armid.study.beside import Beside, beside_run, link_columns
 from armid.study.identify import Result, read_recording, score_recordings
 from armid.study.plausibility import few_blocks_finding, negative_finding
 from armid.study.run import Run
-from armid.study.study import EstimationChoice, RecordingChoice, RobotChoice, Study, resolve_model
+from armid.study.study import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.threads import one_blas_thread
 from armid.validation.predict import Score, validate
 from armid.values import digest, sha256_of_file
@@ -147,7 +147,7 @@ def _study(run: Run) -> Study:
     try:
         kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         return Study(
-            RobotChoice(**kept["robot"]),
+            parse_robot(kept["robot"]),
             resolve_model(run.model),
             (RecordingChoice(run.folder),),
             run.processing,

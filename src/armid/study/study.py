@@ -62,23 +62,27 @@ class RobotChoice:
     Attributes:
         description: Name of a built-in arm or path to a URDF, xacro, MJCF or DH table.
         gravity: Acceleration of gravity in the base frame [m/s²]; the description's where not given.
-        locked: Joints held still, at 0 where only names are given.
-        tip: Frame that stands for the tool flange.
+        lock: Joints held still: names or patterns, `"name=position"`, or a table of positions; at 0, or next to it
+            within the limits, where no position is given.
+        tip: Frame that stands for the tool flange; the joints between the base and it move, others are held still.
+        only: Names or patterns of the joints that move; all others are held still.
     """
 
     description: str
     gravity: tuple[float, float, float] | None = None
-    locked: Mapping[str, float] | Sequence[str] = ()
+    lock: Mapping[str, float] | Sequence[str] = ()
     tip: str | None = None
+    only: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        gravity, locked = self.gravity, self.locked
+        gravity, lock = self.gravity, self.lock
         _require(_are_texts([self.description]), "description", "text", self.description)
         _require(self.tip is None or _are_texts([self.tip]), "tip", "text", self.tip)
         _require(gravity is None or _are_numbers(gravity, 3), "gravity", "three numbers", gravity)
-        names, values = (list(locked), list(locked.values())) if isinstance(locked, Mapping) else (locked, [])
+        names, values = (list(lock), list(lock.values())) if isinstance(lock, Mapping) else (lock, [])
         good = _are_texts(names) and _are_numbers(values, len(values))
-        _require(good, "locked", "a list of names, or { name = value }", locked)
+        _require(good, "lock", "a list of names, or { name = value }", lock)
+        _require(_are_texts(self.only), "only", "a list of names", self.only)
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +223,7 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
         )
     model = _model_choice(table.get("model", {}))
     return Study(
-        _make(RobotChoice, table["robot"], "[robot]"),
+        parse_robot(table["robot"]),
         model,
         tuple(_recording_choice(each) for each in recordings),
         _make(Processing, table.get("processing", {}), "[processing]"),
@@ -231,7 +235,14 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
 def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
     """The arm that a study or a command line names; a description that is a file is looked for in `folder`."""
     name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
-    return load_robot(name, gravity=choice.gravity, locked=choice.locked, tip=choice.tip)
+    return load_robot(name, gravity=choice.gravity, lock=choice.lock, only=choice.only, tip=choice.tip)
+
+
+def parse_robot(table: Any) -> RobotChoice:
+    """The arm of a `[robot]` table; `locked` is the former name of `lock`."""
+    if isinstance(table, Mapping) and "locked" in table and "lock" not in table:
+        table = {"lock" if key == "locked" else key: value for key, value in table.items()}
+    return _make(RobotChoice, table, "[robot]")
 
 
 def default_estimation(model: ModelChoice) -> EstimationChoice:

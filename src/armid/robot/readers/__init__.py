@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from armid.robot.outline import Outline
 from armid.robot.readers import dh, mjcf, urdf, xacro
 from armid.robot.robot import Robot
 
@@ -28,6 +29,11 @@ class Reader(Protocol):
 
         Joints named in `locked` that have one degree of freedom stay joints of the result; others are made fixed.
         """
+        ...
+
+    @staticmethod
+    def outline(text: str, *, source: str) -> Outline:
+        """All its joints, those of several degrees of freedom and those that follow others among them."""
         ...
 
 

@@ -64,11 +64,12 @@ import numpy as np
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotation
 from armid.robot.markup import check_locked
+from armid.robot.outline import Named, Outline
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
 from armid.robot.shapes import Shape, capsule_between
 from armid.values import Array
 
-__all__ = ["SUFFIXES", "read", "recognises"]
+__all__ = ["SUFFIXES", "outline", "read", "recognises"]
 
 SUFFIXES: tuple[str, ...] = (".toml",)
 
@@ -142,6 +143,20 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         findings=tuple(findings),
         shapes=tuple(shapes),
     )
+
+
+def outline(text: str, *, source: str) -> Outline:
+    """Joints of a DH table, each carried by the one before.
+
+    Raises:
+        RobotError: Not such a table.
+    """
+    robot = read(text, source=source, locked={}, tip=None)
+    joints = (
+        Named(j.name, j.parent, True, float(j.position_limits[0]), float(j.position_limits[1])) for j in robot.joints
+    )
+    frames = {robot.tip.name: robot.tip.parent, **{link.name: k for k, link in enumerate(robot.links)}}
+    return Outline(tuple(joints), frames)
 
 
 def _tip(own: Frame, links: list[Link], name: str | None, source: str) -> Frame:

@@ -15,12 +15,14 @@ from pathlib import Path
 
 from armid.errors import RobotError
 from armid.robot.markup import check_locked, parse_xml, root_tag
-from armid.robot.mjcf_plain import flatten, joint_names, plain_mjcf
+from armid.robot.mjcf_outline import joint_names, outline_of
+from armid.robot.mjcf_plain import flatten, plain_mjcf
 from armid.robot.mjcf_shapes import add_sites, carriers_of, shapes_of_mjcf
+from armid.robot.outline import Outline
 from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 
-__all__ = ["SUFFIXES", "read", "recognises"]
+__all__ = ["SUFFIXES", "outline", "read", "recognises"]
 
 SUFFIXES: tuple[str, ...] = (".mjcf", ".xml")
 
@@ -43,12 +45,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     Raises:
         RobotError: Not an MJCF, or not a tree of joints with one degree of freedom.
     """
-    root = parse_xml(text, source)
-    if root.tag != "mujoco":
-        raise RobotError(
-            f"{source} is not an MJCF: its root is <{root.tag}>, not <mujoco>.",
-            remedy="give a robot description, or the file the ending of its format.",
-        )
+    root = _root(text, source)
     included = root.find(".//include") is not None
     root = flatten(root, source)
     check_locked(locked, joint_names(root), source)
@@ -77,3 +74,26 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     if not included:
         return robot
     return replace(robot, sha256=hashlib.sha256(ET.tostring(root)).hexdigest())
+
+
+def outline(text: str, *, source: str) -> Outline:
+    """Joints of an MJCF text, and the joint that moves each body and site.
+
+    Raises:
+        RobotError: Not an MJCF, or something that has no plain form.
+    """
+    root = flatten(_root(text, source), source)
+    plain = plain_mjcf(root, source, dict.fromkeys(joint_names(root), 0.0))
+    drawn = {joint.get("name", ""): float(joint.get("ref", "0")) for joint in ET.fromstring(plain.text).iter("joint")}
+    return outline_of(root, source, plain.limits, drawn)
+
+
+def _root(text: str, source: str) -> ET.Element:
+    """The document of an MJCF."""
+    root = parse_xml(text, source)
+    if root.tag != "mujoco":
+        raise RobotError(
+            f"{source} is not an MJCF: its root is <{root.tag}>, not <mujoco>.",
+            remedy="give a robot description, or the file the ending of its format.",
+        )
+    return root

@@ -7,17 +7,20 @@ reports others without saying where. Fixed joints are merged into the link that 
 from __future__ import annotations
 
 import copy
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 from armid.errors import Finding, RobotError
-from armid.robot.markup import check_locked, identity_only, numbers, parse_xml, root_tag
+from armid.robot.markup import check_locked, floating, identity_only, numbers, parse_xml, root_tag
+from armid.robot.outline import Follows, Named, Outline
 from armid.robot.pinocchio_model import Limits, build, limits_of, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.urdf_shapes import shapes_of_urdf
 
-__all__ = ["SUFFIXES", "read", "recognises"]
+__all__ = ["SUFFIXES", "outline", "read", "recognises"]
 
 SUFFIXES: tuple[str, ...] = (".urdf", ".xml")
 
@@ -43,12 +46,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     Raises:
         RobotError: Not a URDF, or not a tree of joints with one degree of freedom.
     """
-    root = parse_xml(text, source)
-    if root.tag != "robot":
-        raise RobotError(
-            f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.",
-            remedy="give a robot description, or the file the ending of its format.",
-        )
+    root = _root(text, source)
     if any("ros.org/wiki/xacro" in element.tag for element in root.iter()):
         raise RobotError(
             f"{source} holds unexpanded xacro.", remedy="give the file the ending .xacro, or expand it with xacro."
@@ -63,13 +61,14 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         if finding is not None:
             findings.append(finding)
     bare = copy.deepcopy(root)
+    bare.set("name", root.get("name") or Path(source).stem)  # urdfdom wants one
     for link in bare.iter("link"):
         for drawn in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(drawn)
 
     robot = robot_from_model(
         build(lambda: pinocchio().buildModelFromXML(ET.tostring(bare, encoding="unicode")), source),
-        name=root.get("name") or "robot",
+        name=bare.get("name", ""),
         limits=limits,
         source=source,
         locked=locked,
@@ -79,6 +78,72 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     shapes, missing = shapes_of_urdf(root, robot, locked, source)
     visuals, left_out = shapes_of_urdf(root, robot, locked, source, "visual")
     return replace(robot, shapes=shapes, visuals=visuals, findings=(*robot.findings, *missing, *left_out))
+
+
+def outline(text: str, *, source: str) -> Outline:
+    """Joints of a URDF text that are not fixed, and the joint that moves each link.
+
+    Raises:
+        RobotError: Not a URDF, or limits that are no numbers.
+    """
+    root = _root(text, source)
+    moving = [joint for joint in _joints(root) if joint.get("type") != "fixed"]
+    index = {joint.get("name", ""): k for k, joint in enumerate(moving)}
+    above = {_link_of(joint, "child"): joint for joint in _joints(root)}
+
+    def mover(link: str) -> int:
+        passed = set[str]()
+        while link in above and link not in passed:
+            passed.add(link)
+            joint = above[link]
+            if joint.get("type") != "fixed":
+                return index[joint.get("name", "")]
+            link = _link_of(joint, "parent")
+        return -1
+
+    frames = {link.get("name", ""): mover(link.get("name", "")) for link in root.findall("link")}
+    fixed = {joint.get("name", ""): mover(_link_of(joint, "child")) for joint in _joints(root)}
+    named = tuple(_named(joint, mover(_link_of(joint, "parent")), source) for joint in moving)
+    return Outline(named, {**{name: k for name, k in fixed.items() if name not in index}, **frames})
+
+
+def _root(text: str, source: str) -> ET.Element:
+    """The document of a URDF."""
+    root = parse_xml(text, source)
+    if root.tag != "robot":
+        raise RobotError(
+            f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.",
+            remedy="give a robot description, or the file the ending of its format.",
+        )
+    return root
+
+
+def _link_of(joint: ET.Element, role: str) -> str:
+    """Name of the `parent` or `child` link of a joint."""
+    element = joint.find(role)
+    return "" if element is None else element.get("link", "")
+
+
+def _named(joint: ET.Element, parent: int, source: str) -> Named:
+    """A joint that is not fixed, with what it follows."""
+    name, kind = joint.get("name", ""), joint.get("type", "")
+    limit, mimic = joint.find("limit"), joint.find("mimic")
+    follows = None
+    if mimic is not None:
+        where = f"the mimic of joint {name!r}"
+        factors = [(numbers(mimic, key, 1, source, where) or [usual])[0] for key, usual in MIMIC.items()]
+        follows = Follows(mimic.get("joint", ""), tuple(factors))
+    lower, upper = -math.inf, math.inf
+    if limit is not None and kind != "continuous":
+        where = f"the limit of joint {name!r}"
+        lower, upper = ((numbers(limit, key, 1, source, where) or [0.0])[0] for key in ("lower", "upper"))
+    if lower == upper:
+        lower, upper = -math.inf, math.inf  # a placeholder
+    return Named(name, parent, kind in ONE_DEGREE, lower, upper, follows)
+
+
+MIMIC = {"offset": 0.0, "multiplier": 1.0}
+"""Attributes of <mimic> and their defaults, lowest power of the leader's position first."""
 
 
 def _joints(root: ET.Element) -> list[ET.Element]:
@@ -96,11 +161,7 @@ def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tup
     if kind == "fixed":
         return Limits(), None
     if kind not in ONE_DEGREE:
-        raise RobotError(
-            f"{source}: joint {name!r} is of kind {kind!r}.",
-            possible=", ".join((*ONE_DEGREE, "fixed")),
-            remedy=f"lock {name!r}, or replace it by joints of these kinds.",
-        )
+        raise floating(source, name, kind, ", ".join((*ONE_DEGREE, "fixed")))
     _check_mimic(joint, locked, source)
     axis = joint.find("axis")
     if axis is not None and not any(numbers(axis, "xyz", 3, source, f"the axis of joint {name!r}") or [1.0]):

@@ -13,10 +13,11 @@ from xml.parsers.expat import ExpatError
 
 from armid.errors import MissingExtraError, RobotError
 from armid.robot.markup import parse_xml, root_tag
+from armid.robot.outline import Outline
 from armid.robot.readers import urdf
 from armid.robot.robot import Robot
 
-__all__ = ["SUFFIXES", "expand", "read", "recognises"]
+__all__ = ["SUFFIXES", "expand", "outline", "read", "recognises"]
 
 SUFFIXES: tuple[str, ...] = (".xacro",)
 
@@ -42,6 +43,16 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     expanded = expand(text, source)
     robot = urdf.read(expanded, source=source, locked=locked, tip=tip)
     return replace(robot, sha256=hashlib.sha256(expanded.encode()).hexdigest())
+
+
+def outline(text: str, *, source: str) -> Outline:
+    """Joints of the expanded text.
+
+    Raises:
+        MissingExtraError: xacrodoc is not installed.
+        RobotError: It cannot be expanded, or is no robot once expanded.
+    """
+    return urdf.outline(expand(text, source), source=source)
 
 
 def expand(text: str, source: str) -> str:

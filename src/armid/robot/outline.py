@@ -1,0 +1,208 @@
+"""Joints of a description before any is held, and which of them are to be held where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+from armid.errors import Finding, RobotError, did_you_mean
+
+__all__ = ["Follows", "Held", "Named", "Outline", "held_joints", "matching"]
+
+
+@dataclass(frozen=True, slots=True)
+class Follows:
+    """What a joint does that another one leads.
+
+    Attributes:
+        leader: Name of the other joint; empty where the joint is tied to a constant.
+        factors: Coefficients of the polynomial in the leader's position, lowest first.
+    """
+
+    leader: str
+    factors: tuple[float, ...]
+
+    def at(self, position: float) -> float:
+        """Position of the follower [rad or m] where the leader is."""
+        return float(sum(c * position**k for k, c in enumerate(self.factors)))
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A joint of a description that is not fixed.
+
+    Attributes:
+        name: Its name.
+        parent: Index of the joint that carries it; -1 for the base.
+        is_simple: Whether it has one degree of freedom.
+        lower: Lowest position [rad or m].
+        upper: Highest position [rad or m].
+        follows: What leads it; `None` where it is free.
+    """
+
+    name: str
+    parent: int
+    is_simple: bool = True
+    lower: float = -math.inf
+    upper: float = math.inf
+    follows: Follows | None = None
+
+    @property
+    def rest(self) -> float:
+        """Zero, or the position within the limits that is nearest to it [rad or m]."""
+        if not self.is_simple or self.lower > self.upper:
+            return 0.0
+        return min(max(0.0, self.lower), self.upper)
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """All joints of a description, parents before children, and what its frames hang on.
+
+    Attributes:
+        joints: The joints that are not fixed.
+        frames: Index of the joint that moves a link, body or site; -1 for none.
+    """
+
+    joints: tuple[Named, ...]
+    frames: Mapping[str, int] = field(default_factory=dict[str, int])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    def chain(self, frame: str) -> set[str]:
+        """Joints between the base and a frame."""
+        found, k = set[str](), self.frames[frame]
+        while k >= 0 and self.joints[k].name not in found:
+            found.add(self.joints[k].name)
+            k = self.joints[k].parent
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Joints that are held still.
+
+    Attributes:
+        at: Their positions [rad or m], by name.
+        findings: What was held without its name having been given.
+    """
+
+    at: Mapping[str, float]
+    findings: tuple[Finding, ...] = ()
+
+
+def matching(pattern: str, names: Iterable[str]) -> list[str]:
+    """The name itself where it is among the names, else those that a pattern (`*`, `?`, `[…]`) fits."""
+    names = list(names)
+    return [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
+
+
+def held_joints(
+    outline: Outline, source: str, lock: Mapping[str, float | None], only: Sequence[str], tip: str | None
+) -> Held:
+    """Joints to be held still, so that an arm is left whose joints are free of each other.
+
+    Args:
+        outline: The description's joints.
+        source: Its path, for messages.
+        lock: Positions [rad or m] by name or pattern (`*`, `?`, `[…]`); `None` is zero, or within the limits what is
+            nearest to it. A name goes before a pattern, a later pattern before an earlier one.
+        only: Names and patterns of the joints that move; all where none is given.
+        tip: The joints between the base and this frame move; all where it is left out.
+
+    Raises:
+        RobotError: A name or pattern that fits no joint, a frame that is not there, or no joint that is left.
+    """
+    if tip is not None and tip not in outline.frames:
+        raise RobotError(
+            f"{source} has no frame {tip!r} for the tip.",
+            possible=", ".join(outline.frames),
+            remedy=did_you_mean(tip, outline.frames) or "give the name of a link.",
+        )
+    at: dict[str, float] = {}
+    for pattern in sorted(lock, key=lambda each: each in outline.names):
+        value = lock[pattern]
+        for joint in _fitting(outline, pattern, source, "to lock"):
+            at[joint.name] = joint.rest if value is None else value
+    moving = set(outline.names) if tip is None else outline.chain(tip)
+    if only:
+        moving &= {joint.name for pattern in only for joint in _fitting(outline, pattern, source, "to move")}
+    others = [joint for joint in outline.joints if joint.name not in moving and joint.name not in at]
+    # What carries the base of an arm that was chosen by its tip, such as a floating joint, is held as well.
+    floating = [each for each in outline.joints if tip is not None and not each.is_simple and each.name in moving]
+    floating = [each for each in floating if each.name not in at]
+    chosen = [*others, *floating]
+    free = [joint for joint in chosen if joint.follows is None]
+    at |= {joint.name: joint.rest for joint in free}
+    led, findings = _followers(outline, at)
+    at |= led
+    if not set(outline.names) - set(at) and outline.joints:
+        raise RobotError(
+            f"{source}: of its {len(outline.joints)} joints none is left that moves.",
+            possible=", ".join(outline.names),
+            remedy="choose otherwise with --only, --tip or --lock; joints that follow others are held in any case.",
+        )
+    if free:
+        findings = (_said(free, outline), *findings)
+    return Held(at, findings)
+
+
+def _fitting(outline: Outline, pattern: str, source: str, purpose: str) -> list[Named]:
+    """Joints of a name, else those that a pattern fits."""
+    found = matching(pattern, outline.names)
+    if found:
+        return [joint for joint in outline.joints if joint.name in found]
+    is_pattern = any(sign in pattern for sign in "*?[")
+    raise RobotError(
+        f"{source} has no joint {'that fits ' if is_pattern else ''}{pattern!r} {purpose}.",
+        possible=", ".join(outline.names),
+        remedy=did_you_mean(pattern, outline.names) or "name joints as the description does; * is any text.",
+    )
+
+
+def _followers(outline: Outline, at: Mapping[str, float]) -> tuple[dict[str, float], tuple[Finding, ...]]:
+    """Positions of the joints that others lead, and what to say of it."""
+    by_name = {joint.name: joint for joint in outline.joints}
+
+    def position(name: str, seen: tuple[str, ...] = ()) -> float:
+        joint = by_name.get(name)
+        if joint is None or name in seen:
+            return 0.0
+        if name in at or joint.follows is None:
+            return at.get(name, joint.rest)
+        return joint.follows.at(position(joint.follows.leader, (*seen, name)))
+
+    def leads(name: str, seen: tuple[str, ...] = ()) -> str:
+        """The free joint at the beginning of a row of followers; empty where all of it is held."""
+        joint = by_name.get(name)
+        if joint is None or name in at or name in seen:
+            return ""
+        return name if joint.follows is None else leads(joint.follows.leader, (*seen, name))
+
+    led = {joint.name: position(joint.name) for joint in outline.joints if joint.follows and joint.name not in at}
+    moved: dict[str, list[str]] = {}
+    for name in led:
+        moved.setdefault(leads(name), []).append(name)
+    findings: list[Finding] = []
+    for leader, names in moved.items():
+        where = ", ".join(f"{name} at {led[name]:.4g}" for name in names)
+        if leader:
+            what = f"joints that follow {leader} are held still: {where}; that {leader} moves them is not modelled"
+            advice = f"lock {leader}, too, if it does not move in the recordings"
+            findings.append(Finding("joint-follows", "info", leader, what, advice))
+        else:
+            what = f"joints that follow joints which are held are held with them: {where}"
+            findings.append(Finding("joint-follows", "info", "", what))
+    return led, tuple(findings)
+
+
+def _said(free: Iterable[Named], outline: Outline) -> Finding:
+    """Joints that were held because others were chosen to move."""
+    names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in free]
+    what = f"{len(names)} of {len(outline.joints)} joints are held still, at zero where nothing else is said: "
+    return Finding("joints-held", "info", "", what + ", ".join(names))
