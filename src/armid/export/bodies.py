@@ -1,7 +1,8 @@
 """Where a link's identified inertia goes, when the description has several bodies for it.
 
 Fixed and locked joints are no freedom of the arm, so that what they carry is one link of it. In the file the bodies
-are still apart: those carried keep what the description says, and the one that carries them takes the rest.
+are still apart: those carried keep what the description says, and the one that carries them takes the rest. What the
+description gives a mass and no extent, as sensors and tools often are, has none in the file either.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from armid.maths.spatial import homogeneous
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array
 
-__all__ = ["carried_by", "is_possible", "placed", "share_out"]
+__all__ = ["carried_by", "is_possible", "is_thin", "placed", "share_out"]
 
 POSSIBLE = 1e-10
 """Smallest eigenvalue of a pseudo-inertia over its largest that a body needs: more than programs lose in reading."""
@@ -75,6 +76,7 @@ def share_out(
         carried = [_moved(body, body.nominal) for body in heavy if body.nominal is not None]
         factor, found = _fitting(link, carried, carrier.name, [body.name for body in heavy])
         findings += found
+        findings += _thin(heavy, factor)
         rest = link.vector - sum((factor * each.vector for each in carried), np.zeros(10))
         changed[carrier.name] = _seen_from_body(carrier, InertialParameters.from_vector(rest))
         if factor != 1.0:
@@ -110,6 +112,24 @@ def is_possible(body: InertialParameters) -> bool:
     """Whether a distribution of positive mass has these parameters, with some room for rounding."""
     eigenvalues = np.linalg.eigvalsh(body.pseudo_inertia)
     return bool(eigenvalues[0] > POSSIBLE * eigenvalues[-1])
+
+
+def is_thin(body: Body, written: InertialParameters) -> bool:
+    """Whether a body has no extent in the description, as a mass without inertia, and is written so or scaled."""
+    nominal = body.nominal
+    if nominal is None or nominal.mass <= 0.0 or is_possible(nominal) or not nominal.is_consistent():
+        return False
+    alike = written.mass / nominal.mass * nominal.vector
+    return bool(np.abs(written.vector - alike).max() <= 1e-12 * np.abs(alike).max())
+
+
+def _thin(heavy: Sequence[Body], factor: float) -> list[Finding]:
+    """A word on carried bodies that have a mass and no extent."""
+    names = [body.name for body in heavy if body.nominal is not None and is_thin(body, body.nominal)]
+    if not names or factor != 1.0:
+        return []
+    what = f"{', '.join(names)}: no inertia in the description, and nothing was identified of them alone"
+    return [Finding("links-as-described", "info", names[0] if len(names) == 1 else "", f"{what}; left as they are")]
 
 
 def _carrier(own: Sequence[Body]) -> Body:

@@ -12,7 +12,7 @@ import numpy as np
 
 from armid.codegen import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
-from armid.export.bodies import carried_by, is_possible, share_out
+from armid.export.bodies import carried_by, is_possible, is_thin, share_out
 from armid.export.check import Prediction, places_of, verify, without_place
 from armid.export.content import Body, Content, Source
 from armid.export.formats import EXPORTERS, Exporter
@@ -95,13 +95,9 @@ def export_run(
     )
     content, shared = _content(run, exporter, theta, source, bodies)
     findings = (*source.findings, *findings, *shared) if bodies is not None else findings
-    unphysical = _unphysical(content, placeless)
+    unphysical = _unphysical(content, placeless, bodies or ())
     if unphysical and not allow_unphysical:
-        raise OutputError(
-            f"No real body has what was identified of {', '.join(unphysical)}.",
-            possible="--allow-unphysical writes it all the same; simulators may refuse it",
-            remedy='identify again with method = "physical".',
-        )
+        raise _no_body(run, unphysical)
     if unphysical:
         what = f"no real body has what was identified of {', '.join(unphysical)}"
         findings = (*findings, Finding("unphysical", "warning", "", what))
@@ -115,6 +111,17 @@ def export_run(
     findings = (*findings, *far, *written.findings, *_not_placed(run, exporter), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
+
+
+def _no_body(run: Run, names: Sequence[str]) -> OutputError:
+    """The error for links, bodies and joints that cannot be."""
+    again = 'identify again with method = "physical".'
+    other = "correct these in the description, or write a file of another format."
+    return OutputError(
+        f"No real body has what was identified of {', '.join(names)}.",
+        possible="--allow-unphysical writes it all the same; simulators may refuse it",
+        remedy=again if run.estimate.fit.standard is None else other,
+    )
 
 
 def _exporter(to: str) -> Exporter:
@@ -184,10 +191,13 @@ def _identified(run: Run, theta: Array) -> Robot:
     return replace(run.robot, links=tuple(links))
 
 
-def _unphysical(content: Content, placeless: set[int]) -> list[str]:
-    """Names of links, bodies and joints that cannot be."""
+def _unphysical(content: Content, placeless: set[int], bodies: Sequence[Body]) -> list[str]:
+    """Names of links, bodies and joints that cannot be, unless the description has them so."""
     links = {link.name: link.inertial for k, link in enumerate(content.robot.links) if k not in placeless}
-    written: Mapping[str, InertialParameters | None] = {**links, **(content.bodies or {})}
+    changed = content.bodies or {}
+    thin = {each.name for each in bodies if each.name in changed and is_thin(each, changed[each.name])}
+    own = {name: body for name, body in changed.items() if name not in thin}
+    written: Mapping[str, InertialParameters | None] = {**links, **own}
     names = [name for name, body in written.items() if body is None or not (is_possible(body) or _is_nothing(body))]
     empty = [name for name, body in links.items() if body is None or _is_nothing(body)]
     negative = [
