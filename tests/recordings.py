@@ -19,6 +19,9 @@ STAMPS = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(N)
 SECONDS = (STAMPS - STAMPS[0]) * 1e-9
 
 
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
 def text(table, delimiter=","):
     rows = [
         delimiter.join(table),
@@ -96,6 +99,49 @@ def write_bag(folder, suffix, topics):
                 received = int(STAMPS[0] + 10**9 + 7_000_000 * i)
                 writer.write(connection, received, bytes(serialize(joint_state, joint_state.__msgtype__)))
     return path if old else next(Path(path).glob(f"*{suffix}"))
+
+
+def write_bag_folder(path, messages, *, topic="/joint_states", kind=JOINT_STATE, compression=None, suffix=".mcap"):
+    """A bag of ROS 2 as its recorder leaves it: a folder. Messages are objects, given with the time of reception."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    store = ros_types()
+    plugin = StoragePlugin.MCAP if suffix == ".mcap" else StoragePlugin.SQLITE3
+    writer = Writer(path, version=9, storage_plugin=plugin)
+    if compression is not None:
+        writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+    topics = messages if isinstance(messages, dict) else {topic: messages}
+    with writer:
+        for name, each in topics.items():
+            types = {message.__msgtype__ for _, message in each}
+            connections = {kind: writer.add_connection(name, kind, typestore=store) for kind in types}
+            for received, message in each:
+                data = bytes(store.serialize_cdr(message, message.__msgtype__))
+                writer.write(connections[message.__msgtype__], received, data)
+    return path
+
+
+def ros_types():
+    """Messages of ROS 2, those of ros2_control among them."""
+    from armid.measurement.readers.bag import _store
+
+    return _store()
+
+
+def joint_state(at, names, q, dq=None, tau=None, *, stamped=True):
+    """A JointState at a time [ns] with when it was received, 3 ms later and half a millisecond more or less."""
+    kinds = ros_types().types if not hasattr(joint_state, "kinds") else joint_state.kinds
+    joint_state.kinds = kinds
+    said = int(at) if stamped else 0
+    stamp = kinds["builtin_interfaces/msg/Time"](sec=said // 10**9, nanosec=said % 10**9)
+    header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+    none = np.zeros(0)
+    values = [none if x is None else np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, tau)]
+    late = 3_000_000 + 500_000 * (int(at) // 10_000_000 % 2)
+    state = kinds[JOINT_STATE](
+        header=header, name=list(names), position=values[0], velocity=values[1], effort=values[2]
+    )
+    return int(at) + late, state
 
 
 def assert_same(recording, *, t=T, dq=DQ, tau=TAU, ddq=None):

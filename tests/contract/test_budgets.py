@@ -21,7 +21,8 @@ MORE_FIELDS = {
     "Processing": 13,  # each field is a key of `[processing]` in a study
     "Rules": 11,  # each field is a limit that a design may have
     "Reading": 18,  # each field is a key of `[[recording]]` in a study
-    "Recording": 14,  # what a log may hold: five quantities, and how far they can be trusted
+    "Recording": 16,  # what a log may hold: five quantities, how far they can be trusted, what its reader noticed
+    "Robot": 11,  # what a description says of an arm
 }
 """Dataclasses past the budget, with their number of fields."""
 

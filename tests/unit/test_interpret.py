@@ -99,11 +99,41 @@ def test_missing_and_extra_joints_are_named():
     error = refused("missing: elbow; extra: wrist", recorded(joint_names=("base", "shoulder", "wrist")))
     assert "base, shoulder, elbow" in error.possible
     refused("missing: elbow", Recording(time=TIME, q=Q[:, :2], joint_names=NAMES[:2]))
-    refused("extra: finger", Recording(time=TIME, q=np.hstack([Q, Q[:, :1]]), joint_names=(*NAMES, "finger")))
+    refused("extra: 3", recorded(), joints=["base", "shoulder", "finger"])
     refused("2 channels; arm has 3 joints: base, shoulder, elbow", Recording(time=TIME, q=Q[:, :2]))
     refused("twice: base", recorded(joint_names=("base", "b", "elbow")), joints={"b": "base"})
     refused("not there: lift", recorded(joint_names=NAMES), joints={"lift": "base"})
     refused("missing: elbow", recorded(), joints=["base", "shoulder"])
+
+
+def test_named_channels_of_other_joints_are_left_out_and_said():
+    result = read(
+        recorded(q=np.hstack([Q, 9.0 + Q[:, :1]]), dq=None, ddq=None, effort=None, joint_names=(*NAMES, "finger"))
+    )
+    np.testing.assert_array_equal(result.recording.q, Q)
+    (finding,) = (f for f in result.findings if f.code == "joints-extra")
+    assert finding.severity == "info" and "finger" in finding.evidence
+
+
+def test_a_numbered_log_of_all_joints_needs_no_list_where_one_is_held():
+    held = arm().lock(["shoulder"])
+    result = read(recorded(), held)
+    np.testing.assert_array_equal(result.recording.q, Q[:, [0, 2]])
+    (finding,) = (f for f in result.findings if f.code == "locked-joint")
+    assert finding.channel == "shoulder" and finding.severity == "warning"  # it did move
+    two = arm().lock({"elbow": 0.1, "base": 0.2})
+    assert two.described_joints == NAMES and [h.position for h in two.held] == [0.1, 0.2]
+    np.testing.assert_array_equal(read(recorded(), two).recording.q, Q[:, [1]])
+    refused(
+        "2 channels; arm has 1 joints: shoulder, and holds elbow, base still", Recording(time=TIME, q=Q[:, :2]), two
+    )
+
+
+def test_the_name_of_a_joint_is_written_as_it_is():
+    result = read(recorded(q=Q + np.array([0.0, 0.0, 900.0]), dq=None, ddq=None))
+    (finding,) = (f for f in result.findings if f.code == "position-offset")
+    assert finding.evidence.startswith("Joint elbow goes from")
+    refused("run.csv: joint elbow goes from", recorded(q=Q + np.array([0.0, 0.0, 9.0]), dq=None, ddq=None))
 
 
 def test_lists_must_be_as_long_as_the_robot_has_joints():

@@ -10,6 +10,7 @@ import pytest
 
 from armid.errors import MissingExtraError, OutputError
 from armid.measurement.readers import READERS, load_recording
+from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.measurement.writing import WRITERS, save_recording
 
@@ -42,7 +43,7 @@ def test_a_recording_comes_back(tmp_path: Path, suffix: str):
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_without_clock_and_velocity(tmp_path: Path, suffix: str):
     given = replace(recording(), time=None, dq=None, rate=100.0)
-    found = load_recording(save_recording(given, tmp_path / f"log{suffix}"))
+    found = load_recording(save_recording(given, tmp_path / f"log{suffix}"), Reading(rate=100.0))
     assert found.time is None and found.dq is None
     np.testing.assert_array_equal(found.effort, given.effort)  # pyright: ignore[reportArgumentType]
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
+from armid.measurement.channels import in_joint_order
 from armid.measurement.delay import in_time
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
@@ -16,7 +17,7 @@ from armid.measurement.settle import fault, settle
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["Interpreted", "channels_of_joints", "interpret"]
+__all__ = ["Interpreted", "interpret", "understood"]
 
 WRAP_TOLERANCE = 0.5
 """How far a jump may be from whole turns to count as wrapping [rad]: what a joint turns from sample to sample,
@@ -55,15 +56,22 @@ def interpret(recording: Recording, reading: Reading, robot: Robot) -> Interpret
         RecordingError: Joints that do not match, NaN, a dead channel, no clock and no rate, a clock that runs
             backwards, degrees taken for radians, currents without gains, hardly any samples.
     """
+    reading = understood(recording, reading)
     _check_lengths(reading, robot)
-    recording = _in_joint_order(recording, reading, robot)
+    seen = recording.findings
+    recording, others = in_joint_order(recording, reading, robot)
     recording, findings = settle(recording, reading)
     standing = _check_channels(recording, reading)
     _check_gains(recording, reading)
     recording, wrapped = _on_joint_side(recording, reading, robot)
     recording = in_time(recording, reading)
     offset = _check_limits(recording, reading, robot)
-    return Interpreted(recording, (*findings, *standing, *wrapped, *offset))
+    return Interpreted(recording, (*seen, *others, *findings, *standing, *wrapped, *offset))
+
+
+def understood(recording: Recording, reading: Reading) -> Reading:
+    """The reading with what the reader found out by itself, where the reading says nothing."""
+    return replace(reading, **recording.guessed) if recording.guessed else reading
 
 
 def _check_lengths(reading: Reading, robot: Robot) -> None:
@@ -76,65 +84,6 @@ def _check_lengths(reading: Reading, robot: Robot) -> None:
                 possible=", ".join(robot.joint_names),
                 remedy="give one for each joint, in the robot's order.",
             )
-
-
-def _in_joint_order(recording: Recording, reading: Reading, robot: Robot) -> Recording:
-    """Channels renamed, unwanted ones left out, the rest in the robot's order."""
-    order = channels_of_joints(recording, reading, robot)
-
-    def ordered(values: Array | None) -> Array | None:
-        return None if values is None else values[:, order]
-
-    return replace(
-        recording,
-        q=recording.q[:, order],
-        dq=ordered(recording.dq),
-        ddq=ordered(recording.ddq),
-        effort=ordered(recording.effort),
-        valid=recording.valid[:, order],
-        joint_names=robot.joint_names,
-    )
-
-
-def channels_of_joints(recording: Recording, reading: Reading, robot: Robot) -> list[int]:
-    """Which channel of a recording is each joint's, counted from 0.
-
-    Raises:
-        RecordingError: Joints and channels that do not match.
-    """
-    given = reading.joint_map
-    channels = recording.channels
-    unknown = [name for name in given if name not in channels]
-    if unknown:
-        raise RecordingError(
-            f"{recording.source}: joints names channels that are not there: {', '.join(unknown)}.",
-            possible=", ".join(channels),
-        )
-    if recording.joint_names or given:
-        targets = [given.get(name, name if recording.joint_names else "?") for name in channels]
-    elif recording.n == robot.n:
-        targets = list(robot.joint_names)
-    else:
-        raise RecordingError(
-            f"{recording.source} has {recording.n} channels; {robot.name} has {robot.n} joints: "
-            f"{', '.join(robot.joint_names)}.",
-            remedy='lock the joints that were not recorded, or say whose the channels are: joints = ["…", …], '
-            "with an empty name for a channel to leave out.",
-        )
-    missing = [name for name in robot.joint_names if name not in targets]
-    extra = [channels[i] for i, name in enumerate(targets) if name and name not in robot.joint_names]
-    twice = sorted({name for name in targets if name in robot.joint_names and targets.count(name) > 1})
-    if missing or extra or twice:
-        parts = [
-            f"{what}: {', '.join(x)}" for what, x in (("missing", missing), ("extra", extra), ("twice", twice)) if x
-        ]
-        raise RecordingError(
-            f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).",
-            possible=f"joints {', '.join(robot.joint_names)}; channels {', '.join(channels)}",
-            remedy="rename with joints = { file name = robot joint }, give a channel to leave out the empty name, "
-            "and lock joints that were not recorded.",
-        )
-    return [targets.index(name) for name in robot.joint_names]
 
 
 def _check_channels(recording: Recording, reading: Reading) -> tuple[Finding, ...]:
@@ -260,8 +209,8 @@ def _check_limits(recording: Recording, reading: Reading, robot: Robot) -> tuple
     plain = ~reading.degrees(robot.n)
     worst = int(np.argmax(np.where(far, beyond, -np.inf)))
     evidence = (
-        f"{robot.joint_names[worst]} goes from {low[worst]:.4g} to {high[worst]:.4g} {robot.joints[worst].unit}, "
-        f"far outside its limits [{limits[worst, 0]:.4g}, {limits[worst, 1]:.4g}]"
+        f"joint {robot.joint_names[worst]} goes from {low[worst]:.4g} to {high[worst]:.4g} "
+        f"{robot.joints[worst].unit}, far outside its limits [{limits[worst, 0]:.4g}, {limits[worst, 1]:.4g}]"
     )
     if (far & turns & plain & as_degrees).sum() == far.sum():
         several = 2 * far.sum() > turns.sum() and plain.all() and as_degrees[turns].all()
@@ -278,7 +227,7 @@ def _check_limits(recording: Recording, reading: Reading, robot: Robot) -> tuple
             "position-offset",
             "warning",
             robot.joint_names[worst],
-            f"{evidence[0].upper()}{evidence[1:]}.",
+            f"J{evidence[1:]}.",
             "find out units, joint_offset, transmission, the order of the channels and the limits.",
         ),
     )

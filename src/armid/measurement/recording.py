@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import RecordingError
+from armid.errors import Finding, RecordingError
 from armid.shown import Shown, Summary, spans
 from armid.values import Array, array
 
@@ -40,6 +41,8 @@ class Recording(Shown):
         effort_is_current: Whether the effort is a motor current that still needs a drive gain.
         columns: Names in the file of what each quantity was read from, where it has columns.
         number: Number of each sample in the log as it was recorded, shape (N,), where some were left out since.
+        guessed: Fields of a reading that the reader found out by itself, as which columns to take.
+        findings: What the reader noticed.
         source: Path of the file.
         sha256: Digest of the file's bytes; empty where there was no file.
     """
@@ -56,6 +59,8 @@ class Recording(Shown):
     effort_is_current: bool = False
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, "tuple[str, ...]"])
     number: NDArray[np.int64] | None = None
+    guessed: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    findings: tuple[Finding, ...] = ()
     source: str = ""
     sha256: str = ""
 

@@ -18,7 +18,7 @@ from armid.robot.shapes import Shape
 from armid.shown import Shown, Summary
 from armid.values import Array, array
 
-__all__ = ["EARTH_GRAVITY", "Frame", "InertialParameters", "Joint", "Link", "Robot"]
+__all__ = ["EARTH_GRAVITY", "Frame", "Held", "InertialParameters", "Joint", "Link", "Robot"]
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of an upright arm [m/s²]; a hanging arm has (0, 0, 9.81)."""
@@ -191,6 +191,23 @@ class Frame:
         object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of {self.name!r}"))
 
 
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A joint of the description that is held still.
+
+    Attributes:
+        name: Its name.
+        position: Where it is held [rad or m].
+        unit: Unit of that, `rad` or `m`.
+        place: Its index among all joints of the description, held ones included.
+    """
+
+    name: str
+    position: float
+    unit: str
+    place: int
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Robot(Shown):
     """An open chain or tree of joints on a fixed base.
@@ -206,6 +223,7 @@ class Robot(Shown):
         findings: What was noticed while reading.
         shapes: What space the links take, as far as the description says.
         visuals: What they look like, as far as it says.
+        held: Joints with one degree of freedom that are held still.
     """
 
     name: str
@@ -218,12 +236,14 @@ class Robot(Shown):
     findings: tuple[Finding, ...] = ()
     shapes: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
+    held: tuple[Held, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", tuple(self.joints))
         object.__setattr__(self, "shapes", tuple(self.shapes))
         object.__setattr__(self, "visuals", tuple(self.visuals))
         object.__setattr__(self, "links", tuple(self.links))
+        object.__setattr__(self, "held", tuple(self.held))
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
         if len(self.joints) != len(self.links):
             raise RobotError(f"{len(self.joints)} joints move {len(self.links)} links; the numbers must agree.")
@@ -244,6 +264,14 @@ class Robot(Shown):
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in order."""
         return tuple(joint.name for joint in self.joints)
+
+    @property
+    def described_joints(self) -> tuple[str, ...]:
+        """Names of the joints with those that are held still, in the description's order."""
+        names = list(self.joint_names)
+        for held in sorted(self.held, key=lambda each: each.place):
+            names.insert(held.place, held.name)
+        return tuple(names)
 
     @property
     def tree(self) -> Tree:
@@ -348,4 +376,13 @@ def _weld(robot: Robot, index: int, value: float) -> Robot:
         tuple(s.on(joint.parent, weld) if s.link == index else replace(s, link=moved(s.link)) for s in bodies)
         for bodies in (robot.shapes, robot.visuals)
     )
-    return replace(robot, joints=tuple(joints), links=tuple(links), tip=tip, shapes=shapes, visuals=visuals)
+    held = Held(joint.name, value, joint.unit, robot.described_joints.index(joint.name))
+    return replace(
+        robot,
+        joints=tuple(joints),
+        links=tuple(links),
+        tip=tip,
+        shapes=shapes,
+        visuals=visuals,
+        held=(*robot.held, held),
+    )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from armid.errors import ArmidError
-from armid.values import sha256_of_file
+from armid.measurement.bag_files import sha256_of_recording
 
 __all__ = ["find_again"]
 
@@ -25,7 +25,7 @@ def find_again(path: str, sha256: str, folder: Path | str, data: Path | str | No
     """
     others: list[Path] = []
     for place in dict.fromkeys(_places(Path(path), Path(folder), None if data is None else Path(data))):
-        if sha256_of_file(place) == sha256:
+        if sha256_of_recording(place) == sha256:
             return place
         others.append(place)
     where = f"{folder}" if data is None else f"{data} or {folder}"
@@ -40,10 +40,10 @@ def find_again(path: str, sha256: str, folder: Path | str, data: Path | str | No
 
 
 def _places(path: Path, folder: Path, data: Path | None) -> Iterator[Path]:
-    """Files that it may be, the likeliest first."""
+    """Files or folders that it may be, the likeliest first."""
     likely = [] if data is None else [data / path, data / path.name]
-    yield from (place for place in likely if place.is_file())
+    yield from (place for place in likely if place.exists())
     if data is not None and data.is_dir():
-        yield from sorted(place for place in data.rglob(path.name) if place.is_file())
+        yield from sorted(place for place in data.rglob(path.name) if place.exists())
     # Or in the working folder, where all of it was moved.
-    yield from (place for place in (folder / path, folder / path.name, path) if place.is_file())
+    yield from (place for place in (folder / path, folder / path.name, path) if place.exists())

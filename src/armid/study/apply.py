@@ -90,7 +90,7 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
             raise ArmidError(f"A plan is sampled at a rate above 0; found {rate:g} Hz.")
         return plan.sample(rate)
     how = _like(run, reading)
-    raw = load_recording(path, how)
+    raw = load_recording(path, how, run.robot)
     if raw.effort is None:  # only the motion is asked for
         how = replace(how, drive_gain=None, drive_gain_deviation=None)
     recording, _ = read_recording(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import Finding, RecordingError
-from armid.measurement.interpret import interpret
+from armid.measurement.interpret import interpret, understood
 from armid.measurement.readers import load_recording
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
@@ -96,7 +96,7 @@ def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> t
     for choice in {(each.path, repr(each.reading)): each for each in study.recordings}.values():
         raw = (given or {}).get(choice.path)
         if raw is None:
-            raw = load_recording(Path(study.folder) / choice.path, choice.reading)
+            raw = load_recording(Path(study.folder) / choice.path, choice.reading, robot)
         found = diagnose_recording(robot, raw, choice.reading, model, saturation=study.processing.saturation)
         result.append(Diagnosis(choice.path, found))
     return tuple(result)
@@ -131,13 +131,13 @@ def diagnose_recording(
     if raw.effort is None:
         remedy = 'find out what its columns are called, and name them: columns = { effort = "tau{}" }'
         noted.append(Finding("channel-dead", "error", "effort", "There is no effort in the recording.", remedy))
-    log, how, recording = raw, reading, None
+    log, how, recording = raw, understood(raw, reading), None
     for _ in range(TRIES):
         try:
             read = interpret(log, how, robot)
         except RecordingError as error:
             finding = _finding(error, log)
-            noted.append(finding)
+            noted += [*log.findings, finding]
             around = _worked_around(finding, log, how)
             if around is None:
                 break
@@ -266,7 +266,8 @@ def _finding(error: RecordingError, log: Recording) -> Finding:
     else:
         raise error
     evidence = evidence.removeprefix(log.source or "The recording").lstrip(": ")
-    return Finding(code, "error", "", f"{evidence[:1].upper()}{evidence[1:]}", error.remedy)
+    sentence = evidence.startswith(("the ", "there ", "joint "))  # and not the name of a quantity
+    return Finding(code, "error", "", f"{evidence[0].upper()}{evidence[1:]}" if sentence else evidence, error.remedy)
 
 
 def _worked_around(finding: Finding, log: Recording, reading: Reading) -> tuple[Recording, Reading] | None:

@@ -144,7 +144,7 @@ def read_recording(
     """
     raw = (given or {}).get(choice.path)
     if raw is None:
-        raw = load_recording(Path(folder) / choice.path, choice.reading)
+        raw = load_recording(Path(folder) / choice.path, choice.reading, robot)
     read = interpret(raw, choice.reading, robot)
     return cut(read.recording, choice.part), read.findings
 

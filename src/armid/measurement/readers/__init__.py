@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Protocol
 
 from armid.errors import RecordingError
+from armid.measurement.bag_files import sha256_of_recording
 from armid.measurement.readers import bag, csv, mat, npz, parquet
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
-from armid.values import sha256_of_file
+from armid.robot.robot import Robot
 
 __all__ = ["READERS", "Reader", "load_recording"]
 
@@ -22,8 +23,8 @@ class Reader(Protocol):
     """Endings of the file names it reads, lower case, with the dot."""
 
     @staticmethod
-    def read(path: Path, reading: Reading) -> Recording:
-        """Read one file; source and sha256 are filled in afterwards."""
+    def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+        """Read one file, by the names of the robot's joints where it is given; `load_recording` adds the source."""
         ...
 
 
@@ -31,29 +32,37 @@ READERS: tuple[Reader, ...] = (csv, parquet, npz, mat, bag)
 """The catalogue: a new format is a module here and a word in this line."""
 
 
-def load_recording(path: Path | str, reading: Reading | None = None) -> Recording:
+def load_recording(path: Path | str, reading: Reading | None = None, robot: Robot | None = None) -> Recording:
     """Read a recording as the file says it; `interpret` puts it in the robot's terms.
 
     Args:
-        path: A file in one of the known formats; its suffix says which.
+        path: A file in one of the known formats, its suffix says which; or the folder of a ROS bag.
         reading: How to read it.
+        robot: The arm: the names of its joints tell which columns, topic and messages are meant.
 
     Raises:
         RecordingError: The file is missing, empty, damaged, of an unknown format, or lacks a column.
         MissingExtraError: The format needs a package that is not installed.
     """
     path = Path(path)
+    recording = _reader(path).read(path, reading or Reading(), robot)
+    return replace(recording, source=str(path), sha256=sha256_of_recording(path))
+
+
+def _reader(path: Path) -> Reader:
+    """Who reads it."""
+    if path.is_dir():
+        return bag
     known = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}
     reader = known.get(path.suffix.lower())
     if reader is None:
         raise RecordingError(
             f"{path} is of an unknown format.",
-            possible=", ".join(known),
+            possible=f"{', '.join(known)}; the folder of a ROS bag",
             remedy="export it in one of these, or give the file the ending of what it is.",
         )
     if not path.is_file():
         raise RecordingError(f"{path} does not exist.", remedy="check the path; a study's paths are relative to it.")
     if not path.stat().st_size:
         raise RecordingError(f"{path} is empty.", remedy="record again; nothing was written.")
-    recording = reader.read(path, reading or Reading())
-    return replace(recording, source=str(path), sha256=sha256_of_file(path))
+    return reader

@@ -1,71 +1,215 @@
-"""ROS bags: ROS 1 `.bag`, ROS 2 `.db3` and `.mcap`, with `sensor_msgs/JointState` messages."""
+"""ROS bags of ROS 1 and ROS 2: joint states by name, at the time of their header."""
 
 from __future__ import annotations
 
 import sqlite3
 import struct
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from armid.errors import MissingExtraError, RecordingError
+from armid.errors import Finding, MissingExtraError, RecordingError
+from armid.measurement.bag_files import STORAGE, bag_paths
+from armid.measurement.joint_states import FIELDS, JointStates, Publisher, collect, joined, names_of
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
-from armid.values import Array
+from armid.robot.robot import Robot
 
 __all__ = ["EXTRA", "SUFFIXES", "read"]
 
-SUFFIXES: tuple[str, ...] = (".bag", ".db3", ".mcap")
+SUFFIXES: tuple[str, ...] = STORAGE
 EXTRA = "io"
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
+COMMANDED = ("command", "cmd", "desired", "target", "reference", "setpoint", "goal")
+"""Words in the name of a topic that tells what was asked of the arm, not what was measured."""
 
-@dataclass(slots=True)
-class _Publisher:
-    """Messages that carry the same joints, in whatever order."""
+POINT = "trajectory_msgs/JointTrajectoryPoint"
+DEFINITIONS = {
+    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
+    "control_msgs/msg/DynamicJointState": "std_msgs/Header header\nstring[] joint_names\n"
+    "control_msgs/InterfaceValue[] interface_values\n",
+    "control_msgs/msg/JointTrajectoryControllerState": "std_msgs/Header header\nstring[] joint_names\n"
+    + "".join(f"{POINT} {name}\n" for name in ("reference", "feedback", "error", "output"))
+    + "string[] multi_dof_joint_names\n"
+    + "".join(
+        f"trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_{name}\n"
+        for name in ("reference", "feedback", "error", "output")
+    ),
+}
+"""Messages of ros2_control as ROS 2 Jazzy has them, for bags that do not carry their definitions."""
 
-    names: tuple[str, ...]
-    stamps: list[int] = field(default_factory=list[int])
-    position: list[Any] = field(default_factory=list[Any])
-    velocity: list[Any] = field(default_factory=list[Any])
-    effort: list[Any] = field(default_factory=list[Any])
+Fields = tuple[Sequence[str], dict[str, Any]]
 
 
-def read(path: Path, reading: Reading) -> Recording:
+def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     """Read joint states, matched by name. Times are the header stamps, in seconds since the first one.
 
     Args:
-        path: One bag file.
+        path: One bag file, or the folder of a bag.
         reading: `topic` chooses among several topics; the names in `joints` choose among several publishers.
+        robot: The arm, whose joints choose where the reading does not.
 
     Raises:
-        RecordingError: A damaged bag, no or several topics with joint states, or several publishers on the topic.
+        RecordingError: A damaged bag, no topic or several with the joints, or joints that nobody publishes.
         MissingExtraError: rosbags is not installed.
     """
+    paths = bag_paths(path)
     try:
         from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise MissingExtraError("rosbags", "Reading ROS bags", EXTRA) from error
-    # ROS 2 bags of older distributions do not carry message definitions; JointState is the same in all of them.
-    store = None if path.suffix == ".bag" else get_typestore(Stores.ROS2_JAZZY)
-    publishers: dict[frozenset[str], _Publisher] = {}
+    store = None if paths[0].suffix == ".bag" else _store()
     try:
-        with AnyReader([path], default_typestore=store) as bag:
-            topic = _topic([(c.topic, c.msgtype) for c in bag.connections], reading, path)
-            wanted = [c for c in bag.connections if c.topic == topic]
-            for connection, _, data in bag.messages(connections=wanted):
-                _collect(publishers, bag.deserialize(data, connection.msgtype))
+        with AnyReader(paths, default_typestore=store) as bag:
+            if store is not None:
+                missing = {
+                    name: each for name, each in store.fielddefs.items() if name not in bag.typestore.fielddefs
+                }
+                bag.typestore.register(missing)
+            return _read_open(bag, reading, robot, path)
     except _faults() as error:
         raise RecordingError(
             f"{path} cannot be read as a bag ({error}).",
-            remedy="copy the file again, or repair it (rosbag reindex, ros2 bag reindex).",
+            remedy="copy it again, or repair it (rosbag reindex, ros2 bag reindex); if it is compressed, give its folder.",
         ) from error
-    return _recording(_chosen(publishers, reading, path, topic), reading, path)
+
+
+def _read_open(bag: Any, reading: Reading, robot: Robot | None, path: Path) -> Recording:
+    """The recording of an open bag."""
+    names = {joint: name for name, joint in reading.joint_map.items() if joint}
+    wanted = tuple(names.values()) if robot is None else tuple(names.get(j, j) for j in robot.joint_names)
+    spare = () if robot is None else tuple(held.name for held in robot.held)
+    published: dict[str, list[Publisher]] = {}
+    kinds = {connection.topic: str(connection.msgtype) for connection in bag.connections}
+    for candidates in _candidates(kinds, reading, path):
+        published |= {topic: _publishers(bag, topic, KINDS[kinds[topic]]) for topic in candidates}
+        fitting = [topic for topic in candidates if robot and set(wanted) <= set(names_of(published[topic]))]
+        if len(candidates) == 1 and (robot is None or fitting):
+            return _recording(joined(published[candidates[0]], wanted, spare, path, candidates[0]), reading)
+        measured = [topic for topic in fitting if not any(word in topic.lower() for word in COMMANDED)] or fitting
+        if len(measured) == 1:
+            states = joined(published[measured[0]], wanted, spare, path, measured[0])
+            return _recording(
+                states, reading, _topic_finding(measured[0], [t for t in candidates if t not in measured])
+            )
+        if len(measured) > 1 or robot is None:
+            raise _several(measured or candidates, path)
+    if len(published) == 1:  # says what is missing
+        topic, publishers = next(iter(published.items()))
+        return _recording(joined(publishers, wanted, spare, path, topic), reading)
+    listed = "; ".join(f"{topic}: {', '.join(names_of(each)) or 'no joint'}" for topic, each in published.items())
+    raise RecordingError(
+        f"{path} has no topic with all joints of {robot.name if robot else 'the arm'} ({', '.join(wanted)}).",
+        possible=listed,
+        remedy="rename with joints = { file name = robot joint }, lock joints that were not recorded, or publish "
+        "them on one topic.",
+    )
+
+
+def _candidates(kinds: Mapping[str, str], reading: Reading, path: Path) -> Iterable[list[str]]:
+    """Topics to look at, kind by kind: the one that is asked for, or all with joint states."""
+    known = sorted(topic for topic, kind in kinds.items() if kind in KINDS)
+    if reading.topic is not None:
+        if reading.topic in known:
+            return [[reading.topic]]
+        kind = kinds.get(reading.topic)
+        problem = f"holds {kind}, not joint states" if kind else "is not in the bag"
+        raise RecordingError(f"{path}: topic {reading.topic} {problem}.", possible=", ".join(known) or "none")
+    if not known:
+        listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(kinds.items()))
+        raise RecordingError(
+            f"{path} has no topic of {JOINT_STATE}.",
+            possible=listed or "the bag is empty",
+            remedy="record /joint_states.",
+        )
+    grouped = ([topic for topic in known if kinds[topic] == kind] for kind in KINDS)
+    return [topics for topics in grouped if topics]
+
+
+def _publishers(bag: Any, topic: str, fields_of: Callable[[Any], Fields]) -> list[Publisher]:
+    """All messages of a topic, by their joints."""
+    found: dict[frozenset[str], Publisher] = {}
+    wanted = [connection for connection in bag.connections if connection.topic == topic]
+    for connection, received, data in bag.messages(connections=wanted):
+        message = bag.deserialize(data, connection.msgtype)
+        stamp = message.header.stamp
+        names, values = fields_of(message)
+        collect(found, names, (stamp.sec * 1_000_000_000 + stamp.nanosec, received), values)
+    return list(found.values())
+
+
+def _recording(states: JointStates, reading: Reading, *findings: Finding) -> Recording:
+    if "position" not in states.values:
+        raise RecordingError(
+            "The joint states carry no positions.", remedy="record a topic whose publisher fills in `position`."
+        )
+    by_rate = not states.clocked and reading.rate is not None  # which is evener than a network
+    noticed = [finding for finding in states.findings if not by_rate or finding.code != "clock-received"]
+    return Recording(
+        time=None if by_rate else (states.time - states.time[0]) * 1e-9,
+        q=states.values["position"],
+        dq=states.values.get("velocity"),
+        effort=states.values.get("effort"),
+        joint_names=states.names,
+        rate=reading.rate,
+        consecutive=reading.consecutive,
+        findings=(*findings, *noticed),
+    )
+
+
+def _several(topics: Sequence[str], path: Path) -> RecordingError:
+    return RecordingError(
+        f"{path} has {len(topics)} topics with joint states.",
+        possible=", ".join(topics),
+        remedy=f'choose one: topic = "{topics[0]}".',
+    )
+
+
+def _topic_finding(topic: str, others: Sequence[str]) -> Finding:
+    """Which topic was taken of several."""
+    return Finding("topic-chosen", "info", topic, f"{topic} was taken, and not {', '.join(others)}.")
+
+
+def _joint_state(message: Any) -> Fields:
+    return message.name, {name: getattr(message, name) for name in FIELDS}
+
+
+def _dynamic_joint_state(message: Any) -> Fields:
+    """Interfaces by name; what a joint does not have is NaN."""
+    of_joint = [dict(zip(each.interface_names, each.values, strict=True)) for each in message.interface_values]
+    return message.joint_names, {
+        name: np.array([float(each.get(name, np.nan)) for each in of_joint]) for name in FIELDS
+    }
+
+
+def _controller_state(message: Any) -> Fields:
+    """What was measured, which older versions call actual and newer ones feedback."""
+    point = getattr(message, "feedback", None) or message.actual
+    return message.joint_names, {"position": point.positions, "velocity": point.velocities, "effort": point.effort}
+
+
+KINDS: Mapping[str, Callable[[Any], Fields]] = {
+    JOINT_STATE: _joint_state,
+    "control_msgs/msg/DynamicJointState": _dynamic_joint_state,
+    "control_msgs/msg/JointTrajectoryControllerState": _controller_state,
+}
+"""Kinds of messages with states of joints, those that are looked for first before others."""
+
+
+@cache
+def _store() -> Any:
+    """Definitions for bags of older distributions, which carry none; JointState is the same in all of them."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in DEFINITIONS.items():
+        store.register(get_types_from_msg(text, name))
+    return store
 
 
 def _faults() -> tuple[type[Exception], ...]:
@@ -83,106 +227,16 @@ def _faults() -> tuple[type[Exception], ...]:
         AssertionError,
         MemoryError,
     )
+    found: list[type[Exception]] = [*own, *plain, struct.error, *_fault("backports.zstd", "ZstdError")]
+    # Older versions of rosbags read `.db3` with sqlite3.
+    return (*found, *(_fault("apsw", "Error") or [sqlite3.Error]))
+
+
+def _fault(module: str, name: str) -> list[type[Exception]]:
+    """An error of a package that rosbags brings, where it does."""
+    import importlib
+
     try:
-        import apsw
-    except ImportError:  # older versions of rosbags read `.db3` with sqlite3
-        return (*own, *plain, struct.error, sqlite3.Error)
-    return (*own, *plain, struct.error, apsw.Error)
-
-
-def _topic(connections: Iterable[tuple[str, str]], reading: Reading, path: Path) -> str:
-    """The topic to read."""
-    topics = dict(connections)
-    states = sorted(name for name, kind in topics.items() if kind == JOINT_STATE)
-    if reading.topic is not None:
-        if reading.topic in states:
-            return reading.topic
-        kind = topics.get(reading.topic)
-        problem = f"holds {kind}, not joint states" if kind else "is not in the bag"
-        raise RecordingError(f"{path}: topic {reading.topic} {problem}.", possible=", ".join(states) or "none")
-    if len(states) == 1:
-        return states[0]
-    if not states:
-        listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items()))
-        raise RecordingError(f"{path} has no topic of {JOINT_STATE}.", possible=listed or "the bag is empty")
-    raise RecordingError(
-        f"{path} has {len(states)} topics with joint states.",
-        possible=", ".join(states),
-        remedy=f'choose one: topic = "{states[0]}".',
-    )
-
-
-def _collect(publishers: dict[frozenset[str], _Publisher], message: Any) -> None:
-    """Add one message to those with the same joints, its fields put in their order."""
-    names = tuple(message.name)
-    publisher = publishers.get(frozenset(names))
-    if publisher is None:
-        publisher = publishers[frozenset(names)] = _Publisher(names)
-    order = None if names == publisher.names else [names.index(name) for name in publisher.names]
-    stamp = message.header.stamp
-    publisher.stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
-    for values, target in (
-        (message.position, publisher.position),
-        (message.velocity, publisher.velocity),
-        (message.effort, publisher.effort),
-    ):
-        target.append(values[order] if order is not None and len(values) == len(names) else values)
-
-
-def _chosen(publishers: dict[frozenset[str], _Publisher], reading: Reading, path: Path, topic: str) -> _Publisher:
-    """The publisher whose joints are meant."""
-    filled = {names: p for names, p in publishers.items() if names}
-    asked = {name for name, joint in reading.joint_map.items() if joint}
-    fitting = [p for names, p in filled.items() if asked and asked <= names]
-    if len(fitting) == 1:
-        return fitting[0]
-    if len(filled) == 1:
-        return next(iter(filled.values()))
-    if not filled:
-        raise RecordingError(
-            f"{path}: no message on {topic} names a joint.", remedy="record a topic whose publisher fills in `name`."
-        )
-    listed = "; ".join(f"{', '.join(p.names)} ({len(p.stamps)} messages)" for p in filled.values())
-    raise RecordingError(
-        f"{path}: {len(filled)} publishers share {topic}, each with other joints: {listed}.",
-        remedy="name the joints of one in joints = { file name = robot joint }; if the arm's own joints are "
-        "spread over several, record them on one topic.",
-    )
-
-
-def _recording(publisher: _Publisher, reading: Reading, path: Path) -> Recording:
-    """Stack the messages."""
-    stamps = np.array(publisher.stamps, dtype=np.int64)
-    # A publisher that leaves the header empty has no clock; the time of reception is not taken for one.
-    time = (stamps - stamps[0]) * 1e-9 if stamps.any() else None
-    q = _stack(publisher.position, publisher, "position", path)
-    if q is None:
-        raise RecordingError(
-            f"{path}: the joint states carry no positions.",
-            remedy="record a topic whose publisher fills in `position`.",
-        )
-    return Recording(
-        time=time,
-        q=q,
-        dq=_stack(publisher.velocity, publisher, "velocity", path),
-        effort=_stack(publisher.effort, publisher, "effort", path),
-        joint_names=publisher.names,
-        rate=reading.rate,
-        consecutive=reading.consecutive,
-        source=str(path),
-    )
-
-
-def _stack(rows: Sequence[Any], publisher: _Publisher, name: str, path: Path) -> Array | None:
-    """One field of all messages, shape (N, n); `None` where it is empty throughout."""
-    n = len(publisher.names)
-    lengths = {len(row) for row in rows}
-    if lengths == {0}:
-        return None
-    if lengths == {n}:
-        return np.array(rows, dtype=np.float64)
-    first = next(i for i, row in enumerate(rows) if len(row) != n)
-    raise RecordingError(
-        f"{path}: message {first} has {len(rows[first])} values of {name} for {n} joints.",
-        remedy="cut that part of the bag off; a field must be there in all messages or in none.",
-    )
+        return [getattr(importlib.import_module(module), name)]
+    except (ImportError, AttributeError):
+        return []

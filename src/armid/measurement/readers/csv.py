@@ -13,6 +13,7 @@ from armid.errors import RecordingError
 from armid.measurement.columns import assemble, select
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
+from armid.robot.robot import Robot
 from armid.values import Array
 
 __all__ = ["SUFFIXES", "read"]
@@ -23,7 +24,7 @@ DELIMITERS = (",", ";", "\t")
 """Delimiters looked for in the header; a header with none of them is delimited by spaces."""
 
 
-def read(path: Path, reading: Reading) -> Recording:
+def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     """Read a text table; its delimiter is found in the header.
 
     Lines that begin with `#` may precede the table; the last of them may be the header.

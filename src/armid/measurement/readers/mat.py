@@ -14,6 +14,7 @@ from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns import Selection, assemble, numeric, select
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
+from armid.robot.robot import Robot
 from armid.values import Array
 
 __all__ = ["EXTRA", "SUFFIXES", "read"]
@@ -30,7 +31,7 @@ NUMERIC = frozenset("double single int8 int16 int32 int64 uint8 uint16 uint32 ui
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-def read(path: Path, reading: Reading) -> Recording:
+def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     """Read matrices from a MATLAB file; a matrix has one row a sample, as MATLAB shows it.
 
     Raises:

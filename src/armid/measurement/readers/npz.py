@@ -13,6 +13,7 @@ from armid.errors import RecordingError
 from armid.measurement.columns import assemble, numeric, select
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
+from armid.robot.robot import Robot
 from armid.values import Array, load
 
 __all__ = ["SUFFIXES", "read"]
@@ -23,7 +24,7 @@ NAMES = ("joint_names", "names")
 """Variables that may hold the names of the channels."""
 
 
-def read(path: Path, reading: Reading) -> Recording:
+def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     """Read a NumPy archive. Nothing in it is ever unpickled.
 
     Raises:

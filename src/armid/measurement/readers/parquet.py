@@ -10,6 +10,7 @@ from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns import assemble, numeric, select
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
+from armid.robot.robot import Robot
 from armid.values import Array
 
 __all__ = ["EXTRA", "SUFFIXES", "read"]
@@ -18,7 +19,7 @@ SUFFIXES: tuple[str, ...] = (".parquet", ".pq")
 EXTRA = "io"
 
 
-def read(path: Path, reading: Reading) -> Recording:
+def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     """Read the columns that are needed from a Parquet file.
 
     Raises:

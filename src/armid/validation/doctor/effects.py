@@ -19,6 +19,10 @@ EFFECTS: Mapping[str, str] = {
     "current-without-gain": "All parameters come out in units of the drive's current.",
     "clock-missing": "Velocities and accelerations, and all that hangs on them, have no scale.",
     "clock-jitter": "Differences of positions carry the clock's unevenness as noise in velocity and acceleration.",
+    "clock-received": "The unevenness of network and recorder goes into velocity and acceleration.",
+    "joints-extra": "None: what the model does not have takes no part.",
+    "joints-merged": "What was interpolated is smoother than it was measured, and late or early by a part of a step.",
+    "locked-joint": "Weights and inertias of all that it carries are taken at another pose than they had.",
     "clock-unit": "Velocities and accelerations come out by powers of a thousand too small.",
     "clock-rate": "Velocities and accelerations are too large or too small by the ratio of the two rates.",
     "clock-gap": "Nothing is filtered or differentiated across it; rows beside it are lost.",
@@ -35,6 +39,7 @@ EFFECTS: Mapping[str, str] = {
     "temperature-drift": "Friction is a mean of what it was; intervals are too narrow for another day.",
     "contact": "Forces from outside are taken for parameters of the arm.",
     "description-rounded": "Spurious base parameters would appear; angles are taken as what they stand for.",
+    "topic-chosen": "None: the others have no joints of the arm, or are commands.",
     "standstill": "Such rows tell friction at rest and weight apart from nothing, and weigh as much as moving ones.",
 }
 """By code: the whole list of codes that the doctor has."""

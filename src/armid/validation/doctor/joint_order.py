@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
-from armid.measurement.interpret import channels_of_joints
+from armid.measurement.channels import channels_of_joints
 from armid.measurement.remedy import lines, naming
 from armid.validation.doctor import velocity_mismatch
 from armid.validation.doctor.evidence import Evidence

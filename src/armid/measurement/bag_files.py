@@ -1,0 +1,64 @@
+"""Files of a bag: ROS 2 records into a folder, ROS 1 and copied parts of a folder are files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from armid.errors import RecordingError
+from armid.values import digest, sha256_of_file
+
+__all__ = ["METADATA", "STORAGE", "bag_paths", "data_files", "sha256_of_recording"]
+
+METADATA = "metadata.yaml"
+
+STORAGE: tuple[str, ...] = (".bag", ".db3", ".mcap")
+"""Endings of files that hold messages."""
+
+COMPRESSED = ".zstd"
+"""Ending that ROS 2 adds to files that it has compressed."""
+
+OURS = {
+    "plan.json": "it is a plan of armid excite, and no recording; simulate it, or give what was recorded of it.",
+    "estimate.json": "it is a run of armid identify; give a recording.",
+}
+"""Folders that armid writes, by a file in them, and what to do with them."""
+
+
+def bag_paths(path: Path) -> list[Path]:
+    """What to open for a bag: the file, the folder that has its metadata, or the files in a folder without.
+
+    Raises:
+        RecordingError: A folder in which there is no bag.
+    """
+    if not path.is_dir() or (path / METADATA).is_file():
+        return [path]
+    files = data_files(path)
+    kinds = sorted({file.suffix.lower() for file in files})
+    if len(kinds) == 1 and kinds[0] != COMPRESSED:
+        return files
+    known = next((remedy for name, remedy in OURS.items() if (path / name).is_file()), "")
+    found = ", ".join(sorted(file.name for file in path.iterdir())[:10]) or "nothing"
+    raise RecordingError(
+        f"{path} is a folder, and no bag: it has no {METADATA}; found {found}.",
+        possible=f"a bag folder of ROS 2 has {METADATA} and its .db3 or .mcap files, one of ROS 1 has .bag files; "
+        "other recordings are single files",
+        remedy=known
+        or "give the folder that ros2 bag record made, or a file; ros2 bag reindex writes the metadata anew.",
+    )
+
+
+def data_files(folder: Path) -> list[Path]:
+    """Files with messages in a folder, compressed ones among them, in the order of their names."""
+    return sorted(
+        file
+        for file in folder.iterdir()
+        if file.is_file() and file.name.lower().removesuffix(COMPRESSED).endswith(STORAGE)
+    )
+
+
+def sha256_of_recording(path: Path) -> str:
+    """Hexadecimal sha256 of a recording: of a file's bytes, or of those of the files with a folder's messages."""
+    if not path.is_dir():
+        return sha256_of_file(path)
+    digests = [sha256_of_file(file) for file in data_files(path)]
+    return digests[0] if len(digests) == 1 else digest(*digests)

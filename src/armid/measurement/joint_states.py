@@ -1,0 +1,248 @@
+"""Joint states put together by the names of their joints, whoever published them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding, RecordingError
+from armid.measurement.channels import LISTED
+from armid.values import Array
+
+__all__ = ["JointStates", "Publisher", "collect", "joined", "names_of"]
+
+FIELDS = ("position", "velocity", "effort")
+
+
+@dataclass(slots=True)
+class Publisher:
+    """Messages that carry the same joints, in whatever order.
+
+    Attributes:
+        names: Joints, in the order of the first message.
+        stamps: Time in the header of each message [ns].
+        received: When the bag received it [ns].
+        values: Position, velocity and effort of each message, by these names.
+    """
+
+    names: tuple[str, ...]
+    stamps: list[int] = field(default_factory=list[int])
+    received: list[int] = field(default_factory=list[int])
+    values: dict[str, list[Any]] = field(default_factory=lambda: {name: [] for name in FIELDS})
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class JointStates:
+    """States of joints on one clock.
+
+    Attributes:
+        names: Joints, n of them.
+        time: Header stamps, or times of reception, shape (N,) [ns].
+        values: Position, velocity and effort, shape (N, n), those that were published.
+        clocked: Whether the messages have stamps.
+        findings: What was noticed.
+    """
+
+    names: tuple[str, ...]
+    time: NDArray[np.int64]
+    values: Mapping[str, Array]
+    clocked: bool = True
+    findings: tuple[Finding, ...] = ()
+
+
+def collect(
+    publishers: dict[frozenset[str], Publisher], names: Sequence[str], at: tuple[int, int], values: Mapping[str, Any]
+) -> None:
+    """Add one message to those with the same joints, its fields put in their order.
+
+    Args:
+        publishers: By their joints.
+        names: Joints of the message.
+        at: Stamp of its header and when it was received [ns].
+        values: Its fields.
+    """
+    names = tuple(names)
+    publisher = publishers.get(frozenset(names))
+    if publisher is None:
+        publisher = publishers[frozenset(names)] = Publisher(names)
+    order = None if names == publisher.names else [names.index(name) for name in publisher.names]
+    publisher.stamps.append(at[0])
+    publisher.received.append(at[1])
+    for name, target in publisher.values.items():
+        each = values[name]
+        target.append(each[order] if order is not None and len(each) == len(names) else each)
+
+
+def names_of(publishers: Iterable[Publisher]) -> tuple[str, ...]:
+    """All joints, each once."""
+    return tuple(dict.fromkeys(name for each in publishers for name in each.names))
+
+
+def joined(
+    publishers: Sequence[Publisher], wanted: Sequence[str], spare: Sequence[str], path: Path, topic: str
+) -> JointStates:
+    """The states of the wanted joints on the clock of whoever publishes most of them.
+
+    Args:
+        publishers: Those of one topic.
+        wanted: Joints that must be there; where there are none, there must be one publisher.
+        spare: Joints that are taken along where they are there, positions alone if somebody else publishes them.
+        path: The bag, for messages.
+        topic: The topic, for messages.
+
+    Raises:
+        RecordingError: No joints at all, wanted ones missing, or several publishers and nothing wanted.
+    """
+    filled = [each for each in publishers if each.names]
+    if not filled:
+        raise RecordingError(
+            f"{path}: no message on {topic} names a joint.", remedy="record a topic whose publisher fills in `name`."
+        )
+    chosen = _chosen(filled, wanted, path, topic)
+    clocked = all(any(each.stamps) for each in chosen)
+    states = [_states(each, path, clocked=clocked) for each in chosen]
+    first, *others = states
+    findings = [] if clocked else [_received(states)]
+    if others:
+        first, merged = _merged(first, others, wanted)
+        findings.append(merged)
+    rest = [each for each in filled if each not in chosen]
+    first = _with_spare(first, [_states(each, path, clocked=clocked) for each in rest], spare)
+    left = [name for name in names_of(rest) if name not in first.names]
+    if left:
+        more = f" and {len(left) - LISTED} more" if len(left) > LISTED else ""
+        told = f"{', '.join(left[:LISTED])}{more} of other publishers on the topic left out."
+        findings.append(Finding("joints-extra", "info", "", told))
+    return JointStates(first.names, first.time, first.values, clocked, tuple(findings))
+
+
+def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topic: str) -> list[Publisher]:
+    """Those who publish the wanted joints, whoever has most of them first."""
+    if not wanted:
+        if len(filled) == 1:
+            return list(filled)
+        listed = "; ".join(f"{', '.join(each.names)} ({len(each.stamps)} messages)" for each in filled)
+        raise RecordingError(
+            f"{path}: {len(filled)} publishers share {topic}, each with other joints: {listed}.",
+            remedy="name the joints of one in joints = { file name = robot joint }, or read it beside a robot.",
+        )
+    needed = set(wanted)
+    ranked = sorted(filled, key=lambda each: (-len(needed & set(each.names)), -len(each.stamps)))
+    chosen: list[Publisher] = []
+    for each in ranked:
+        if needed & set(each.names):
+            chosen.append(each)
+            needed -= set(each.names)
+    if needed:
+        raise RecordingError(
+            f"{path}: nobody publishes {', '.join(name for name in wanted if name in needed)} on {topic}.",
+            possible=f"joints there: {', '.join(names_of(filled))}",
+            remedy="rename with joints = { file name = robot joint }, and lock joints that were not recorded.",
+        )
+    return chosen
+
+
+def _states(publisher: Publisher, path: Path, *, clocked: bool) -> JointStates:
+    """One publisher's messages as arrays."""
+    time = np.array(publisher.stamps if clocked else publisher.received, dtype=np.int64)
+    stacked = {name: _stack(publisher.values[name], publisher.names, name, path) for name in FIELDS}
+    return JointStates(publisher.names, time, {name: each for name, each in stacked.items() if each is not None})
+
+
+def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -> Array | None:
+    """One field of all messages, shape (N, n); `None` where it is empty throughout."""
+    n = len(names)
+    lengths = {len(row) for row in rows}
+    if lengths == {0}:
+        return None
+    if lengths == {n}:
+        stacked = np.array(rows, dtype=np.float64)
+        return None if np.isnan(stacked).all() else stacked
+    first = next(i for i, row in enumerate(rows) if len(row) != n)
+    raise RecordingError(
+        f"{path}: message {first} has {len(rows[first])} values of {name} for {n} joints.",
+        remedy="cut that part of the bag off; a field must be there in all messages or in none.",
+    )
+
+
+def _received(states: Sequence[JointStates]) -> Finding:
+    """That times are those of reception."""
+    step = np.diff(states[0].time) * 1e-6
+    typical = float(np.median(step)) if step.size else 0.0
+    spread = f"; steps of {step.min():.3g} to {step.max():.3g} ms, {typical:.3g} in the middle" if step.size else ""
+    return Finding(
+        "clock-received",
+        "warning",
+        "time",
+        f"No message has a time stamp; times are those at which the bag received them{spread}.",
+        "record again with a driver that fills in header.stamp; the network's jitter is in these times.",
+    )
+
+
+def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[str]) -> tuple[JointStates, Finding]:
+    """The wanted joints of several publishers at the times of the first, as long as all publish."""
+    begin = max(each.time[0] for each in (first, *others))
+    end = min(each.time[-1] for each in (first, *others))
+    inside = (first.time >= begin) & (first.time <= end)
+    if not inside.any():
+        raise RecordingError(
+            "The publishers of the arm's joints were never there at once.", remedy="record them together."
+        )
+    time, names = first.time[inside], list(first.names)
+    values = {name: [each[inside]] for name, each in first.values.items()}
+    farthest = 0.0
+    for other in others:
+        take = [k for k, name in enumerate(other.names) if name in wanted and name not in names]
+        names += [other.names[k] for k in take]
+        farthest = max(farthest, _farthest(time, other.time))
+        for name in list(values):
+            if name not in other.values:
+                del values[name]  # what one of them does not publish is not there
+            else:
+                values[name].append(_at(time, other.time, other.values[name][:, take]))
+    listed = "; ".join(f"{', '.join(each.names)} ({len(each.time)} messages)" for each in (first, *others))
+    how = (
+        "at the same times" if not farthest else f"interpolated to the times of the first, {farthest:.3g} ms at most"
+    )
+    finding = Finding(
+        "joints-merged", "warning" if farthest else "info", "", f"Put together by name, {how}: {listed}."
+    )
+    together = {name: np.hstack(each) for name, each in values.items()}
+    return JointStates(tuple(names), time, together), finding
+
+
+def _with_spare(first: JointStates, rest: Sequence[JointStates], spare: Sequence[str]) -> JointStates:
+    """With the positions of further joints, where others publish them."""
+    names, values = list(first.names), dict(first.values)
+    for other in rest:
+        take = [k for k, name in enumerate(other.names) if name in spare and name not in names]
+        if not take or "position" not in other.values:
+            continue
+        names += [other.names[k] for k in take]
+        there = _at(first.time, other.time, other.values["position"][:, take])
+        for name in values:
+            added = there if name == "position" else np.full_like(there, np.nan)
+            values[name] = np.hstack([values[name], added])
+    return JointStates(tuple(names), first.time, values)
+
+
+def _at(time: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Array:
+    """Values (M, n) of times (M,) at other times (N,), linearly between them [ns]."""
+    if len(time) == len(known) and (time == known).all():
+        return values
+    # Relative to the first, or doubles would not hold the nanoseconds of an epoch.
+    x, xp = (time - known[0]).astype(np.float64), (known - known[0]).astype(np.float64)
+    return np.column_stack([np.interp(x, xp, column) for column in values.T])
+
+
+def _farthest(time: NDArray[np.int64], known: NDArray[np.int64]) -> float:
+    """Largest distance of times to the nearest known one [ms]."""
+    after = np.clip(np.searchsorted(known, time), 1, max(len(known) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(known) - 1)
+    return float(np.minimum(np.abs(known[after] - time), np.abs(time - known[before])).max(initial=0)) * 1e-6
