@@ -75,7 +75,7 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     except _faults() as error:
         raise RecordingError(
             f"{path} cannot be read as a bag ({error}).",
-            remedy="copy it again, or repair it (rosbag reindex, ros2 bag reindex); if it is compressed, give its folder.",
+            remedy="copy it again, or repair it (rosbag reindex, ros2 bag reindex); compressed, give its folder.",
         ) from error
 
 
