@@ -99,6 +99,8 @@ def test_every_plot_is_drawn(
     plots = len(Page(path.read_text(encoding="utf-8")).data["plots"])
     assert plots > 20
     tab = chromium.open(path, size=size, dark=dark)
+    tab.wait("document.documentElement.dataset.drawn")
+    tab.run("document.querySelectorAll('main details').forEach((each) => { each.open = true; })")
     tab.wait(f"document.documentElement.dataset.drawn === '{plots}'")
     # Each has lines or points that are more than a dot.
     drawn = tab.run(
@@ -110,9 +112,79 @@ def test_every_plot_is_drawn(
     assert_quiet(tab, path)
 
 
+SCREENS = {LAPTOP: 8, PHONE: 16}
+"""Screens that a report takes at most while it is folded."""
+
+
+@pytest.mark.parametrize("size", SCREENS, ids=["laptop", "phone"])
+def test_a_folded_report_is_short_and_its_contents_stay_in_view(
+    size: tuple[int, int], report: Path, chromium: Browser
+):
+    tab = chromium.open(report, size=size)
+    tab.wait("document.documentElement.dataset.drawn")
+    assert tab.run("document.documentElement.scrollHeight") <= SCREENS[size] * size[1]
+    links = "[...document.querySelectorAll('nav a')]"
+    if size == PHONE:  # a bar that opens
+        assert tab.run("document.querySelector('nav').offsetHeight") < 60
+        tab.run("document.querySelector('nav summary').click()")
+        assert tab.run("document.querySelector('nav details').open")
+    tab.run(f"{links}.find((a) => a.hash === '#friction').click()")
+    tab.wait("Math.abs(document.getElementById('friction').getBoundingClientRect().top) < 150")
+    tab.wait(f"{links}.find((a) => a.getAttribute('aria-current')).hash === '#friction'")
+    box = tab.run("(({top, bottom}) => [top, bottom])(document.querySelector('nav').getBoundingClientRect())")
+    assert 0 <= box[0] < box[1] <= size[1]
+    # Whoever chose a section on a phone sees the section and not the menu.
+    assert tab.run("document.querySelector('nav details').open") is (size == LAPTOP)
+    assert is_inside(tab)
+
+
+def test_everything_is_opened_at_once_and_on_paper(report: Path, chromium: Browser):
+    tab = chromium.open(report)
+    tab.wait("document.documentElement.dataset.drawn")
+    closed = "document.querySelectorAll('main details:not([open])').length"
+    folded, plots = tab.run(closed), tab.run("document.querySelectorAll('[data-plot]').length")
+    assert folded > 5 and int(tab.run("document.documentElement.dataset.drawn")) < plots
+    tab.run("dispatchEvent(new Event('beforeprint'))")
+    assert tab.run(closed) == 0
+    assert tab.run("document.querySelectorAll('[data-plot] .plot-container').length") == plots
+    tab.run("dispatchEvent(new Event('afterprint'))")
+    assert tab.run(closed) == folded
+    tab.run("document.getElementById('unfold').click()")
+    tab.wait(f"document.documentElement.dataset.drawn === '{plots}'")
+    assert tab.run(closed) == 0
+    assert_quiet(tab, report)
+
+
+def test_tables_that_go_on_say_so_and_keep_their_first_column(report: Path, chromium: Browser):
+    tab = chromium.open(report, size=PHONE)
+    tab.run("document.querySelectorAll('main details').forEach((each) => { each.open = true; })")
+    tab.wait("document.querySelector('#table-parameters').offsetWidth > 0")
+    goes_on = "[...document.querySelectorAll('.scroll')].map((each) => each.scrollWidth > each.clientWidth + 2)"
+    said = "[...document.querySelectorAll('.scroll')].map((each) => each.nextElementSibling.offsetHeight > 0)"
+    tab.wait(f"JSON.stringify({goes_on}) === JSON.stringify({said})")
+    assert any(tab.run(goes_on))
+    place = "document.querySelector('#table-torque').closest('.scroll')"
+    tab.run(f"{place}.scrollLeft = 10000")
+    tab.wait(f"{place}.nextElementSibling.offsetHeight === 0")  # it has come to its end
+    head = tab.run(f"{place}.querySelector('tbody th').getBoundingClientRect().left")
+    assert head == pytest.approx(tab.run(f"{place}.getBoundingClientRect().left"), abs=1.0)
+
+
+def test_the_residual_shares_the_abscissa_of_its_torque(report: Path, chromium: Browser):
+    tab = chromium.open(report)
+    tab.wait("document.documentElement.dataset.drawn")
+    upper, lower = "document.getElementById('plot-torque-0-0')", "document.getElementById('plot-left-0-0')"
+    edges = "._fullLayout.xaxis._offset"
+    assert tab.run(f"{upper}{edges}") == tab.run(f"{lower}{edges}")
+    tab.run(f"Plotly.relayout({upper}, {{'xaxis.range[0]': 1, 'xaxis.range[1]': 2}}).then(() => true)")
+    tab.wait(f"Math.abs({lower}.layout.xaxis.range[1] - 2) < 1e-9")
+
+
 def test_a_finger_on_a_plot_scrolls_the_page(report: Path, chromium: Browser):
     tab = chromium.open(report, size=PHONE)
     tab.wait("document.documentElement.dataset.drawn")
+    tab.run("document.querySelector('.fold:has([data-plot])').open = true")
+    tab.wait("document.documentElement.dataset.drawn > 0")
     assert tab.run("document.querySelectorAll('.modebar-btn').length") == 0
     assert tab.run("document.querySelector('[data-plot]')._fullLayout.dragmode") is False
 

@@ -59,7 +59,7 @@ def test_a_figure_has_the_traces_of_the_page(kind: str, run: Run):
         assert found.name == trace.name
         np.testing.assert_array_equal(numbers(found.x), trace.x)
         np.testing.assert_array_equal(numbers(found.y), trace.y)
-    assert len(figure.layout.shapes) == sum(len(plot.levels) + len(plot.marks) for plot in plots)
+    assert len(figure.layout.shapes) == sum(len(plot.axes.levels) + len(plot.axes.marks) for plot in plots)
     titles = {axis.title.text for axis in figure.select_xaxes()} - {None}
     assert titles == {plot.x for plot in plots}
     assert figure.to_plotly_json()["layout"]["paper_bgcolor"] == "#ffffff"

@@ -31,8 +31,10 @@ def material(tmp_path_factory: pytest.TempPathFactory) -> Material:
 
 def test_a_run_without_validation_asks_for_it(material: Material):
     words = judge(replace(material, validation={**material.validation, "recordings": [], "verdict": "not judged"}))
-    assert any("not seen" in each for each in words.doubted) and any("--validate" in each for each in words.wanted)
-    assert not any("unseen" in each for each in words.trusted)
+    assert any("held-out motion" in each for each in words.doubted) and any(
+        "--validate" in each for each in words.wanted
+    )
+    assert not any("validation" in each for each in words.trusted)
 
 
 def test_bands_that_do_not_hold_are_doubted(material: Material):
@@ -62,8 +64,8 @@ def test_an_error_where_joints_stand_asks_for_no_more_motions(material: Material
         words = judge(changed)
         doubted[standing] = " ".join(words.doubted)
         assert any("More and other motions" in each for each in words.wanted) is not standing
-    assert "where joints stand" in doubted[True] and "times that of training" not in doubted[True]
-    assert "where joints stand" not in doubted[False] and "times that of training" in doubted[False]
+    assert "where joints stand" in doubted[True] and "times that in training" not in doubted[True]
+    assert "where joints stand" not in doubted[False] and "times that in training" in doubted[False]
 
 
 def test_friction_below_zero_is_doubted(material: Material):
@@ -129,7 +131,7 @@ def test_recordings_of_one_name_are_told_apart(tmp_path: Path):
     text = STUDY.replace("run1.csv", "train/run.csv").replace("run2.csv", "check/run.csv")
     result = identify(load_study(write_study(tmp_path, text)))
     page = Page(render(gather(load_run(save_run(result, tmp_path / "run")))))
-    assert "Unseen motion: check/run.csv" in page.prose and "Training: train/run.csv" in page.prose
+    assert "Validation: check/run.csv" in page.prose and "Training: train/run.csv" in page.prose
 
 
 def test_a_run_is_shown_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

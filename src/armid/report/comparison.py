@@ -10,6 +10,7 @@ import numpy as np
 from armid.errors import ArmidError
 from armid.model.formulas import base_formulas
 from armid.report.material import Material
+from armid.report.names import label_of
 from armid.report.numbers import decimals_of, fixed, short
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Cell, Column, Table
@@ -158,13 +159,16 @@ def _show_errors(pair: Pair) -> Section:
     unit = effort_unit(pair.after)
     columns = [Column("joint", words=True)]
     numbers: list[Array] = []
-    for what, of in (("training", Material.training_rms), ("unseen", Material.validation_rms)):
+    for what, of in (("training", Material.training_rms), ("validation", Material.validation_rms)):
         for when, material in (("before", pair.before), ("after", pair.after)):
             columns.append(Column(f"{what}, {when}", unit))
             numbers.append(of(material))
     rows = [
-        [Cell(joint.name, kind="name"), *(Cell(short(x), x) for x in (float(column[j]) for column in numbers))]
-        for j, joint in enumerate(pair.after.joints)
+        [
+            Cell(label_of(pair.after.joints, j), kind="name"),
+            *(Cell(short(x), x) for x in (float(column[j]) for column in numbers)),
+        ]
+        for j in range(len(pair.after.joints))
     ]
     note = "Each run on its own recordings, in its own band: other motions have other errors."
     return Section("Torque error", {}, (Table("errors", "RMS torque error of each joint", columns, rows, note),))

@@ -28,6 +28,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.look import Theme, axes_of, colours, levels_of, resolved, trace_look
 from armid.report.material import Material, with_evidence
+from armid.report.names import heading_of, residual_title
 from armid.report.plots import Plot
 from armid.report.preflight import motion_section
 from armid.report.rendering import require_extra
@@ -210,7 +211,9 @@ def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
         raise ArmidError(
             f"{robot.name} has no joint {joint!r}.", possible=", ".join(known), remedy=did_you_mean(joint, known)
         )
-    kept = ((heading, plots if heading == joint else [p for p in plots if p.title == joint])
+    wanted = heading_of(robot.joints, robot.joint_names.index(joint))
+    titles = wanted, residual_title(wanted)
+    kept = ((heading, plots if heading == wanted else [p for p in plots if p.title in titles])
             for heading, plots in section.plots)  # fmt: skip
     rows = [(heading, plots) for heading, plots in kept if plots]
     if not rows:

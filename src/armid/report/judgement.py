@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.report.material import Material, velocity_unit
+from armid.report.names import MOST_NAMES, by_joint, label_of
 from armid.report.noticed import evidence_words, remedy_words, serious
 from armid.report.numbers import share, short
 from armid.report.remains import MUCH, find_remains
@@ -16,21 +17,20 @@ from armid.report.section import effort_unit
 __all__ = ["POOR_COVERAGE", "Judgement", "beyond_intervals", "judge"]
 
 GOOD_SHARE = 0.1
-"""Error over the torque's spread up to which a joint is called well predicted: the thesis's lines of Figure 4.3."""
+"""Relative RMS, over the torque's standard deviation, up to which a joint is called well predicted: the thesis's
+lines of Figure 4.3."""
 
 POOR_COVERAGE = 0.85
 """Share of rows inside a 95 % band below which the band is not believed."""
 
 UNLIKE_TRAINING = 2.0
-"""Error on unseen motion over that in training, from which on more motions are asked for."""
+"""Error in validation over that in training, from which on more motions are asked for."""
 
 RESTS = 0.01
 """Share of its usual speed below which a joint stands: there the sign of its velocity is the noise's."""
 
 SLOW = 0.3
 """Share of its velocity limit below which a joint's viscous friction is hard to tell from the rest."""
-
-MOST_NAMES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,21 +65,21 @@ Words = tuple[list[str], list[str], list[str]]
 
 
 def _torque(material: Material) -> Words:
-    """Error on unseen motion, all joints together and each."""
+    """Error on validation motion, all joints together and each."""
     if not material.validation["recordings"]:
         return (
             [],
-            ["Nothing here was checked on motion that the estimate has not seen."],
+            ["Nothing here was checked on held-out motion."],
             ['Another motion, kept for validation: --validate RECORDING, or role = "validate" in the study.'],
         )
-    unseen, unit = material.validation_rms(), effort_unit(material)
-    total, training = (float(np.linalg.norm(x[np.isfinite(x)])) for x in (unseen, material.training_rms()))
+    held_out, unit = material.validation_rms(), effort_unit(material)
+    total, training = (float(np.linalg.norm(x[np.isfinite(x)])) for x in (held_out, material.training_rms()))
     prior = material.validation_column("prior_rms")
-    known = np.isfinite(prior) & np.isfinite(unseen)
-    words = f"Torque on unseen motion: {short(total)} {unit} RMS over all joints"
+    known = np.isfinite(prior) & np.isfinite(held_out)
+    words = f"Torque in validation: {short(total)} {unit} RMS, root of the sum over joints"
     if known.any():
-        left = float(np.linalg.norm(unseen[known]) / np.linalg.norm(prior[known]))
-        words += f", {share(left)} of what the description alone leaves"
+        left = float(np.linalg.norm(held_out[known]) / np.linalg.norm(prior[known]))
+        words += f"; {share(left)} of the error of the CAD/URDF model"
     failed = [
         f"{c['name']}: {short(c['value'])} > {short(c['bound'])}"
         for c in material.validation["checks"]
@@ -90,32 +90,34 @@ def _torque(material: Material) -> Words:
     relative = material.validation_column("relative")
     fine = [j for j, x in enumerate(relative) if x <= GOOD_SHARE]
     if fine:
-        good.append(f"Error at most {share(GOOD_SHARE)} of the torque's spread on {_joints(material, fine)}.")
+        good.append(f"Relative RMS of at most {share(GOOD_SHARE)} on {_joints(material, fine)}.")
     poor = [j for j, x in enumerate(relative) if x > GOOD_SHARE]
     if poor:
-        said = _listed(f"{material.joints[j].name} ({share(float(relative[j]))})" for j in poor)
-        bad.append(f"Error above {share(GOOD_SHARE)} of the torque's spread on {said}.")
+        said = _listed(f"{label_of(material.joints, j)} ({share(float(relative[j]))})" for j in poor)
+        bad.append(f"Relative RMS above {share(GOOD_SHARE)} on {said}.")
     if total > UNLIKE_TRAINING * training:
         moving, stands = _moving(material)
         if moving <= UNLIKE_TRAINING * training:
             bad.append(
-                f"Most of the error on unseen motion is where joints stand, {share(stands)} of the rows: dry "
+                f"Most of the error in validation is where joints stand, {share(stands)} of the rows: dry "
                 f"friction takes any value up to its bound there. Where they move it is {short(moving)} {unit} RMS."
             )
         else:
-            bad.append(f"The error on unseen motion is {short(total / training, 2)} times that of training.")
+            bad.append(f"The error in validation is {short(total / training, 2)} times that in training.")
             next_.append(
-                "More and other motions to train on: unseen ones are predicted worse than those of training."
+                "More and other motions to train on: held-out ones are predicted worse than those of training."
             )
     return good, bad, next_
 
 
 def _moving(material: Material) -> tuple[float, float]:
-    """Error on unseen motion where joints move, all together, and the share of rows in which they stand."""
-    unseen = material.of_role("validate")
-    if not unseen:
+    """Error in validation where joints move, all together, and the share of rows in which they stand."""
+    held_out = material.of_role("validate")
+    if not held_out:
         return np.inf, 0.0
-    error, speed = (np.concatenate(x) for x in zip(*((e.measured - e.predicted, e.dq) for e in unseen), strict=True))
+    error, speed = (
+        np.concatenate(x) for x in zip(*((e.measured - e.predicted, e.dq) for e in held_out), strict=True)
+    )
     counts = np.isfinite(error)
     stands = counts & (np.abs(speed) < RESTS * np.sqrt(np.mean(speed**2, axis=0)))
     moves = counts & ~stands
@@ -132,11 +134,11 @@ def _bands(material: Material) -> Words:
         return [], [], []
     if not poor:
         return (
-            [f"The 95 % bands of the torque: they hold {share(float(np.nanmean(coverage)))} of unseen rows."],
+            [f"The 95 % bands of the torque: they hold {share(float(np.nanmean(coverage)))} of the held-out rows."],
             [],
             [],
         )
-    said = _listed(f"{material.joints[j].name} ({share(float(coverage[j]))})" for j in poor)
+    said = _listed(f"{label_of(material.joints, j)} ({share(float(coverage[j]))})" for j in poor)
     return (
         [],
         [f"The 95 % bands of the torque are too narrow on {said}: so may be the intervals of its parameters."],
@@ -152,20 +154,27 @@ def _parameters(material: Material) -> Words:
     clear = (low > 0.0) | (high < 0.0)
     good = [f"{int(clear.sum())} of {len(names)} parameters: their 95 % intervals stay clear of zero."]
     unclear = [name for name, sure in zip(names, clear, strict=True) if not sure]
-    bad = [f"{len(unclear)} parameters cannot be told from zero: {_listed(unclear)}."] if unclear else []
+    bad = (
+        [f"{len(unclear)} parameters cannot be told from zero: {by_joint(unclear, material.joints)}."]
+        if unclear
+        else []
+    )
     never = {p.name for p in material.run.model.parameters if p.nonnegative}
     negative = [name for name, top in zip(names, high, strict=True) if name in never and top < 0.0]
     next_: list[str] = []
     if negative and not any(each.code == "not-physical" for each in estimate.findings):
-        bad.append(f"Negative where physics forbids it, intervals included: {_listed(negative)}.")
+        bad.append(f"Negative where physics forbids it, intervals included: {by_joint(negative, material.joints)}.")
     rotors = [name for name in unclear + negative if name.startswith("IA")]
     if rotors:
-        next_.append(f"Quick turns of single joints while the others rest: {_listed(rotors)} mix with link inertias.")
+        next_.append(
+            f"Quick turns of single joints while the others rest: {by_joint(rotors, material.joints)} mix with link "
+            "inertias."
+        )
     return good, bad, next_
 
 
 def beyond_intervals(material: Material) -> bool:
-    """Whether the nearest real body lies outside the intervals of some parameters."""
+    """Whether the nearest consistent parameters lie outside the intervals of some parameters."""
     if material.verdict is None or material.verdict.certificate.feasible:
         return False
     fit = material.run.estimate.fit
@@ -174,7 +183,7 @@ def beyond_intervals(material: Material) -> bool:
 
 
 def _bodies(material: Material) -> Words:
-    """Whether a real body can have the values."""
+    """Physical consistency."""
     if material.verdict is None:
         return [], [], []
     certificate, smallest = material.verdict.certificate, material.verdict.pose.min_eigenvalue
@@ -182,14 +191,15 @@ def _bodies(material: Material) -> Words:
     if smallest <= 0.0:
         bad.append("The mass matrix is not positive definite in every pose: do not simulate with these values.")
     if certificate.feasible:
-        return ["A real body can have these parameters."], bad, []
-    distance = f"the nearest lies {short(certificate.distance)} ({share(certificate.relative_distance)}) away"
+        return ["The parameters are physically consistent: a real body can have them."], bad, []
+    away = f"{short(certificate.distance)} ({share(certificate.relative_distance)}) away"
     if beyond_intervals(material):
         bad.append(
-            f"No real body has these values: {distance}, outside the intervals. Do not simulate or export them."
+            f"Not physically consistent: the nearest such values lie {away}, outside the intervals. "
+            "Do not simulate or export these."
         )
     else:
-        bad.append(f"No real body has exactly these values: {distance}, within the intervals.")
+        bad.append(f"Not exactly physically consistent: the nearest such values lie {away}, within the intervals.")
     return [], bad, []
 
 
@@ -199,7 +209,7 @@ def _errors(material: Material) -> Words:
 
 
 def _warnings(material: Material) -> Words:
-    """What else was noticed on the way."""
+    """What else was found."""
     return _noticed(material, "warning")
 
 
@@ -218,7 +228,8 @@ def _motion(material: Material) -> Words:
         fastest = max((float(np.abs(each.dq[:, j]).max()) for each in train), default=np.inf)
         if fastest < SLOW * joint.velocity_limit < np.inf and relative.get(f"FV_{j + 1}", False):
             slow.append(
-                f"{joint.name} ({short(fastest, 2)} of {short(joint.velocity_limit, 2)} {velocity_unit(joint)})"
+                f"{label_of(material.joints, j)} ({short(fastest, 2)} of "
+                f"{short(joint.velocity_limit, 2)} {velocity_unit(joint)})"
             )
     return [], [], [f"Faster motion, to tell viscous friction: {_listed(slow)}."] if slow else []
 
@@ -243,7 +254,7 @@ def _laws(material: Material) -> Words:
 def _joints(material: Material, which: Sequence[int]) -> str:
     if len(which) == len(material.joints):
         return "every joint"
-    return _listed(material.joints[j].name for j in which)
+    return _listed(label_of(material.joints, j) for j in which)
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -28,7 +28,7 @@ LINES: Mapping[str, Line] = {
     "predicted": ("blue", 1.7, "6px,3px"),
     "recorded": ("grey", 1.0, "2px,2px"),
     "training": ("blue", 1.1, "solid"),
-    "unseen": ("orange", 1.1, "solid"),
+    "validation": ("orange", 1.1, "solid"),
     "single": ("grey", 0.6, "solid"),
     "mean": ("ink", 2.0, "solid"),
     "law": ("orange", 2.4, "7px,3px"),
@@ -49,7 +49,9 @@ MARKED = ("mean",)
 
 CLOUDS: Mapping[str, tuple[str, str, int]] = {
     "training": ("blue", "circle-open", 4),
-    "unseen": ("orange", "x-thin-open", 4),
+    "validation": ("orange", "x-thin-open", 4),
+    "above": ("near", "triangle-up", 6),
+    "below": ("near", "triangle-down", 6),
     "forward": ("blue", "triangle-up", 4),
     "backward": ("orange", "triangle-down-open", 4),
     "joint-1": ("joint-1", "circle", 7),
@@ -116,11 +118,12 @@ def trace_look(trace: Trace, numbers: Callable[[Array], Any]) -> dict[str, Any]:
 
 def axes_of(plot: Plot) -> dict[str, Any]:
     """Both axes of a plot in plotly's JSON."""
+    log, span = plot.axes.logarithmic, plot.axes.span
 
-    def axis(title: str, ticks: dict[str, int]) -> dict[str, Any]:
+    def axis(title: str, ticks: dict[str, Any]) -> dict[str, Any]:
         return {
             "title": {"text": title, "standoff": 4},
-            "type": "log" if plot.logarithmic else "linear",
+            "type": "log" if log else "linear",
             "exponentformat": "power",
             "ticks": "outside",
             "tickangle": 0,
@@ -129,15 +132,16 @@ def axes_of(plot: Plot) -> dict[str, Any]:
             **ticks,
         }
 
-    usual = {"nticks": 5 if plot.logarithmic else 7}
-    return {"xaxis": axis(plot.x, {"dtick": 1} if plot.logarithmic else usual), "yaxis": axis(plot.y, usual)}
+    usual = {"nticks": 5 if log else 7}
+    shown = {} if span is None else {"range": [float(end) for end in span]}
+    return {"xaxis": axis(plot.x, {"dtick": 1} if log else usual), "yaxis": axis(plot.y, {**usual, **shown})}
 
 
 def levels_of(plot: Plot) -> list[dict[str, Any]]:
     """Levels and marks of a plot as shapes in plotly's JSON, right across it."""
     dotted = {"type": "line", "layer": "below", "line": {"color": "--soft", "width": 1, "dash": "1px,3px"}}
-    across = [{**dotted, "xref": "paper", "x0": 0, "x1": 1, "y0": float(y), "y1": float(y)} for y in plot.levels]
-    upright = [{**dotted, "yref": "paper", "y0": 0, "y1": 1, "x0": float(x), "x1": float(x)} for x in plot.marks]
+    across = [{**dotted, "xref": "paper", "x0": 0, "x1": 1, "y0": float(y), "y1": float(y)} for y in plot.axes.levels]
+    upright = [{**dotted, "yref": "paper", "y0": 0, "y1": 1, "x0": float(x), "x1": float(x)} for x in plot.axes.marks]
     return [*across, *upright]
 
 

@@ -60,7 +60,7 @@ class Material:
 
     @property
     def drawn(self) -> tuple[Evidence, ...]:
-        """Recordings that pictures show: a few of each role, unseen motion first."""
+        """Recordings that pictures show: a few of each role, validation first."""
         return (*self.of_role("validate")[:MOST_OF_A_ROLE], *self.of_role("train")[:MOST_OF_A_ROLE])
 
     def training_rms(self) -> Array:

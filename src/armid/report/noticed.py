@@ -1,4 +1,4 @@
-"""What was noticed on the way, as a page says it."""
+"""Findings, as a page says them."""
 
 from __future__ import annotations
 

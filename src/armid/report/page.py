@@ -13,6 +13,7 @@ from typing import Any
 
 from armid.measurement.recording import Recording
 from armid.report.comparison import COMPARISON, pair_of
+from armid.report.heading import Heading, heading_of_run
 from armid.report.look import plot_record
 from armid.report.material import Material, gather, records_of
 from armid.report.packing import compressed, embedded
@@ -86,10 +87,19 @@ def render(material: Material) -> str:
         f"{estimate.method}, {int(estimate.fit.rows.max())} rows"
     )
     drawn = any(section.plots for section in shown.values())
-    return assemble(f"{estimate.robot}: dynamic model", subtitle, shown, with_plots=drawn)
+    return assemble(
+        f"{estimate.robot}: dynamic model", subtitle, shown, with_plots=drawn, heading=heading_of_run(material)
+    )
 
 
-def assemble(title: str, subtitle: str, sections: Mapping[str, Section], *, with_plots: bool) -> str:
+def assemble(
+    title: str,
+    subtitle: str,
+    sections: Mapping[str, Section],
+    *,
+    with_plots: bool,
+    heading: Heading | None = None,
+) -> str:
     """HTML of sections, each through the template of its name.
 
     Args:
@@ -97,6 +107,7 @@ def assemble(title: str, subtitle: str, sections: Mapping[str, Section], *, with
         subtitle: A line below it.
         sections: Sections by name, in order.
         with_plots: Whether plotly.js is needed.
+        heading: What stands beside the title.
     """
     return (
         environment()
@@ -104,6 +115,7 @@ def assemble(title: str, subtitle: str, sections: Mapping[str, Section], *, with
         .render(
             title=title,
             subtitle=subtitle,
+            heading=heading or Heading(),
             sections=sections,
             version=version("armid"),
             style=text_of("theme.css") + text_of("page.css"),

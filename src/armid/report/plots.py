@@ -15,7 +15,20 @@ from numpy.typing import NDArray
 
 from armid.values import Array
 
-__all__ = ["MOST_POINTS", "Plot", "Trace", "binned", "crest", "envelope", "every", "line", "points", "spread"]
+__all__ = [
+    "MOST_POINTS",
+    "Axes",
+    "Plot",
+    "Sight",
+    "Trace",
+    "binned",
+    "crest",
+    "envelope",
+    "every",
+    "line",
+    "points",
+    "spread",
+]
 
 LINE_BUCKETS = 700
 """Buckets of a line; each shows its smallest and largest value, twice what a plot is wide in pixels."""
@@ -43,6 +56,33 @@ class Trace:
     cloud: bool = False
 
 
+SEEN = 0.995
+"""Share of the values that a plot of residuals shows: a few spikes would flatten all the others."""
+
+ROOM = 1.1
+"""Room above what is shown."""
+
+MOST_CUT = 60
+"""Marks of values beyond a plot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """What the axes of a plot show beside its traces.
+
+    Attributes:
+        logarithmic: Whether both are.
+        levels: Ordinates of thin dotted lines.
+        marks: Abscissas of thin dotted lines.
+        span: Lowest and highest ordinate that are shown at first; all of them where not given.
+    """
+
+    logarithmic: bool = False
+    levels: Sequence[float] = ()
+    marks: Sequence[float] = ()
+    span: tuple[float, float] | None = None
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Plot:
     """A figure with its caption.
@@ -55,9 +95,7 @@ class Plot:
         y: Title of the ordinate with its unit.
         traces: What is drawn.
         group: Plots of one group zoom together along the abscissa.
-        logarithmic: Whether both axes are.
-        levels: Ordinates of thin dotted lines.
-        marks: Abscissas of thin dotted lines.
+        axes: What they show beside the traces.
     """
 
     key: str
@@ -67,9 +105,47 @@ class Plot:
     y: str
     traces: Sequence[Trace]
     group: str = ""
-    logarithmic: bool = False
-    levels: Sequence[float] = ()
-    marks: Sequence[float] = ()
+    axes: Axes = Axes()
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """How much of values about zero a plot shows at first.
+
+    Attributes:
+        limit: Largest absolute value that is shown; infinite where all are.
+        share: Share of the values beyond it.
+        peak: Largest absolute value.
+    """
+
+    limit: float
+    share: float
+    peak: float
+
+    @classmethod
+    def of(cls, values: Array) -> Sight:
+        """The sight of values of any shape: 99.5 % of them, all where the rest is not far beyond."""
+        size = np.abs(values[np.isfinite(values)])
+        if not len(size):
+            return cls(np.inf, 0.0, np.nan)
+        peak, limit = float(size.max()), ROOM * float(np.quantile(size, SEEN, method="lower"))
+        if not 0.0 < ROOM * limit < peak:
+            return cls(np.inf, 0.0, peak)
+        return cls(limit, float(np.mean(size > limit)), peak)
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """Ends of the ordinate; `None` where all values are shown."""
+        return (-ROOM * self.limit, ROOM * self.limit) if np.isfinite(self.limit) else None
+
+    def cut(self, x: Array, y: Array, name: str) -> tuple[Trace, ...]:
+        """Marks at the edge where values (K,) at abscissas (K,) are cut; none where all are shown."""
+        marks = (("above", y > self.limit, self.limit), ("below", y < -self.limit, -self.limit))
+        return tuple(
+            points(role, x[beyond], np.full(int(beyond.sum()), edge), f"{name}, beyond the picture", MOST_CUT)
+            for role, beyond, edge in marks
+            if beyond.any()
+        )
 
 
 def line(role: str, x: Array, y: Array, name: str) -> Trace:

@@ -1,4 +1,4 @@
-"""The page before the flight: how near a plan comes to every limit, and what its recording will tell."""
+"""The page of the pre-flight check: how near a plan comes to every limit, and what its recording will tell."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from armid.excitation.plan import Plan
 from armid.excitation.preflight import worst
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
+from armid.report.names import heading_of
 from armid.report.numbers import fixed, share, short
 from armid.report.page import assemble
 from armid.report.plots import Plot, Trace, line
@@ -54,7 +55,7 @@ def render_preflight(designed: Designed) -> str:
     plan = designed.plan
     series = plan.excitation
     subtitle = (
-        f"Before the flight: {series.harmonics} harmonics over {series.period:g} s, "
+        f"Pre-flight check: {series.harmonics} harmonics over {series.period:g} s, "
         f"{'once' if plan.repetitions == 1 else f'{plan.repetitions} times'}, {plan.duration:.1f} s in all; "
         f"designed for {designed.problem.goal.criterion}"
     )
@@ -225,7 +226,8 @@ def motion_section(
     nominal = model.nominal_parameters()
     torque = None if nominal is None else model.torque(motion, nominal)
     rows = tuple(
-        (joint.name, tuple(_plots(motion, torque, joint, limits, j))) for j, joint in enumerate(model.robot.joints)
+        (heading_of(model.robot.joints, j), tuple(_plots(motion, torque, joint, limits, j)))
+        for j, joint in enumerate(model.robot.joints)
     )
     return Section("Motion", content or {}, (), rows, (("measured", "plan"), ("limit", "limit")))
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from armid.report.material import Material
-from armid.report.plots import Plot
+from armid.report.numbers import share, short
+from armid.report.plots import Plot, Sight
 from armid.report.tables import Table
 
-__all__ = ["Section", "effort_unit", "one_of"]
+__all__ = ["Section", "cut_words", "effort_unit", "one_of"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,3 +43,10 @@ def effort_unit(material: Material) -> str:
 def one_of(units: list[str]) -> str:
     """The units in a list, each once: `N·m`, or `N·m or N` on an arm that also slides."""
     return " or ".join(dict.fromkeys(units))
+
+
+def cut_words(sight: Sight, unit: str) -> str:
+    """What a plot leaves out, for its caption; nothing where it shows all."""
+    if sight.span is None:
+        return ""
+    return f"▲ ▼ {share(sight.share)} of the rows beyond the picture, up to {short(sight.peak)} {unit}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 __all__ = ["Cell", "Column", "Table", "latex_text"]
@@ -108,6 +108,8 @@ class Table:
         columns: Its columns.
         rows: Cells, row by row; the first of a row is its head.
         note: What signs in it mean.
+        folded: Whether a page shows its caption alone until it is opened.
+        groups: What the rows from an index on belong to, for instance a joint.
     """
 
     key: str
@@ -115,24 +117,35 @@ class Table:
     columns: Sequence[Column]
     rows: Sequence[Sequence[Cell]] = field(default_factory=tuple[Sequence[Cell], ...])
     note: str = ""
+    folded: bool = False
+    groups: Mapping[int, str] = field(default_factory=dict[int, str])
 
     def csv(self) -> str:
-        """Comma-separated values at full precision, units in the head."""
+        """Comma-separated values at full precision, units in the head; the group of a row is its last value."""
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(f"{column.title} [{column.unit}]" if column.unit else column.title for column in self.columns)
-        writer.writerows([_csv(cell) for cell in row] for row in self.rows)
+        head = [f"{column.title} [{column.unit}]" if column.unit else column.title for column in self.columns]
+        writer.writerow([*head, *(["group"] if self.groups else [])])
+        group: list[str] = []
+        for k, row in enumerate(self.rows):
+            group = [self.groups[k]] if k in self.groups else group
+            writer.writerow([*(_csv(cell) for cell in row), *group])
         return stream.getvalue()
 
     def latex(self) -> str:
         """A tabular with the rules of booktabs."""
         head = [latex_text(f"{c.title} [{c.unit}]" if c.unit else c.title) for c in self.columns]
+        rows: list[str] = []
+        for k, row in enumerate(self.rows):
+            if k in self.groups:
+                rows.append(rf"\multicolumn{{{len(head)}}}{{l}}{{{latex_text(self.groups[k])}}} \\")
+            rows.append(" & ".join(cell.latex or latex_text(cell.text) for cell in row) + r" \\")
         lines = [
             rf"\begin{{tabular}}{{{''.join('l' if column.words else 'r' for column in self.columns)}}}",
             r"\toprule",
             " & ".join(head) + r" \\",
             r"\midrule",
-            *(" & ".join(cell.latex or latex_text(cell.text) for cell in row) + r" \\" for row in self.rows),
+            *rows,
             r"\bottomrule",
             r"\end{tabular}",
         ]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from armid.robot import Robot
 from armid.shown import Shown, Summary
 from armid.study.folder import refuse, whole_folder
 from armid.study.identify import Result
+from armid.study.made import Made, made_now, made_of, made_record
 from armid.study.records import estimate_record, ladder_record, to_json, validation_record
 from armid.study.study import ModelChoice, Study, build_model
 from armid.values import load, replace_file, save
@@ -46,6 +47,7 @@ class Run(Shown):
         reading: How the first training recording was read.
         trained_on: Digests of the training recordings (sha256).
         verdict: Of its validation: `pass`, `fail` or `not judged`.
+        made: When, where and by which version.
     """
 
     folder: str
@@ -56,6 +58,7 @@ class Run(Shown):
     reading: Reading
     trained_on: tuple[str, ...]
     verdict: str = "not judged"
+    made: Made = field(default_factory=Made)
 
     def summary(self) -> Summary:
         """What was identified, how, and what came of it."""
@@ -125,6 +128,7 @@ def load_run(folder: Path | str) -> Run:
             Reading(**kept["reading"]),
             tuple(kept["trained_on"]),
             _verdict(folder),
+            made_of(kept),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ArmidError(
@@ -154,6 +158,7 @@ def _write(result: Result, draft: Path) -> None:
         "processing": dataclasses.asdict(study.processing),
         "reading": _given(next(r.reading for r in study.recordings if r.role == "train")),
         "trained_on": [each.sha256 for each in result.training],
+        "made": made_record(made_now()),
     }
     replace_file(draft / "study.json", to_json(_study_record(study)) + "\n")
     replace_file(draft / "model.json", to_json(model) + "\n")

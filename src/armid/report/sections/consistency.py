@@ -1,4 +1,4 @@
-"""Can a real body have these parameters, how far is the nearest, and does the mass matrix stay positive definite."""
+"""Physical consistency: distance to the nearest consistent parameters, and the mass matrix in the worst pose."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from armid.report.judgement import beyond_intervals
 from armid.report.material import Material
+from armid.report.names import label_of
 from armid.report.numbers import decimals_of, fixed, share, short
 from armid.report.section import Section, one_of
 from armid.report.sections.parameters import plain_name
@@ -43,12 +44,12 @@ def _bodies(material: Material) -> Table:
     assert verdict is not None
     unit = one_of([joint.unit for joint in robot.joints])
     rows: list[list[Cell]] = []
-    for j, joint in enumerate(robot.joints):
+    for j in range(robot.n):
         inertial = robot.links[j].inertial
         masses = (float(verdict.certificate.masses[j]), float(verdict.limited.masses[j]))
         rows.append(
             [
-                Cell(joint.name, kind="name"),
+                Cell(label_of(robot.joints, j), kind="name"),
                 Cell("–", "") if inertial is None else Cell(short(inertial.mass), inertial.mass),
                 *(Cell(short(x), x) for x in masses),
                 Cell(fixed(float(verdict.pose.q[j]), 3), float(verdict.pose.q[j])),
@@ -56,8 +57,8 @@ def _bodies(material: Material) -> Table:
         )
     columns = (
         Column("joint", words=True),
-        Column("mass, description", "kg"),
-        Column("mass, nearest body", "kg"),
+        Column("mass, CAD/URDF", "kg"),
+        Column("mass, nearest consistent", "kg"),
         Column(f"mass, none above {verdict.heaviest:g} kg", "kg"),
         Column("worst pose", unit),
     )
@@ -65,7 +66,7 @@ def _bodies(material: Material) -> Table:
         "Base parameters leave masses open, so these are those of one body of many. Worst pose: where the mass "
         "matrix with rotors has its smallest eigenvalue within the joint limits."
     )
-    return Table("bodies", "The nearest bodies, and the worst pose", columns, rows, note)
+    return Table("bodies", "Nearest consistent masses, and the worst pose", columns, rows, note, folded=True)
 
 
 def _blame(material: Material) -> Table:
@@ -89,8 +90,8 @@ def _blame(material: Material) -> Table:
     columns = (
         Column("parameter", words=True),
         Column("value"),
-        Column("change to the nearest body"),
+        Column("change to the nearest"),
         Column("over half its interval"),
     )
     note = "▲ marks changes that leave the 95 % interval: noise alone does not explain them."
-    return Table("blame", "What keeps the values from a real body", columns, rows, note)
+    return Table("blame", "What keeps the values from being physically consistent", columns, rows, note, folded=True)

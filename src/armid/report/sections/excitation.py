@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from armid.report.material import Material
+from armid.report.names import label_of
 from armid.report.numbers import fixed, short
 from armid.report.section import Section, effort_unit, one_of
 from armid.report.tables import Cell, Column, Table
@@ -22,6 +23,7 @@ def show_excitation(material: Material) -> Section:
         "scaled": short(fit.scaled_condition),
         "rows": int(fit.rows.max()),
         "blocks": str(fit.report.parts or ""),
+        "folder": material.run.folder,
     }
     return Section("Excitation", content, (_table(material),) if material.of_role("train") else ())
 
@@ -49,7 +51,7 @@ def _table(material: Material) -> Table:
         fastest, peak = float(np.abs(dq).max()), float(np.abs(tau).max())
         rows.append(
             [
-                Cell(joint.name, kind="name"),
+                Cell(label_of(joints, j), kind="name"),
                 *(Cell(fixed(x, 2), x) for x in ends),
                 _share((ends[1] - ends[0]) / float(np.ptp(joint.position_limits))),
                 Cell(short(fastest), fastest),
@@ -59,7 +61,7 @@ def _table(material: Material) -> Table:
             ]
         )
     note = "Limits are the description's; a dash where it gives none."
-    return Table("excitation", "What each joint did in training", columns, rows, note)
+    return Table("excitation", "What each joint did in training", columns, rows, note, folded=True)
 
 
 def _share(value: float) -> Cell:

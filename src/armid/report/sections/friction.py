@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from armid.estimation.estimate import averaged, torque_parameters
-from armid.model.expression import symbols, text
+from armid.model.expression import symbols
 from armid.model.motion import Motion
 from armid.report.evidence import Evidence, friction_columns, joined
+from armid.report.friction_laws import law_tables
 from armid.report.material import Material, velocity_unit
+from armid.report.names import heading_of, label_of
 from armid.report.numbers import decimals_of, fixed, short
-from armid.report.plots import Plot, Trace, binned, every, line, points
+from armid.report.plots import Axes, Plot, Trace, binned, every, line, points
 from armid.report.remains import MUCH, find_remains
 from armid.report.reversals import Reversals, find_reversals
 from armid.report.section import Section, effort_unit
@@ -33,9 +33,6 @@ FEWEST_IN_BIN = 5
 MOST_SYMBOLS = 5
 """Kinds of friction parameters that have a column; more are in the table of parameters."""
 
-CANDIDATES = "ladder"
-"""Key of the table of candidates, which has hundreds of rows and is folded below the pictures."""
-
 MOST_REVERSALS = 25
 """Reversals drawn by themselves; the means are over all."""
 
@@ -48,7 +45,7 @@ def show_friction(material: Material) -> Section | None:
     reversals = [find_reversals(evidence, j) for j in joints]
     rows = tuple(
         (
-            material.joints[j].name,
+            heading_of(material.joints, j),
             (
                 _over_velocity(material, evidence, j),
                 _over_position(material, evidence, j),
@@ -64,56 +61,8 @@ def show_friction(material: Material) -> Section | None:
         ("mean", "mean of what is seen"),
         ("law", "fitted law"),
     )
-    tables = (_table(material, evidence, reversals), *_ladder(material))
-    content = {"laws": _laws(material), "folded": CANDIDATES}
-    return Section("Friction", content, tables, rows, legend if rows else ())
-
-
-def _ladder(material: Material) -> tuple[Table, ...]:
-    """What the friction ladder took, and all that it looked at; nothing where friction was named and not chosen."""
-    path = Path(material.run.folder) / "friction.json"
-    if not path.is_file():
-        return ()
-    record = json.loads(path.read_text(encoding="utf-8"))
-    taken = [
-        [
-            Cell(each["name"], kind="name"),
-            Cell(f"{fixed(each['ratio'], 2)} ± {fixed(each['deviation'], 2)}", each["ratio"]),
-            Cell("; ".join(each["chosen"]) or "–"),
-        ]
-        for each in record["joints"]
-    ]
-    looked_at = [
-        [
-            Cell(each["joint"], kind="name"),
-            Cell(each["candidate"]),
-            Cell(fixed(each["ratio"], 3), each["ratio"]),
-            Cell(fixed(each["deviation"], 3), each["deviation"]),
-            Cell("taken" if each["chosen"] else ""),
-        ]
-        for each in record["evidence"]
-    ]
-    said = (
-        "Error on stretches of motion that were left out, over that without what was added, ± its standard error. "
-        "The same stretches made the choice, so it is optimistic; the error on recordings kept for validation is not."
-    )
-    note = " ".join(part for part in (said if looked_at else "", record["why"]) if part)
-    joint, error = Column("joint", words=True), Column("error with it")
-    chosen = Table("chosen", "How friction was chosen", (joint, error, Column("added", words=True)), taken, note)
-    if not looked_at:
-        return (chosen,)
-    columns = (joint, Column("candidate", words=True), error, Column("standard error"), Column("", words=True))
-    title = f"All {len(looked_at)} candidates that were looked at"
-    return chosen, Table(CANDIDATES, title, columns, looked_at, "Error over that without the candidate.")
-
-
-def _laws(material: Material) -> list[str]:
-    """Each law of friction, written once."""
-    model = material.run.model
-    chosen = friction_columns(model)[model.law_columns].astype(bool)
-    laws = [law for (_, law), own in zip(model.laws, chosen, strict=True) if own]
-    written = [f"{law.symbol} · {text(law.expression)}".removesuffix(" · 1") for law in laws]
-    return list(dict.fromkeys(line.replace("+ -1 ", "− ") for line in written))
+    tables = (*law_tables(material), _table(material, evidence, reversals))
+    return Section("Friction", {}, tables, rows, legend if rows else ())
 
 
 def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence[Reversals]) -> Table:
@@ -129,17 +78,17 @@ def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence
         Column("joint", words=True),
         *(Column(symbol, units[symbol]) for symbol in kinds),
         Column("friction RMS", unit),
-        Column("left RMS", unit),
-        *(Column(f"of it by {what}", "%") for what in ("velocity", "position", "reversals")),
+        Column("residual RMS", unit),
+        *(Column(f"explained by {what}", "%") for what in ("velocity", "position", "reversals")),
         Column("reversals", ""),
     )
     rows: list[list[Cell]] = []
-    for j, joint in enumerate(material.joints):
+    for j in range(len(material.joints)):
         remains = find_remains(evidence, material.run.processing, j)
         turns = len(reversals[j].observed)
         rows.append(
             [
-                Cell(joint.name, kind="name"),
+                Cell(label_of(material.joints, j), kind="name"),
                 *(_parameter(ends, symbol, j + 1) for symbol in kinds),
                 *(_number(_rms(joined(evidence, what, j))) for what in ("friction", "residual")),
                 *(_share(x) for x in (remains.velocity, remains.position, remains.reversal)),
@@ -147,15 +96,15 @@ def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence
             ]
         )
     note = (
-        "± half of the 95 % interval. Left: what the whole model leaves on the recordings drawn; of it by …: the "
-        "share of its variance that follows from velocity, from position with direction, and from the time since the "
-        "last reversal, chance taken off. ▲ marks shares that are worth a richer law."
+        "± half of the 95 % interval. Residual: of the whole model on the recordings drawn; explained by …: the "
+        "share of the residual's variance that follows from velocity, from position with direction, and from the "
+        "time since the last reversal, chance taken off. ▲ marks shares that are worth a richer law."
     )
     if len(estimate.fit.names) > len(mean.names):
         note += " Of what each recording has for itself the mean is shown."
     if further:
         note += f" {', '.join(further)}: in the table of parameters."
-    return Table("friction", "Friction of each joint, and what the laws leave", columns, rows, note)
+    return Table("friction", "Friction of each joint, and what the residual still follows", columns, rows, note)
 
 
 def _parameter(ends: dict[str, Array], symbol: str, number: int) -> Cell:
@@ -290,6 +239,6 @@ def _around_reversals(material: Material, found: Reversals, j: int) -> tuple[Plo
             "time since the reversal [s]",
             f"friction [{joint.effort_unit}]",
             traces,
-            marks=(0.0,),
+            axes=Axes(marks=(0.0,)),
         ),
     )

@@ -26,6 +26,6 @@ def show_groupings(material: Material) -> Section | None:
             head = Cell(names[k], latex=f"${left_tex}$", kind="name")
             rows.append([head, Cell(spoken, right, f"${right_tex}$", "formula")])
     columns = (Column("parameter", words=True), Column("moves the torque as", words=True))
-    table = Table("groupings", "Standard parameters that others stand for", columns, rows)
+    table = Table("groupings", "Standard parameters that others stand for", columns, rows, folded=True)
     content = {"standard": len(names), "base": base.count, "idle": sorted(idle, key=names.index)}
     return Section("Base groupings", content, (table,) if rows else ())

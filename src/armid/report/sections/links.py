@@ -8,7 +8,7 @@ from armid.estimation.standard_fit import StandardFit
 from armid.report.material import Material
 from armid.report.numbers import decimals_of, fixed, share, short
 from armid.report.section import Section
-from armid.report.sections.parameters import plain_name
+from armid.report.sections.parameters import groups_of, plain_name
 from armid.report.tables import Cell, Column, Table
 
 __all__ = ["show_links"]
@@ -31,7 +31,7 @@ def show_links(material: Material) -> Section | None:
         "lowest": short(fit.proof.lowest),
         "gap": short(fit.proof.gap, 2),
     }
-    return Section("Link parameters", content, (_table(material, fit),))
+    return Section("Standard parameters", content, (_table(material, fit),))
 
 
 def _table(material: Material, fit: StandardFit) -> Table:
@@ -45,28 +45,32 @@ def _table(material: Material, fit: StandardFit) -> Table:
         Column("unit", words=True),
         Column("95 % from"),
         Column("to"),
-        Column("description"),
+        Column("CAD/URDF"),
         Column("share of the data", "%"),
         Column("status", words=True),
     )
     rows: list[list[Cell]] = []
-    for k, name in enumerate(fit.names):
+    order, groups = groups_of(fit.names, material)
+    for k in order:
+        name, known = fit.names[k], fit.status[k] != "not identifiable"
         value, (low, high) = float(fit.values[k]), (float(end) for end in fit.intervals[k])
         decimals = decimals_of(0.5 * (high - low))
         said = prior.get(plain_name(name), np.nan) if plain_name(name) in inertial else np.nan
-        known = 100.0 * float(fit.resolution[k])
+        share_of_data = 100.0 * float(fit.resolution[k])
         rows.append(
             [
                 Cell(name, kind="name"),
-                *(Cell(fixed(x, decimals), x) for x in (value, low, high)),
+                Cell(fixed(value, decimals), value),
+                *(Cell(fixed(x, decimals), x) if known and np.isfinite(x) else Cell("–", "") for x in (low, high)),
                 Cell(fixed(said, decimals), said if np.isfinite(said) else ""),
-                Cell(fixed(known, 0), known),
+                Cell(fixed(share_of_data, 0), share_of_data),
                 Cell(fit.status[k] + MARKS.get(fit.status[k], ""), fit.status[k]),
             ]
         )
         rows[-1].insert(2, Cell(fit.units[k]))
     note = (
         "About the origin of the link's frame. Share of the data: how much of a value the data bring, the rest being "
-        "the prior's. ○ the prior decides, × the data say next to nothing: such values are one choice of many."
+        "the prior's. ○ the prior decides, × the data say next to nothing: such values are one choice of many and "
+        "have no interval."
     )
-    return Table("links", "Standard parameters, link by link", columns, rows, note)
+    return Table("links", "Standard parameters, joint by joint", columns, rows, note, folded=True, groups=groups)

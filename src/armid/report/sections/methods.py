@@ -27,8 +27,8 @@ def show_methods(material: Material) -> Section | None:
     columns = (
         Column("method", words=True),
         Column("training RMS", unit),
-        Column("unseen RMS", unit),
-        Column("a real body", words=True),
+        Column("held-out RMS", unit),
+        Column("physically consistent", words=True),
         Column("distance to one"),
         Column("held at zero"),
         Column("time", "s"),
@@ -36,7 +36,8 @@ def show_methods(material: Material) -> Section | None:
     )
     rows = [_row(each, material.run.estimate.method) for each in record["methods"]]
     note = (
-        "RMS over all joints, root of the sum of squares. Distance: from the nearest real body, Euclidean, SI units."
+        "RMS over all joints, root of the sum of squares. Distance: to the nearest consistent parameters, Euclidean, "
+        "SI units."
     )
     table = Table("methods", "All methods on the same data", columns, rows, note)
     return Section("Methods compared", {"unseen": record["unseen"]}, (table,))

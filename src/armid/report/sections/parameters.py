@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from armid.model.formulas import base_formulas
 from armid.report.material import Material
+from armid.report.names import heading_of, number_of
 from armid.report.numbers import decimals_of, fixed, percent
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
 
-__all__ = ["plain_name", "show_parameters"]
+__all__ = ["groups_of", "plain_name", "show_parameters"]
 
 
 def show_parameters(material: Material) -> Section:
@@ -21,8 +24,35 @@ def show_parameters(material: Material) -> Section:
         "why": fit.report.why,
         "freedom": f"{float(np.median(fit.freedom)):.0f}",
         "count": len(fit.names),
+        "kinds": _kinds(material),
     }
     return Section("Parameters", content, (_table(material),))
+
+
+def groups_of(names: Sequence[str], material: Material) -> tuple[list[int], dict[int, str]]:
+    """Order of parameters joint by joint, and the heading of each joint by the place of its first."""
+    order = sorted(range(len(names)), key=lambda k: number_of(names[k]))
+    groups: dict[int, str] = {}
+    for place, k in enumerate(order):
+        number = number_of(names[k])
+        if place == 0 or number != number_of(names[order[place - 1]]):
+            known = 0 < number <= len(material.joints)
+            groups[place] = heading_of(material.joints, number - 1) if known else "of no joint"
+    return order, groups
+
+
+def _kinds(material: Material) -> str:
+    """How many base parameters are of the bodies, how many of rotors and how many of friction."""
+    model, base = material.run.model, material.run.estimate.base
+    which = [base.names.index(plain_name(name)) for name in material.run.estimate.fit.names]
+    inertial = np.isin(base.kept, model.inertial_columns)[which]
+    rotor = np.array([model.parameters[k].symbol == "IA" for k in base.kept])[which]
+    counts = (
+        (int(inertial.sum()), "inertial"),
+        (int((rotor & ~inertial).sum()), "rotor inertia"),
+        (int((~rotor & ~inertial).sum()), "friction"),
+    )
+    return " + ".join(f"{count} {what}" for count, what in counts if count)
 
 
 def plain_name(name: str) -> str:
@@ -45,11 +75,13 @@ def _table(material: Material) -> Table:
         Column("95 % from"),
         Column("to"),
         Column("σ", "%"),
-        *((Column("description"),) if prior is not None else ()),
+        *((Column("CAD/URDF"),) if prior is not None else ()),
         Column("stands for", words=True),
     )
     rows: list[list[Cell]] = []
-    for k, (name, (low, high)) in enumerate(zip(fit.names, estimate.intervals, strict=True)):
+    order, groups = groups_of(fit.names, material)
+    for k in order:
+        name, (low, high) = fit.names[k], estimate.intervals[k]
         which, decimals = number[plain_name(name)], decimals_of(0.5 * float(high - low))
         poor = bool(fit.poorly_identified[k])
         sum_text, sum_latex = (formula[which].partition(" = ")[2] for formula in (text, latex))
@@ -72,11 +104,11 @@ def _table(material: Material) -> Table:
             ]
         )
     note = (
-        "σ: standard deviation over the value under white residuals. * σ above ten times the smallest: known worse "
-        "than others, or near zero, as the interval tells. Description: its own value, where it has one; it says "
-        "nothing of friction."
+        "σ: standard deviation over the value under white residuals. * σ above ten times the smallest. CAD/URDF: the "
+        "value of the description, where it has one; it says nothing of friction."
     )
-    return Table("parameters", f"{len(fit.names)} base parameters of {estimate.robot}", columns, rows, note)
+    title = f"Base parameters of {estimate.robot}, joint by joint: {_kinds(material)}"
+    return Table("parameters", title, columns, rows, note, folded=True, groups=groups)
 
 
 def _values(decimals: int, *values: float) -> list[Cell]:

@@ -22,12 +22,18 @@ def show_provenance(material: Material) -> Section:
     digests = [entry.partition(" ") for entry in estimate.made_from]
     rows = [(Cell(what, kind="path"), Cell(sha256, kind="digest")) for what, _, sha256 in _named(material, digests)]
     table = Table(
-        "provenance", "Inputs, by their sha256", (Column("input", words=True), Column("sha256", words=True)), rows
+        "provenance",
+        "Inputs, by their sha256",
+        (Column("input", words=True), Column("sha256", words=True)),
+        rows,
+        folded=True,
     )
+    origin = material.run.made
     made = [
+        ("identified", " ".join(filter(None, [origin.at, origin.host and f"on {origin.host}"])) or "not recorded"),
         ("method", estimate.method),
         ("terms", ", ".join(term.name for term in estimate.terms)),
-        ("information", estimate.made_by),
+        ("kernel", _kernel(estimate.made_by)),
         ("time", f"{estimate.seconds:.2f} s"),
         ("page made with", ", ".join(f"{name} {version(name)}" for name in PACKAGES)),
         ("Python", platform.python_version()),
@@ -40,6 +46,13 @@ def show_provenance(material: Material) -> Section:
         "findings": findings,
     }
     return Section("Provenance", content, (table,))
+
+
+def _kernel(made_by: str) -> str:
+    """What computed the information: build of the kernel and factorisation, said in words."""
+    build, _, way = made_by.partition(" ")
+    ways = {"qr": "QR factors", "cholesky": "Cholesky factors", "products": "products of columns"}
+    return f"{build}, {ways.get(way, way)}" if way else made_by
 
 
 def _named(material: Material, digests: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:

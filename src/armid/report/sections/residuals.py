@@ -8,9 +8,10 @@ import numpy as np
 
 from armid.report.evidence import Evidence, joined
 from armid.report.material import Material, velocity_unit
+from armid.report.names import heading_of, label_of
 from armid.report.numbers import fixed, short
-from armid.report.plots import MOST_POINTS, Plot, Trace, binned, crest, line, points
-from armid.report.section import Section, effort_unit
+from armid.report.plots import MOST_POINTS, Axes, Plot, Sight, Trace, binned, crest, line, points
+from armid.report.section import Section, cut_words, effort_unit
 from armid.report.tables import Cell, Column, Table
 from armid.values import Array
 
@@ -31,7 +32,7 @@ FEWEST_IN_BIN = 8
 DEEPEST = 1e-6
 """Share of the largest density below which a spectrum is rounding or the skirt of a filter."""
 
-ROLES = {"train": ("training", "training"), "validate": ("unseen", "unseen motion")}
+ROLES = {"train": ("training", "training"), "validate": ("validation", "validation")}
 
 
 def show_residuals(material: Material) -> Section | None:
@@ -40,17 +41,21 @@ def show_residuals(material: Material) -> Section | None:
     if not drawn:
         return None
     rows = tuple(
-        (joint.name, (_over_time(material, drawn, j), _over_velocity(material, drawn, j), *_spectra(material, j)))
-        for j, joint in enumerate(material.joints)
+        (
+            heading_of(material.joints, j),
+            (_over_time(material, drawn, j), _over_velocity(material, drawn, j), *_spectra(material, j)),
+        )
+        for j in range(len(material.joints))
     )
     legend = (
         ("training", "training"),
-        ("unseen", "unseen motion"),
+        ("validation", "validation"),
+        ("above", "beyond the picture"),
         ("mean", "mean in bins of velocity"),
         ("recorded", "spectrum of the torque"),
         ("level", "± 10 % of the torque's range; cut-off of the study's band"),
     )
-    return Section("What the model leaves", {}, (_table(material, drawn),), rows, legend)
+    return Section("Residuals", {}, (_table(material, drawn),), rows, legend)
 
 
 def _table(material: Material, drawn: Sequence[Evidence]) -> Table:
@@ -63,10 +68,10 @@ def _table(material: Material, drawn: Sequence[Evidence]) -> Table:
         Column("10 % of range", unit),
         Column("rows within", "%"),
     )
-    unseen = [each for each in drawn if each.choice.role == "validate"] or list(drawn)
+    held_out = [each for each in drawn if each.choice.role == "validate"] or list(drawn)
     rows: list[list[Cell]] = []
-    for j, joint in enumerate(material.joints):
-        residual, level = _pooled(unseen, j), _level(unseen, j)
+    for j in range(len(material.joints)):
+        residual, level = _pooled(held_out, j), _level(held_out, j)
         numbers = (
             float(np.sqrt(np.mean(residual**2))),
             float(np.mean(residual)),
@@ -75,10 +80,10 @@ def _table(material: Material, drawn: Sequence[Evidence]) -> Table:
         ) if len(residual) else (np.nan,) * 4  # fmt: skip
         within = 100.0 * float(np.mean(np.abs(residual) <= level)) if len(residual) else np.nan
         cells = [Cell(short(x), x) for x in numbers]
-        rows.append([Cell(joint.name, kind="name"), *cells, Cell(fixed(within, 1), within)])
-    what = "unseen motion" if unseen[0].choice.role == "validate" else "training motion"
+        rows.append([Cell(label_of(material.joints, j), kind="name"), *cells, Cell(fixed(within, 1), within)])
+    what = "validation motion" if held_out[0].choice.role == "validate" else "training motion"
     note = "10 % of range: of the difference between the largest and smallest measured torque."
-    return Table("residuals", f"Residuals on {what}", columns, rows, note)
+    return Table("residuals", f"Residuals on {what}", columns, rows, note, folded=True)
 
 
 def _pooled(evidence: Sequence[Evidence], j: int) -> Array:
@@ -96,21 +101,22 @@ def _level(evidence: Sequence[Evidence], j: int) -> float:
 def _over_time(material: Material, drawn: Sequence[Evidence], j: int) -> Plot:
     unit = material.joints[j].effort_unit
     traces: list[Trace] = []
+    sight = Sight.of(_pooled(drawn, j))
     for each in drawn:
         role, name = ROLES[each.choice.role]
         time, residual = each.gapped(each.residual[:, j])
-        traces.append(line(role, time, residual, name))
+        traces += [line(role, time, residual, name), *sight.cut(time, residual, name)]
     level = _level(drawn, j)
-    peak = float(np.max(np.abs(_pooled(drawn, j)), initial=0.0))
+    top = min(sight.limit, sight.peak)
     return Plot(
         f"residual-time-{j}",
         "Over time",
-        f"± 10 % of the torque's range is ± {short(level)} {unit}",
+        "; ".join(filter(None, [f"± 10 % of the torque's range is ± {short(level)} {unit}", cut_words(sight, unit)])),
         drawn[0].clock,
         f"residual [{unit}]",
         traces,
         group="residual-time",
-        levels=(-level, level) if level <= IN_SIGHT * peak else (),
+        axes=Axes(levels=(-level, level) if level <= IN_SIGHT * top else (), span=sight.span),
     )
 
 
@@ -120,12 +126,13 @@ def _over_velocity(material: Material, drawn: Sequence[Evidence], j: int) -> Plo
     for each in drawn:
         role, name = ROLES[each.choice.role]
         traces.append(points(role, each.dq[:, j], each.residual[:, j], name, MOST_POINTS // len(drawn)))
+    sight = Sight.of(_pooled(drawn, j))
     velocity = joined(drawn, "dq", j)
     residual = joined(drawn, "residual", j)
     edges = np.linspace(velocity.min(), velocity.max(), BINS + 1)
     where, mean, _ = binned(velocity, residual, edges, FEWEST_IN_BIN)
     largest = float(np.nanmax(np.abs(mean), initial=0.0))
-    traces.append(Trace("mean", where, mean, "mean"))
+    traces += [*sight.cut(velocity, residual, "residual"), Trace("mean", where, mean, "mean")]
     return Plot(
         f"residual-velocity-{j}",
         "Over velocity",
@@ -133,11 +140,12 @@ def _over_velocity(material: Material, drawn: Sequence[Evidence], j: int) -> Plo
         f"velocity [{velocity_unit(joint)}]",
         f"residual [{joint.effort_unit}]",
         traces,
+        axes=Axes(span=sight.span),
     )
 
 
 def _spectra(material: Material, j: int) -> tuple[Plot, ...]:
-    """The spectrum of the first recording that has one, unseen motion before training."""
+    """The spectrum of the first recording that has one, validation before training."""
     found = next((each for each in material.drawn if each.spectrum is not None), None)
     if found is None or found.spectrum is None:
         return ()
@@ -159,7 +167,6 @@ def _spectra(material: Material, j: int) -> tuple[Plot, ...]:
             f"density [{unit}/√Hz]",
             [crest(kind, spectrum.frequency, density, name) for kind, name, density in lines],
             group="residual-spectrum",
-            logarithmic=True,
-            marks=marks,
+            axes=Axes(logarithmic=True, marks=marks),
         ),
     )

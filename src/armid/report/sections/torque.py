@@ -7,9 +7,10 @@ import numpy as np
 from armid.report.evidence import Evidence
 from armid.report.judgement import POOR_COVERAGE
 from armid.report.material import Material
+from armid.report.names import heading_of, label_of, residual_title
 from armid.report.numbers import fixed, share, short
-from armid.report.plots import Plot, line, spread
-from armid.report.section import Section, effort_unit
+from armid.report.plots import Axes, Plot, Sight, line, spread
+from armid.report.section import Section, cut_words, effort_unit
 from armid.report.tables import Cell, Column, Table
 from armid.shown import names_apart
 
@@ -17,13 +18,13 @@ __all__ = ["show_torque"]
 
 
 def show_torque(material: Material) -> Section:
-    """Errors of every joint, and pictures of the recordings that are at hand."""
+    """Errors of every joint, and pictures of the recordings at hand, the residual below each torque."""
     drawn = material.drawn
     names = names_apart(each["path"] for each in material.study["recordings"])
     rows = tuple(
         (
             _heading(each, names[each.choice.path]),
-            tuple(_plot(material, number, each, j) for j in range(len(material.joints))),
+            tuple(plot for j in range(len(material.joints)) for plot in _plots(material, number, each, j)),
         )
         for number, each in enumerate(drawn)
     )
@@ -31,8 +32,14 @@ def show_torque(material: Material) -> Section:
         ("measured", "measured, in the study's band"),
         ("predicted", "predicted"),
         ("band", "95 % band of prediction and residual"),
+        ("training", "residual: measured less predicted"),
+        ("above", "residual beyond the picture"),
     )
-    content = {"missing": material.missing, "left_out": len(material.evidence) - len(drawn)}
+    content = {
+        "missing": material.missing,
+        "left_out": len(material.evidence) - len(drawn),
+        "folder": material.run.folder,
+    }
     return Section("Torque, measured and predicted", content, (_table(material),), rows, legend if rows else ())
 
 
@@ -40,7 +47,7 @@ def _heading(evidence: Evidence, name: str) -> str:
     """What stands above a recording's plots: its role, its name, its part."""
     choice = evidence.choice
     part = "" if choice.part == (0.0, 1.0) else f", {share(choice.part[0])} to {share(choice.part[1])} of it"
-    role = "Unseen motion" if choice.role == "validate" else "Training"
+    role = "Validation" if choice.role == "validate" else "Training"
     return f"{role}: {name}{part}"
 
 
@@ -49,30 +56,31 @@ def _table(material: Material) -> Table:
     columns = (
         Column("joint", words=True),
         Column("training RMS", unit),
-        Column("unseen RMS", unit),
-        Column("unseen, as recorded", unit),
-        Column("description alone", unit),
-        Column("share of torque", "%"),
+        Column("validation RMS", unit),
+        Column("validation, as recorded", unit),
+        Column("CAD/URDF model", unit),
+        Column("relative RMS", "%"),
         Column("largest error", unit),
         Column("inside 95 % band", "%"),
     )
     training = material.run.estimate.fit.residual_rms
-    unseen = material.validation_rms()
+    held_out = material.validation_rms()
     keys = ("rms_raw", "prior_rms", "relative", "peak", "coverage95")
     raw, prior, relative, peak, coverage = (material.validation_column(key) for key in keys)
     rows = [
         (
-            Cell(joint.name, kind="name"),
-            *(Cell(short(x), float(x)) for x in (training[j], unseen[j], raw[j], prior[j])),
+            Cell(label_of(material.joints, j), kind="name"),
+            *(Cell(short(x), float(x)) for x in (training[j], held_out[j], raw[j], prior[j])),
             Cell(fixed(100.0 * relative[j], 1), float(100.0 * relative[j])),
             Cell(short(peak[j]), float(peak[j])),
             _coverage(float(coverage[j])),
         )
-        for j, joint in enumerate(material.joints)
+        for j in range(len(material.joints))
     ]
     note = (
-        "RMS in the study's band unless said otherwise. Description alone: its inertial parameters without friction. "
-        "Share of torque: RMS over the torque's standard deviation. ▼ marks bands that hold far fewer rows than 95 %."
+        "RMS in the study's band unless said otherwise. CAD/URDF model: the description's inertial parameters "
+        "without friction. Relative RMS: over the torque's standard deviation. ▼ marks bands that hold far fewer "
+        "rows than 95 %."
     )
     return Table("torque", "Torque error of each joint", columns, rows, note)
 
@@ -82,23 +90,25 @@ def _coverage(value: float) -> Cell:
     return Cell(fixed(100.0 * value, 0) + (" ▼" if poor else ""), 100.0 * value, kind="poor" if poor else "")
 
 
-def _plot(material: Material, number: int, evidence: Evidence, j: int) -> Plot:
-    joint = material.joints[j]
+def _plots(material: Material, number: int, evidence: Evidence, j: int) -> tuple[Plot, Plot]:
+    """Torque, and below it the residual over the same time."""
+    joint, title = material.joints[j], heading_of(material.joints, j)
+    unit = joint.effort_unit
     time, values = evidence.gapped(
         np.column_stack(
             [evidence.measured[:, j], evidence.predicted[:, j], evidence.half_band[:, j], evidence.residual[:, j]]
         )
     )
     measured, predicted, half, residual = values.T
-    known = residual[np.isfinite(residual)]
-    inside = np.mean(np.abs(residual) <= half, where=np.isfinite(residual)) if len(known) else np.nan
-    rms = float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
-    return Plot(
+    known = np.isfinite(residual)
+    inside = float(np.mean(np.abs(residual[known]) <= half[known])) if known.any() else np.nan
+    rms = float(np.sqrt(np.mean(residual[known] ** 2))) if known.any() else np.nan
+    upper = Plot(
         f"torque-{number}-{j}",
-        joint.name,
-        f"RMS {short(rms)} {joint.effort_unit}; {share(float(inside))} inside the band",
+        title,
+        f"RMS {short(rms)} {unit}; {share(inside)} inside the band",
         evidence.clock,
-        f"torque [{joint.effort_unit}]",
+        f"torque [{unit}]",
         (
             *spread(time, predicted - half, predicted + half, "95 % band"),
             line("measured", time, measured, "measured"),
@@ -106,3 +116,19 @@ def _plot(material: Material, number: int, evidence: Evidence, j: int) -> Plot:
         ),
         group=f"time-{number}",
     )
+    sight = Sight.of(residual)
+    lower = Plot(
+        f"left-{number}-{j}",
+        residual_title(title),
+        cut_words(sight, unit) or f"up to {short(sight.peak)} {unit}",
+        evidence.clock,
+        f"residual [{unit}]",
+        (
+            *spread(time, -half, half, "95 % band"),
+            line("training", time, residual, "residual"),
+            *sight.cut(time, residual, "residual"),
+        ),
+        group=f"time-{number}",
+        axes=Axes(levels=(0.0,), span=sight.span),
+    )
+    return upper, lower

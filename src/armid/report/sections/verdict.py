@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.report.heading import commands_of
 from armid.report.judgement import judge
 from armid.report.material import Material
 from armid.report.numbers import share, short
@@ -16,8 +17,8 @@ FIRST = 5
 """Sentences of a column that are shown at once; a page of them hides the numbers below."""
 
 SENTENCES = {
-    "pass": "Every check on unseen motion holds.",
-    "fail": "Not every check on unseen motion holds.",
+    "pass": "Every check on validation motion holds.",
+    "fail": "Not every check on validation motion holds.",
     "not judged": "Nothing was kept to judge the model on.",
 }
 
@@ -31,6 +32,7 @@ def show_verdict(material: Material) -> Section:
         "judgement": judge(material),
         "first": FIRST,
         "figures": _figures(material),
+        "commands": commands_of(material),
     }
     rows = [
         (
@@ -42,7 +44,7 @@ def show_verdict(material: Material) -> Section:
         for each in material.validation["checks"]
     ]
     columns = (Column("check", words=True), Column("value"), Column("bound"), Column("", words=True))
-    table = Table("checks", "What the verdict is made of", columns, rows)
+    table = Table("checks", "What the verdict is made of", columns, rows, folded=True)
     return Section("Verdict", content, (table,) if rows else ())
 
 
@@ -50,16 +52,15 @@ def _figures(material: Material) -> list[tuple[str, str, str]]:
     """The few numbers that say most: number, unit, what it is."""
     fit, unit = material.run.estimate.fit, effort_unit(material)
     figures: list[tuple[str, str, str]] = []
-    unseen = material.validation_rms()
-    if np.isfinite(unseen).any():
-        figures.append(
-            (short(float(np.linalg.norm(unseen[np.isfinite(unseen)]))), unit, "RMS error on unseen motion")
-        )
+    error = "RMS error, root of the sum over joints" if len(material.joints) > 1 else "RMS error"
+    held_out = material.validation_rms()
+    if np.isfinite(held_out).any():
+        figures.append((short(float(np.linalg.norm(held_out[np.isfinite(held_out)]))), unit, f"validation {error}"))
     training = float(np.linalg.norm(fit.residual_rms))
-    figures.append((short(training), unit, "RMS error in training"))
+    figures.append((short(training), unit, f"training {error}"))
     coverage = material.validation_column("coverage95")
     if np.isfinite(coverage).any():
-        figures.append((share(float(np.nanmean(coverage))), "", "of unseen rows inside 95 % bands"))
+        figures.append((share(float(np.nanmean(coverage))), "", "of held-out rows inside 95 % bands"))
     low, high = material.run.estimate.intervals.T
     clear = int(np.sum((low > 0.0) | (high < 0.0)))
     figures.append((f"{clear} of {len(fit.names)}", "", "parameters clear of zero"))

@@ -15,21 +15,25 @@
     return Object.fromEntries(Object.entries(look).map(([key, value]) => [key, coloured(value)]));
   }
 
-  function layout(plot, narrow) {
+  // Of two plots over one abscissa the lower has its figures and title.
+  function layout(plot, narrow, part) {
     const { xaxis, yaxis, shapes } = coloured(plot.layout);
     const sparse = narrow ? { nticks: 5 } : {};
+    const above = part === "upper" ? { showticklabels: false, title: { text: "" } } : {};
+    const few = part === "lower" ? { nticks: 4, title: { text: yaxis.title.text.replace(/ \[.*/, ""), standoff: 4 } } : {};
+    const margins = { upper: { t: 8, b: 6 }, lower: { t: 4, b: 34 } }[part] || { t: 8, b: 36 };
     return {
       font: { family: getComputedStyle(document.body).fontFamily, size: 11, color: colour("soft") },
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",
-      margin: { l: 54, r: 8, t: 8, b: 36 },
+      margin: { l: 54, r: 8, ...margins },
       showlegend: false,
       hovermode: "closest",
       dragmode: touch ? false : "zoom",
       modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("soft"), activecolor: colour("link") },
       hoverlabel: { bgcolor: colour("wash"), bordercolor: colour("rule"), font: { color: colour("ink") } },
-      xaxis: { ...xaxis, ...sparse },
-      yaxis: { ...yaxis, ...sparse },
+      xaxis: { ...xaxis, ...sparse, ...above },
+      yaxis: { ...yaxis, ...sparse, ...few },
       shapes,
     };
   }
@@ -47,7 +51,7 @@
     const plot = data.plots[place.dataset.plot];
     const first = !drawn.has(place);
     drawn.add(place);
-    Plotly.react(place, plot.data.map(coloured), layout(plot, place.clientWidth < 260), options);
+    Plotly.react(place, plot.data.map(coloured), layout(plot, place.clientWidth < 260, place.dataset.part), options);
     if (first && plot.group) place.on("plotly_relayout", (change) => follow(place, plot.group, change));
   }
 
@@ -62,24 +66,97 @@
     Promise.all(others.map((each) => Plotly.relayout(each, same))).finally(() => { following = false; });
   }
 
-  // From top to bottom, a few at a time, so that the page can be read meanwhile.
+  // From top to bottom, a few at a time, so that the page can be read meanwhile. What is folded waits until it is
+  // opened, and is then as wide as its place.
+  const isFolded = (place) => place.closest("details:not([open])") !== null;
+  let drawing = false;
   function drawNext() {
-    const next = places.filter((place) => !drawn.has(place)).slice(0, 3);
+    const next = places.filter((place) => !drawn.has(place) && !isFolded(place)).slice(0, 3);
     next.forEach(draw);
-    if (next.length) setTimeout(drawNext, 0);
+    drawing = next.length > 0;
+    if (drawing) setTimeout(drawNext, 0);
     else root.dataset.drawn = String(drawn.size);
   }
 
-  function redraw() {
-    places.filter((place) => drawn.has(place)).forEach(draw);
+  function redraw(within) {
+    places.filter((place) => drawn.has(place) && !isFolded(place) && within.contains(place)).forEach((place) => {
+      draw(place);
+      Plotly.Plots.resize(place);
+    });
   }
 
   function fit() {
     drawn.forEach((place) => Plotly.relayout(place, { width: place.clientWidth, height: place.clientHeight }));
   }
 
+  const folded = [...document.querySelectorAll("main details")];
+  document.addEventListener("toggle", ({ target }) => {
+    if (!folded.includes(target)) return;
+    label();
+    if (!target.open) return;
+    measure();
+    if (!window.Plotly) return;
+    redraw(target);
+    if (!drawing) drawNext();
+  }, true);
+
+  // Everything at once, to search or to read on.
+  const unfold = document.getElementById("unfold");
+  const areAllOpen = () => folded.every((each) => each.open);
+  function label() { unfold.textContent = areAllOpen() ? "Close all" : "Open all"; }
+  unfold.hidden = !folded.length;
+  label();
+  unfold.addEventListener("click", () => {
+    const open = !areAllOpen();
+    folded.forEach((each) => { each.open = open; });
+  });
+
+  // An address may point into what is folded.
+  function reveal() {
+    const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    for (let each = target && target.closest("details"); each; each = each.parentElement.closest("details")) {
+      each.open = true;
+    }
+  }
+  addEventListener("hashchange", reveal);
+  reveal();
+
+  // The contents: beside the page where there is room, else a bar that opens; where one is, is marked.
+  const menu = document.querySelector("nav details");
+  const beside = matchMedia("(min-width: 72rem)");
+  const settle = () => { menu.open = beside.matches; };
+  settle();
+  beside.addEventListener("change", settle);
+  if (!beside.matches) document.querySelectorAll("[data-wide]").forEach((each) => { each.open = false; });
+  menu.addEventListener("click", ({ target }) => { if (target.closest("a") && !beside.matches) menu.open = false; });
+  const links = new Map([...menu.querySelectorAll("a")].map((a) => [a.hash.slice(1), a]));
+  const sections = [...links.keys()].map((id) => document.getElementById(id));
+  function mark() {
+    const passed = sections.filter((each) => each.getBoundingClientRect().top < innerHeight / 3);
+    const ends = innerHeight + scrollY >= root.scrollHeight - 2 && scrollY > 0;
+    const now = ends ? sections.at(-1) : passed.at(-1) || sections[0];
+    links.forEach((a, id) => {
+      if (now && id === now.id) a.setAttribute("aria-current", "true");
+      else a.removeAttribute("aria-current");
+    });
+    document.getElementById("here").textContent = now ? links.get(now.id).textContent : "";
+  }
+  addEventListener("scroll", mark, { passive: true });
+  mark();
+
+  // Tables that are wider than their place say so.
+  const wide = [...document.querySelectorAll(".scroll")];
+  function measure() {
+    wide.forEach((each) => {
+      each.classList.toggle("more", each.scrollWidth > each.clientWidth + each.scrollLeft + 2);
+      each.classList.toggle("moved", each.scrollLeft > 2);
+    });
+  }
+  wide.forEach((each) => each.addEventListener("scroll", measure, { passive: true }));
+  addEventListener("resize", measure);
+  measure();
+
   // Paper has nothing to press.
-  const folded = [...document.querySelectorAll("details")];
   let opened = [];
   addEventListener("beforeprint", () => {
     opened = folded.filter((each) => !each.open);
@@ -96,8 +173,7 @@
   addEventListener("afterprint", () => {
     if (!window.Plotly) return;
     root.classList.remove("paper");
-    redraw();
-    drawn.forEach((place) => Plotly.Plots.resize(place));
+    redraw(document);
   });
 
   if (places.length) {
@@ -107,7 +183,7 @@
       bar.textContent = `The plots could not be drawn in this browser (${error.message}); every number is in the tables.`;
       document.body.prepend(bar);
     });
-    dark.addEventListener("change", redraw);
+    dark.addEventListener("change", () => redraw(document));
   }
 
   async function copy(text) {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.report.numbers import fixed, short
-from armid.report.plots import Plot, line
+from armid.report.plots import Axes, Plot, line
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
 from armid.report.thesis.chapter import Figures, Text, chapter, named, number
@@ -224,7 +224,7 @@ def _figures(key: str, how: str, pictures: Pictures) -> tuple[Figures, Figures]:
                 for (role, words), x in zip(lines[1:], series[1:], strict=True)
             ],
             group=f"time-{key}",
-            levels=(-pictures.band[j], pictures.band[j]) if key == "printed" else (),
+            axes=Axes(levels=(-pictures.band[j], pictures.band[j]) if key == "printed" else ()),
         )
         for j in joints
     ]  # fmt: skip

@@ -1,0 +1,43 @@
+"""When, where and by which version a run was made."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from importlib.metadata import version
+from typing import Any
+
+__all__ = ["Made", "made_now", "made_of", "made_record"]
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """The making of a run; empty where its record does not say it.
+
+    Attributes:
+        at: Date and time with the offset from UTC, ISO 8601, to the second.
+        host: Name of the machine.
+        version: Of armid.
+    """
+
+    at: str = ""
+    host: str = ""
+    version: str = ""
+
+
+def made_now() -> Made:
+    """A run that is made here and now."""
+    return Made(datetime.now().astimezone().isoformat(timespec="seconds"), platform.node(), version("armid"))
+
+
+def made_record(made: Made) -> dict[str, str]:
+    """The making as JSON."""
+    return asdict(made)
+
+
+def made_of(kept: Mapping[str, Any]) -> Made:
+    """The making of a run from its record, which runs of earlier versions do not have."""
+    found: Mapping[str, Any] = kept.get("made") or {}
+    return Made(*(str(found.get(key, "")) for key in ("at", "host", "version")))
