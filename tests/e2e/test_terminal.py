@@ -50,6 +50,64 @@ def test_a_shell_completes_arms(tmp_path: Path):
         assert set(program(cwd=tmp_path, **asked).stdout.split()) == found, words
 
 
+def completed(words: str, cwd: Path) -> list[str]:
+    """What a shell would offer for the last of the words."""
+    line = f"armid {words}"
+    asked = {"_ARMID_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)}
+    return program(cwd=cwd, **asked).stdout.split()
+
+
+def test_a_shell_completes_values_of_options(tmp_path: Path):
+    write_arm(tmp_path)
+    (tmp_path / "study.toml").write_text('[robot]\ndescription = "small.urdf"\n')
+    all_joints = ["joint_1", "joint_2", "joint_3"]
+    for words, found in (
+        ("identify small.urdf run.csv --method ph", ["physical"]),
+        ("identify small.urdf run.csv --terms vis", ["viscous"]),
+        ("identify small.urdf run.csv --terms rigid-body,vis", ["rigid-body,viscous"]),
+        ("export runs/small --to m", ["mjcf", "matlab"]),
+        ("excite small.urdf --criterion s", ["scaled-condition"]),
+        ("excite small.urdf --limit joint_2.v", ["joint_2.velocity="]),
+        ("base small.urdf --lock ", all_joints),
+        ("doctor study.toml --lock joint_3", ["joint_3"]),
+        ("base small.urdf --only joint_1,", ["joint_1,joint_2", "joint_1,joint_3"]),
+        ("base small.urdf --tip link_", ["link_1", "link_2", "link_3"]),
+        ("base ur5e --lock w", ["wrist_1_joint", "wrist_2_joint", "wrist_3_joint"]),
+        ("base nowhere.urdf --lock ", []),
+        ("base --lock ", []),  # no arm is named yet
+        ("base 'small.urdf --lock joint_1", []),  # a quote is open: no file has this name
+    ):
+        offered = completed(words, tmp_path)
+        assert offered == found, words
+
+
+def test_names_come_from_any_description_and_only_those_that_move(tmp_path: Path):
+    (tmp_path / "arm.xml").write_text(
+        '<mujoco><!-- <joint name="gone"/> --><worldbody><body name="upper"><joint name="lift" axis="0 0 1"/>'
+        '<freejoint name="float"/><site name="tool"/></body></worldbody></mujoco>'
+    )
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="a"><link name="base"/><link name="hand"/><joint type="fixed" name="weld"/>'
+        "<joint name='turn' type='revolute'/><transmission><joint name='turn'/></transmission></robot>"
+    )
+    (tmp_path / "broken.urdf").write_bytes(b"\xff\xfe<joint")
+    assert completed("base arm.xml --lock ", tmp_path) == ["lift"]
+    assert completed("base arm.urdf --lock ", tmp_path) == ["turn"]
+    assert completed("base broken.urdf --lock ", tmp_path) == []
+
+
+def test_completing_loads_nothing_heavy(tmp_path: Path):
+    write_arm(tmp_path)
+    script = (
+        "import os, sys\nfrom armid.cli.completion import joints\n"
+        "os.environ['COMP_WORDS'] = 'armid base small.urdf'\n"
+        "assert joints('joint_1') == ['joint_1']\n"
+        "print(*sorted({'numpy', 'scipy', 'rich', 'pinocchio'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
 def test_colours_and_bars_vanish_in_a_pipe(tmp_path: Path):
     write_arm(tmp_path)
     options = ("--duration", "4", "--harmonics", "3", "--budget", "0.5", "--workers", "0")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armid.cli.completion import CRITERIA, among, limits
 from armid.cli.options import (
     BASE_TERMS,
     Gravity,
@@ -38,9 +39,11 @@ if TYPE_CHECKING:
 __all__ = ["excite"]
 
 
-def _option(kind: Any, default: Any, help: str, *names: str, metavar: str | None = None) -> tuple[Any, Any]:
+def _option(
+    kind: Any, default: Any, help: str, *names: str, metavar: str | None = None, complete: Any = None
+) -> tuple[Any, Any]:
     """Annotation and default of an option."""
-    return Annotated[kind, typer.Option(*names, help=help, metavar=metavar)], default
+    return Annotated[kind, typer.Option(*names, help=help, metavar=metavar, autocompletion=complete)], default
 
 
 PREFLIGHT = "preflight.html"
@@ -64,6 +67,8 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         None,
         "d-optimal, condition, scaled-condition, a-optimal, e-optimal, prediction (--predict), or worst: the largest "
         "deviation of a parameter, over its size with --after RUN. Worst after a run, d-optimal otherwise.",
+        metavar="NAME",
+        complete=among(CRITERIA),
     ),
     "duration": _option(float, 20.0, "Length of a period, s."),
     "harmonics": _option(int, 10, "Number of harmonics."),
@@ -78,7 +83,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     ),
     "limit": _option(
         SEVERAL, None, "Limits: A1.velocity=1.2, A1.position=-1:1, '*.effort=80' (of all joints), …; repeatable.",
-        metavar="JOINT.KIND=VALUE",
+        metavar="JOINT.KIND=VALUE", complete=limits,
     ),
     "acceleration": _option(float | None, None, "Limit of every joint, rad/s² or m/s²."),
     "jerk": _option(float | None, None, "Limit of every joint, rad/s³ or m/s³."),

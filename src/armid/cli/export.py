@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armid.cli.completion import EXPORTS, among
 from armid.cli.options import Json
 
 if TYPE_CHECKING:
@@ -16,11 +17,20 @@ if TYPE_CHECKING:
 __all__ = ["export"]
 
 
+To = Annotated[
+    str,
+    typer.Option(
+        "--to",
+        metavar="FORMAT",
+        help="urdf, mjcf, sdf; c, cpp, matlab, python, julia.",
+        autocompletion=among(EXPORTS),
+    ),
+]
+
+
 def export(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify made.")],
-    to: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="urdf, mjcf, sdf; c, cpp, matlab, python, julia.")
-    ],
+    to: To,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="Where to write, code into a folder; in the run's if left out."),

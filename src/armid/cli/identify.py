@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armid.cli.completion import METHODS, among
 from armid.cli.options import (
     BASE_TERMS,
     Gravity,
@@ -52,14 +53,29 @@ Inputs = Annotated[
 ]
 
 
+HeldOut = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--validate", metavar="RECORDING…", help="Recordings to check the model on, read as the others are."
+    ),
+]
+Cutoff = Annotated[
+    str | None, typer.Option(metavar="HZ|auto", help="Cut-off of the filter, Hz; 5 by default; auto: by the motion.")
+]
+Method = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help=f"Estimator: {', '.join(METHODS)}; wls by default, ridge with --terms auto. "
+        "physical gives every link a body.",
+        autocompletion=among(METHODS),
+    ),
+]
+
+
 def identify(
     inputs: Inputs,
-    validate: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--validate", metavar="RECORDING…", help="Recordings to check the model on, read as the others are."
-        ),
-    ] = None,
+    validate: HeldOut = None,
     preset: Annotated[
         Preset | None, typer.Option(help="`thesis`: its processing, terms and ordinary least squares.")
     ] = None,
@@ -70,11 +86,15 @@ def identify(
     terms: Terms = None,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
-    units: Annotated[str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles.")] = None,
+    units: Annotated[
+        str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles; rad by default.")
+    ] = None,
     period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
-    cutoff: Annotated[str | None, typer.Option(metavar="HZ|auto", help="Cut-off of the filter.")] = None,
-    edges: Annotated[str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording.")] = None,
-    method: Annotated[str | None, typer.Option(metavar="wls|ols|robust|essential|ridge|…", help="Estimator.")] = None,
+    cutoff: Cutoff = None,
+    edges: Annotated[
+        str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording; drop by default.")
+    ] = None,
+    method: Method = None,
     compare: Annotated[bool, typer.Option("--compare", help="Also try every other method; one table.")] = False,
     threads: Threads = 1,
     no_report: NoReport = False,

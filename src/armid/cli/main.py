@@ -17,6 +17,7 @@ import typer
 from armid.cli.base import base
 from armid.cli.bench import bench
 from armid.cli.certify import certify
+from armid.cli.command import Command
 from armid.cli.demo import demo
 from armid.cli.doctor import doctor
 from armid.cli.excite import excite
@@ -106,7 +107,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     bench,
 )
 for command in COMMANDS:
-    app.command()(_interruptible(command))
+    app.command(cls=Command)(_interruptible(command))
 
 
 def main(arguments: list[str] | None = None) -> None:

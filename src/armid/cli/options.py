@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-import armid
-from armid.cli.next_step import DESCRIPTIONS
+from armid.cli.completion import joints, known_arms, links, terms
 from armid.errors import ArmidError, StudyError
 
 if TYPE_CHECKING:
@@ -34,13 +33,6 @@ __all__ = [
 ]
 
 
-def known_arms(incomplete: str) -> list[str]:
-    """Built-in arms and descriptions in this folder that begin so; where none does, shells go on with files."""
-    arms = (path.stem for path in (Path(armid.__file__).parent / "robot" / "arms").glob("*.toml"))
-    files = (path.name for path in Path().iterdir() if path.suffix in DESCRIPTIONS)
-    return sorted(name for name in chain(arms, files) if name.startswith(incomplete))
-
-
 RobotName = Annotated[
     str,
     typer.Argument(
@@ -49,7 +41,11 @@ RobotName = Annotated[
 ]
 Gravity = Annotated[
     tuple[float, float, float] | None,
-    typer.Option("--gravity", metavar="X Y Z", help="Gravity in the base frame in m/s²; a hanging arm is 0 0 9.81."),
+    typer.Option(
+        "--gravity",
+        metavar="X Y Z",
+        help="Gravity in the base frame, m/s²; the description's by default (URDF: 0 0 -9.81); hanging: 0 0 9.81.",
+    ),
 ]
 Lock = Annotated[
     list[str] | None,
@@ -57,18 +53,25 @@ Lock = Annotated[
         "--lock",
         metavar="JOINT[=VALUE]",
         help="Hold joints still, at 0 or a value: names or patterns as leg_*, with commas between; repeatable.",
+        autocompletion=joints,
     ),
 ]
 Only = Annotated[
     list[str] | None,
     typer.Option(
-        "--only", metavar="JOINT,…", help="Joints that move, names or patterns as arm_left_*; others are held still."
+        "--only",
+        metavar="JOINT,…",
+        help="Joints that move, names or patterns as arm_left_*; others are held still.",
+        autocompletion=joints,
     ),
 ]
 TipLink = Annotated[
     str | None,
     typer.Option(
-        "--tip", metavar="LINK", help="Where the arm ends: joints not between base and LINK are held still."
+        "--tip",
+        metavar="LINK",
+        help="Where the arm ends: joints not between base and LINK are held still.",
+        autocompletion=links,
     ),
 ]
 Terms = Annotated[
@@ -77,6 +80,7 @@ Terms = Annotated[
         "--terms",
         metavar="A,B,…",
         help="Torque terms, as rigid-body,viscous,coulomb; `auto`: `identify` chooses friction joint by joint.",
+        autocompletion=terms,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]

@@ -1,0 +1,45 @@
+"""What shells complete is what the catalogues hold, and help is clean."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import typer
+
+from armid.cli import completion
+from armid.cli.main import COMMANDS, app
+from armid.codegen import LANGUAGES
+from armid.estimation.estimators import ESTIMATORS
+from armid.excitation.criteria import CRITERIA
+from armid.excitation.limits import KINDS
+from armid.export.formats import EXPORTERS
+from armid.model.terms import TERMS
+
+NAMES = [command.__name__.replace("_", "-") for command in COMMANDS]
+
+
+@pytest.mark.parametrize(
+    ("said", "catalogue"),
+    [
+        (completion.METHODS, ESTIMATORS),
+        (completion.TERMS, TERMS),
+        (completion.CRITERIA, CRITERIA),
+        (completion.EXPORTS, (*EXPORTERS, *LANGUAGES)),
+        (completion.KINDS, KINDS),
+    ],
+    ids=["methods", "terms", "criteria", "exports", "limits"],
+)
+def test_names_are_those_of_the_catalogue(said: tuple[str, ...], catalogue: object):
+    assert len(said) == len(set(said)) and set(said) == set(catalogue)  # pyright: ignore
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_help_has_no_types_of_switches_and_no_braces(name: str, capsys: pytest.CaptureFixture[str]):
+    command = typer.main.get_command(app)
+    with pytest.raises(SystemExit):
+        command([name, "--help"], prog_name="armid")
+    out = capsys.readouterr().out
+    usage = " ".join(re.split(r"\n\s*\n", out.partition("Usage:")[2])[0].split())
+    assert usage.startswith(f"armid {name} [OPTIONS]")
+    assert "<bool>" not in out and not re.search(r"[{}]|\.\.\.|\[\[", usage), usage
