@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import RecordingError
+from armid.errors import Finding, RecordingError
+from armid.measurement.column_guesses import Guess, Question, guess_columns, shortened
+from armid.measurement.column_units import factors, is_current, unit_fields, units_told
 from armid.measurement.reading import PRESETS, QUANTITIES, Reading
 from armid.measurement.recording import Recording
+from armid.measurement.remedy import lines, naming
+from armid.robot.robot import Robot
 from armid.values import Array
 
 __all__ = ["Selection", "assemble", "select"]
@@ -29,7 +33,7 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
 """Names tried in this order where the reading gives none; `{}` counts from 1."""
 
 CURRENT = re.compile(r"i([_\[]?\d+\]?)?|.*current.*", re.IGNORECASE)
-"""Names that columns of motor current have: i1, i_1, i[0], actual_current_0."""
+"""Names that columns of motor current have: i1, i_1, i[0], actual_current_0; others say it by their unit."""
 
 LISTED = 60
 """Names shown in a message; a log of a controller may have hundreds."""
@@ -45,6 +49,8 @@ class Selection:
         dq: Likewise, or none.
         ddq: Likewise, or none.
         effort: Likewise, or none.
+        guessed: Fields of the reading that were found out by the names.
+        findings: What was found out, in words.
     """
 
     time: tuple[str, ...]
@@ -52,6 +58,8 @@ class Selection:
     dq: tuple[str, ...]
     ddq: tuple[str, ...]
     effort: tuple[str, ...]
+    guessed: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    findings: tuple[Finding, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -59,19 +67,40 @@ class Selection:
         return tuple(dict.fromkeys((*self.time, *self.q, *self.dq, *self.ddq, *self.effort)))
 
 
-def select(names: Sequence[str], reading: Reading, path: Path) -> Selection:
-    """Choose columns by the reading's map, its preset, or the usual names.
+def select(
+    names: Sequence[str], reading: Reading, path: Path, robot: Robot | None = None, *, matrices: bool = False
+) -> Selection:
+    """Choose columns by the reading's map, its preset, the usual names, or a guess.
 
     Args:
         names: Columns or variables of the file.
         reading: How to read it.
         path: The file, for messages.
+        robot: The arm, whose joints may stand in the names.
+        matrices: Whether a variable may hold all channels.
 
     Raises:
         RecordingError: A named column is not there, a number is missing in a row of columns, or no column holds
-            positions; the message lists what is there.
+            positions, or several sets of columns may; the message lists what is there.
     """
     present = dict.fromkeys(names)
+    chosen = _stated(present, reading, path)
+    guess = Guess({})
+    if reading.preset is None and (
+        open_ := [name for name in QUANTITIES if not chosen[name] and name not in reading.columns]
+    ):
+        guess = _guess(present, open_, chosen, reading, robot, path, matrices=matrices)
+        chosen |= guess.columns
+    if not chosen["q"]:
+        raise _unknown("No column holds positions", present, "q", path, robot)
+    if reading.drive_gain is not None and "effort" not in reading.columns and reading.preset is None:
+        _refuse_two_efforts(chosen["effort"], present, path)
+    guessed = _as_reading(guess, reading, robot) | unit_fields(chosen, reading, path)
+    return Selection(**chosen, guessed=guessed, findings=_findings(guess, guessed, chosen))
+
+
+def _stated(present: Mapping[str, Any], reading: Reading, path: Path) -> dict[str, tuple[str, ...]]:
+    """Columns that the reading names, that its preset has, or that have the usual names."""
     chosen: dict[str, tuple[str, ...]] = {}
     for quantity in QUANTITIES:
         if quantity in reading.columns:
@@ -86,13 +115,9 @@ def select(names: Sequence[str], reading: Reading, path: Path) -> Selection:
                 else tuple(chain.from_iterable(_expand(pattern, present, path) for pattern in patterns))
             )
         else:
-            found = (_expand(pattern, present, path) for pattern in DEFAULTS[quantity])
+            found = (_expand(pattern, present, path, usual=True) for pattern in DEFAULTS[quantity])
             chosen[quantity] = next((columns for columns in found if columns), ())
-    if not chosen["q"]:
-        raise _unknown("No column holds positions", present, "q", path)
-    if reading.drive_gain is not None and "effort" not in reading.columns and reading.preset is None:
-        _refuse_two_efforts(chosen["effort"], present, path)
-    return Selection(**chosen)
+    return chosen
 
 
 def assemble(
@@ -111,29 +136,104 @@ def assemble(
         path: The file.
         joint_names: Names of the channels, where the file has them.
     """
-    q = _matrix(selection.q, column, path)
-    effort = _matrix(selection.effort, column, path) if selection.effort else None
+    quantities = (*selection.q, *selection.dq, *selection.ddq, *selection.effort)
+    scale = factors(quantities, selection.guessed.get("units", reading.units))
+
+    def scaled(name: str) -> NDArray[Any]:
+        return column(name) if scale.get(name, 1.0) == 1.0 else column(name) * scale[name]
+
+    q = _matrix(selection.q, scaled, path)
+    effort = _matrix(selection.effort, scaled, path) if selection.effort else None
     if effort is not None and effort.ndim == q.ndim == 2 and effort.shape[1] != q.shape[1]:
         raise _uneven(selection, q.shape[1], effort.shape[1], path)
     return Recording(
-        time=_time(selection.time, column, _time_unit(reading)),
+        time=_time(selection.time, column, _time_unit(reading, selection)),
         q=q,
-        dq=_matrix(selection.dq, column, path) if selection.dq else None,
-        ddq=_matrix(selection.ddq, column, path) if selection.ddq else None,
+        dq=_matrix(selection.dq, scaled, path) if selection.dq else None,
+        ddq=_matrix(selection.ddq, scaled, path) if selection.ddq else None,
         effort=effort,
         joint_names=tuple(joint_names),
         rate=reading.rate,
         consecutive=reading.consecutive,
-        effort_is_current=any(CURRENT.fullmatch(name) for name in selection.effort),
+        effort_is_current=any(CURRENT.fullmatch(name) or is_current(name) for name in selection.effort),
         columns={name: found for name in QUANTITIES if (found := getattr(selection, name))},
+        guessed=selection.guessed,
+        findings=selection.findings,
         source=str(path),
     )
 
 
-def _time_unit(reading: Reading) -> float:
-    """Length of one unit of the time column [s]: what the reading says, else what its preset does."""
-    if reading.time_unit is not None:
-        return reading.time_unit
+def _guess(
+    present: Mapping[str, Any],
+    quantities: Sequence[str],
+    chosen: Mapping[str, tuple[str, ...]],
+    reading: Reading,
+    robot: Robot | None,
+    path: Path,
+    *,
+    matrices: bool,
+) -> Guess:
+    """What columns may hold the quantities that are not known yet.
+
+    Raises:
+        RecordingError: Several sets of columns are equally good.
+    """
+    in_file = {joint: name for name, joint in reading.joint_map.items() if joint}
+    wanted, labels = ([], []) if robot is None else (robot.joint_names, robot.described_joints)
+    guess = guess_columns(
+        list(present),
+        quantities,
+        wanted=[in_file.get(name, name) for name in wanted],
+        labels=[in_file.get(name, name) for name in labels],
+        channels=len(chosen["q"]),
+        matrices=matrices,
+    )
+    if isinstance(guess, Question):
+        raise RecordingError(
+            f"{path}: {len(guess.sets)} sets of columns may hold {guess.quantity}: "
+            f"{'; '.join(shortened(each) for each in guess.sets)}.",
+            possible="one of them",
+            remedy=naming(reading, {guess.quantity: guess.sets[0]}),
+        )
+    return guess
+
+
+def _as_reading(guess: Guess, reading: Reading, robot: Robot | None) -> dict[str, Any]:
+    """What a reading would say for the same columns."""
+    if not guess.columns:
+        return {}
+    said: dict[str, Any] = {"columns": {**reading.columns, **guess.columns}}
+    if robot is not None and guess.joints and not reading.joints:
+        said["joints"] = guess.joints
+    elif guess.joints:
+        said["joints"] = tuple(reading.joint_map.get(label, label) for label in guess.joints)
+    if robot is not None and said.get("joints") == robot.joint_names:
+        del said["joints"]
+    return said
+
+
+def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]]) -> tuple[Finding, ...]:
+    """What was found out by the names, with the lines of a study that say it."""
+    units = units_told(chosen)
+    told = [f"By the names of the columns: {'; '.join(guess.reasons)}."] if guess.columns else []
+    told += [f"By their names, {units}."] if units else []
+    if not told:
+        return ()
+    plain: dict[str, Any] = {
+        key: list(value) if isinstance(value, tuple) else value for key, value in guessed.items()
+    }
+    if guess.columns:
+        every: Mapping[str, tuple[str, ...]] = guessed["columns"]
+        plain["columns"] = {name: each[0] if len(each) == 1 else list(each) for name, each in every.items()}
+    severity = "warning" if guess.commanded else "info"
+    code = "columns-guessed" if guess.columns else "units-of-header"
+    return (Finding(code, severity, "", " ".join(told), lines(**plain) if plain else ""),)
+
+
+def _time_unit(reading: Reading, selection: Selection) -> float:
+    """Length of one unit of the time column [s]: what reading or header say, else what the preset does."""
+    if reading.time_unit is not None or "time_unit" in selection.guessed:
+        return float(reading.time_unit or selection.guessed["time_unit"])
     preset = PRESETS.get(reading.preset or "")
     return 1.0 if preset is None or "time" in reading.columns else preset.time_unit
 
@@ -183,8 +283,8 @@ def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str,
     return patterns
 
 
-def _expand(pattern: str, present: Mapping[str, Any], path: Path) -> tuple[str, ...]:
-    """The columns that match a pattern, in the order of their numbers."""
+def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool = False) -> tuple[str, ...]:
+    """The columns that match a pattern, in the order of their numbers; a usual name may count from 0 as well."""
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:
             continue
@@ -193,6 +293,8 @@ def _expand(pattern: str, present: Mapping[str, Any], path: Path) -> tuple[str, 
         numbered = {int(hit[1]): name for name in present if (hit := form.fullmatch(name))}
         if not numbered:
             return ()
+        if usual and sorted(numbered) == list(range(len(numbered))):
+            return ()  # guessed, and said
         expected = range(first, first + len(numbered))
         if sorted(numbered) != list(expected):
             found = ", ".join(numbered[i] for i in sorted(numbered))
@@ -215,14 +317,19 @@ def _refuse_two_efforts(effort: tuple[str, ...], present: Mapping[str, Any], pat
         )
 
 
-def _unknown(problem: str, present: Mapping[str, Any], quantity: str, path: Path) -> RecordingError:
+def _unknown(
+    problem: str, present: Mapping[str, Any], quantity: str, path: Path, robot: Robot | None = None
+) -> RecordingError:
     names = list(present)
     more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    count = 3 if robot is None else robot.n
+    form = ", ".join(f'"{name}"' for name in names[:count]) or '"…"'
+    order = "" if robot is None else f" in the order {', '.join(robot.joint_names)}"
     return RecordingError(
         f"{path}: {problem} for {quantity}.",
         possible=(", ".join(names[:LISTED]) or "the file has no columns") + more,
-        remedy=f'name them, for instance columns = {{ {quantity} = "{quantity}{{}}" }}, or give a preset '
-        f"({', '.join(PRESETS)}).",
+        remedy=f"name them{order}, in a study: columns = {{ {quantity} = [{form}] }} with the names that it has; "
+        f"or give a preset ({', '.join(PRESETS)}).",
     )
 
 

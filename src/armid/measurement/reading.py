@@ -88,7 +88,7 @@ class Reading:
         columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
             the name of one column or matrix, or a list of names. An empty name leaves the quantity out.
         units: Unit of the logged angles, `rad` or `deg` (velocities and accelerations alike), one for all joints or
-            one each.
+            one each; what the names of the columns say, else radians, where not given.
         time_unit: Length of one unit of the time column [s], as 0.001 where it counts milliseconds.
         joints: Robot joint for each channel name of the file, or a list of robot joints in the order of a file
             that only numbers its channels. An empty name leaves the channel out.
@@ -109,7 +109,7 @@ class Reading:
     joint_offset: ArrayLike | None = None
     delay: ArrayLike = 0.0
     columns: Mapping[str, str | Sequence[str]] = field(default_factory=dict[str, "str | Sequence[str]"])
-    units: Literal["rad", "deg"] | Sequence[str] = "rad"
+    units: Literal["rad", "deg"] | Sequence[str] | None = None
     time_unit: float | None = None
     joints: Mapping[str, str] | Sequence[str] = field(default_factory=dict[str, str])
     topic: str | None = None
@@ -145,12 +145,14 @@ class Reading:
 
     def degrees(self, n: int) -> NDArray[np.bool_]:
         """Which of n joints are logged in degrees, shape (n,)."""
-        units = (self.units,) * n if isinstance(self.units, str) else self.units
+        units = (self.units,) * n if self.units is None or isinstance(self.units, str) else self.units
         return np.array([unit == "deg" for unit in units], dtype=np.bool_)
 
     def _check_joint_side(self) -> None:
         """Check what is listed joint by joint."""
-        lengths: dict[str, int] = {} if isinstance(self.units, str) else {"units": len(self.units)}
+        lengths: dict[str, int] = (
+            {} if self.units is None or isinstance(self.units, str) else {"units": len(self.units)}
+        )
         given = {name: _signs(getattr(self, name), name) for name in ("torque_sign", "position_sign")}
         for name, value in (given | {"delay": _delays(self.delay)}).items():
             _set(self, name, value)
@@ -240,8 +242,10 @@ def _delays(value: object) -> Array:
     return array(delay, (None,), "delay")
 
 
-def _units(value: Any) -> str | tuple[str, ...]:
-    """One unit for all joints, or one each."""
+def _units(value: Any) -> str | tuple[str, ...] | None:
+    """One unit for all joints, or one each, or what the file says."""
+    if value is None:
+        return None
     listed = tuple(value) if isinstance(value, list | tuple) else (value,)
     if not listed or any(unit not in ("rad", "deg") for unit in listed):
         raise _wrong("units", value, "rad, deg, or a list of these")

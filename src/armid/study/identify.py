@@ -22,7 +22,7 @@ from armid.information.information import Information
 from armid.information.memory import memory_findings
 from armid.information.observations import Observations
 from armid.information.stream import inform
-from armid.measurement.interpret import interpret
+from armid.measurement.interpret import interpret, understood
 from armid.measurement.process import observe, resolve
 from armid.measurement.processing import Processing
 from armid.measurement.readers import load_recording
@@ -84,6 +84,7 @@ class Result(Shown):
         validation: Torque error on unseen motion.
         training: Torque error on the training recordings.
         ladder: How friction was chosen, where it was.
+        asked: How the first training recording was to be read, before its columns were guessed.
     """
 
     study: Study
@@ -94,6 +95,7 @@ class Result(Shown):
     validation: Validation
     training: tuple[Score, ...]
     ladder: Ladder | None = None
+    asked: Reading | None = None
 
     def summary(self) -> Summary:
         """What came of it on unseen motion; values are in `estimate`."""
@@ -216,7 +218,8 @@ def prepare(
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
     findings += findings_on(model, recordings, told, findings)
-    study = replace(study, model=resolve_model(model), processing=processing)
+    understood_as = tuple(replace(c, reading=understood(r, c.reading)) for c, r in recordings)
+    study = replace(study, model=resolve_model(model), processing=processing, recordings=understood_as)
     base = find_base_parameters(model)
     information = inform(
         model, base, observations, threads=threads, progress=lambda done, all: tell("information", done / all)
@@ -257,7 +260,9 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)
-    return Result(study, robot, model, information, estimate, validation, training, prepared.ladder)
+    return Result(
+        study, robot, model, information, estimate, validation, training, prepared.ladder, train[0][0].reading
+    )
 
 
 def stated_problem(prepared: Prepared) -> Problem:

@@ -151,12 +151,14 @@ def _model(robot: Robot, kept: Mapping[str, Any]) -> DynamicsModel:
 
 def _write(result: Result, draft: Path) -> None:
     study = result.study
+    # Other recordings of the arm have columns of their own, so what was guessed of these is not asked of them.
+    asked = result.asked or next(r.reading for r in study.recordings if r.role == "train")
     model = {
         "terms": study.model.terms,
         "shapes": study.model.shapes,
         "load_parameters": result.model.load_parameters,
         "processing": dataclasses.asdict(study.processing),
-        "reading": _given(next(r.reading for r in study.recordings if r.role == "train")),
+        "reading": _given(asked),
         "trained_on": [each.sha256 for each in result.training],
         "made": made_record(made_now()),
     }

@@ -46,7 +46,7 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     delimiter = max(DELIMITERS, key=header.count)
     delimiter = delimiter if delimiter in header else " "
     names = [name.strip() for name in _fields(header, delimiter)]
-    selection = select(names, reading, path)
+    selection = select(names, reading, path, robot)
     numbers = [i for i in range(head + 1, len(lines)) if lines[i].strip()]
     rows = [lines[i] for i in numbers]
     if not rows:

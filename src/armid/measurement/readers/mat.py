@@ -41,18 +41,18 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     with path.open("rb") as stream:
         head = stream.read(520)
     if HDF5_SIGNATURE in (head[:8], head[512:520]):
-        return _read_v73(path, reading)
-    return _read_v5(path, reading)
+        return _read_v73(path, reading, robot)
+    return _read_v5(path, reading, robot)
 
 
-def _read_v5(path: Path, reading: Reading) -> Recording:
+def _read_v5(path: Path, reading: Reading, robot: Robot | None) -> Recording:
     """Read a file of version 5 or older."""
     # Imported here: it takes a third of a second, which only MATLAB files should cost.
     from scipy.io import loadmat, matlab, whosmat
 
     try:
         classes = {name: kind for name, _, kind in whosmat(path, appendmat=False)}
-        selection = select(list(classes), reading, path)
+        selection = select(list(classes), reading, path, robot, matrices=True)
         _refuse_objects({name: classes[name] for name in selection.names}, path)
         labels = [name for name in NAMES if classes.get(name) in ("cell", "char")][:1]
         data = loadmat(path, appendmat=False, variable_names=[*selection.names, *labels])
@@ -71,7 +71,7 @@ def _read_v5(path: Path, reading: Reading) -> Recording:
     return _assembled(selection, data, reading, path, names)
 
 
-def _read_v73(path: Path, reading: Reading) -> Recording:
+def _read_v73(path: Path, reading: Reading, robot: Robot | None) -> Recording:
     """Read a file of version 7.3, in which HDF5 holds every matrix transposed."""
     try:
         import h5py
@@ -80,7 +80,7 @@ def _read_v73(path: Path, reading: Reading) -> Recording:
     try:
         with h5py.File(path, "r") as file:
             classes = {name: _class_v73(item) for name, item in file.items() if not name.startswith("#")}
-            selection = select(list(classes), reading, path)
+            selection = select(list(classes), reading, path, robot, matrices=True)
             _refuse_objects({name: classes[name] for name in selection.names}, path)
             data = {name: np.atleast_2d(np.asarray(file[name])).T for name in selection.names}
             label = next((name for name in NAMES if classes.get(name) == "cell"), None)

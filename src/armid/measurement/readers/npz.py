@@ -40,7 +40,7 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
                     remedy="save it as numpy.savez(path, t=t, q=q, tau=tau).",
                 )
             with archive:
-                return _recording(archive, reading, path)
+                return _recording(archive, reading, robot, path)
     except (OSError, EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         if "pickle" in str(error):
             raise RecordingError(
@@ -53,13 +53,13 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
         ) from error
 
 
-def _recording(archive: np.lib.npyio.NpzFile, reading: Reading, path: Path) -> Recording:
+def _recording(archive: np.lib.npyio.NpzFile, reading: Reading, robot: Robot | None, path: Path) -> Recording:
     """The recording in an open archive."""
     if "value.json" in archive.files:
         saved = load(Recording, path)
         consecutive = saved.consecutive if reading.consecutive is None else reading.consecutive
         return replace(saved, rate=reading.rate or saved.rate, consecutive=consecutive)
-    selection = select(archive.files, reading, path)
+    selection = select(archive.files, reading, path, robot, matrices=True)
     arrays = {name: archive[name] for name in selection.names}
 
     def column(name: str) -> Array:

@@ -88,6 +88,6 @@ def _suspects(state: State) -> list[tuple[NDArray[np.bool_], float, str]]:
 def _units(reading: Reading, turned: NDArray[np.bool_], *, everywhere: bool) -> str | list[str]:
     """The units as they must be said."""
     degrees = reading.degrees(len(turned)) != turned
-    if everywhere and isinstance(reading.units, str):
+    if everywhere and (reading.units is None or isinstance(reading.units, str)):
         return "rad" if reading.units == "deg" else "deg"
     return ["deg" if one else "rad" for one in degrees]

@@ -19,6 +19,8 @@ EFFECTS: Mapping[str, str] = {
     "current-without-gain": "All parameters come out in units of the drive's current.",
     "clock-missing": "Velocities and accelerations, and all that hangs on them, have no scale.",
     "clock-jitter": "Differences of positions carry the clock's unevenness as noise in velocity and acceleration.",
+    "columns-guessed": "Wrong columns would be another arm: look at the names.",
+    "units-of-header": "None: the recording is read in these units.",
     "clock-received": "The unevenness of network and recorder goes into velocity and acceleration.",
     "joints-extra": "None: what the model does not have takes no part.",
     "joints-merged": "What was interpolated is smoother than it was measured, and late or early by a part of a step.",

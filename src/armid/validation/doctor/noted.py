@@ -15,6 +15,7 @@ CODES = (
     "clock-received",
     "clock-unit",
     "channel-dead",
+    "columns-guessed",
     "current-without-gain",
     "degrees",
     "description-rounded",
@@ -29,6 +30,7 @@ CODES = (
     "rows-repeated",
     "standstill",
     "topic-chosen",
+    "units-of-header",
     "value-missing",
 )
 """Codes that reading a log may already give; others are about processing, which the doctor does in its own way."""

@@ -1,0 +1,243 @@
+"""Names of columns taken apart: which quantity, of which joint, in which unit, measured or asked for.
+
+A name is cut into words at signs, capitals and digits: `Joint1Pos`, `joint_1_pos` and `/joint_1/pos` have the same.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+__all__ = ["Clock", "Named", "clock_of", "column_unit", "named", "split_unit", "words"]
+
+UNITS: Mapping[str, tuple[str, float]] = {
+    "rad": ("rad", 1.0),
+    "deg": ("deg", 1.0),
+    "°": ("deg", 1.0),
+    "degree": ("deg", 1.0),
+    "degrees": ("deg", 1.0),
+    "mrad": ("rad", 1e-3),
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "nm": ("torque", 1.0),
+    "n": ("torque", 1.0),
+    "mnm": ("torque", 1e-3),
+    "ncm": ("torque", 1e-2),
+    "knm": ("torque", 1e3),
+    "a": ("current", 1.0),
+    "ma": ("current", 1e-3),
+    "amp": ("current", 1.0),
+    "amps": ("current", 1.0),
+    "rpm": ("rad", 2.0 * math.pi / 60.0),
+}
+"""Units by their name without signs and powers of time: what they measure, and how many of armid's they are."""
+
+SECONDS: Mapping[str, float] = {
+    "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
+    "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3,
+    "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "usec": 1e-6, "microseconds": 1e-6,
+    "ns": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "nanosec": 1e-9, "nanoseconds": 1e-9,
+}  # fmt: skip
+"""Units of time [s]."""
+
+QUANTITIES: Mapping[str, tuple[str, ...]] = {
+    "q": ("q", "pos", "position", "positions", "angle", "angles", "theta", "phi"),
+    "dq": ("dq", "qd", "qdot", "vel", "velocity", "velocities", "speed", "speeds", "omega", "dtheta"),
+    "ddq": ("ddq", "qdd", "qddot", "acc", "accel", "acceleration", "accelerations", "ddtheta"),
+    "effort": ("tau", "torque", "torques", "trq", "effort", "efforts", "moment", "moments"),
+    "current": ("i", "current", "currents", "cur", "curr"),
+}
+"""Words that say which quantity a column holds."""
+
+PAIRS: Mapping[tuple[str, str], str] = {
+    ("q", "dot"): "dq",
+    ("q", "ddot"): "ddq",
+    ("angular", "velocity"): "velocity",
+    ("angular", "acceleration"): "acceleration",
+    ("angular", "position"): "position",
+    ("motor", "current"): "current",
+    ("time", "stamp"): "timestamp",
+}
+"""Two words that stand for one."""
+
+MEASURED = frozenset("actual act measured meas msr feedback fbk fb real is ai encoder enc sensor".split())
+COMMANDED = frozenset(
+    "target tgt cmd command commanded desired des d ref reference setpoint set goal sp ipo as".split()
+)
+OTHER = frozenset(
+    "error err ext external filtered residual temp temperature limit max min model gravity grav coriolis inertia "
+    "ff feedforward tcp ee tool cart cartesian pose wrench force std var cov voltage power brake mode status contact "
+    "collision hat window dot nominal x y z roll pitch yaw".split()
+)
+"""Words that say that a column is something else, or made from something else."""
+
+MOTOR = frozenset("motor mot theta phi".split())
+"""Words that may mean the motor's side of a gear; libfranka calls the motor's angle theta beside the joint's q."""
+
+CLOCKS: Mapping[str, int] = {"stamp": 0, "t": 1, "time": 1, "timestamp": 1, "elapsed": 1, "clock": 1, "rosbag": 2}
+"""Words of a clock, those that are nearer to the measurement before others."""
+
+BESIDE_CLOCK = frozenset(
+    "ros header field joint states since start robot controller system unix relative s sec secs".split()
+)
+"""Words that may stand beside one of a clock."""
+
+INDEX = re.compile(r"[\[({](\d+)[\])}]")
+BRACKET = re.compile(r"(.+?)\s*[\[({]\s*([^\[\](){}]*?)\s*[\])}]")
+TAIL = re.compile(
+    r"(.+?)[_\s.-]((?:m?rad|deg|degrees)(?:[_/]?s(?:\^?2|²)?)?|m?nm|n[_.·]m|mm|rpm|ma|amps?|[mµμun]s(?:ec)?|nanosec|nsecs?)",
+    re.IGNORECASE,
+)
+"""A unit in brackets, or behind the last sign, where one letter alone would be too little to go by."""
+
+ANGLES = ("deg", "degree", "degrees", "rad", "mrad")
+"""Units that may stand within a name."""
+
+PER_SECOND = re.compile(r"(m?rad|deg|degrees?|°)(?:ps|s|persec)?\d?[2²]?")
+WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_]+")
+GREEK = {"q\u0308": "ddq", "q\u0307": "dq", "τ": "tau", "θ": "theta", "φ": "phi", "ω": "omega"}
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """What a name says of a column.
+
+    Attributes:
+        column: The name in full.
+        quantity: `q`, `dq`, `ddq`, `effort` or `current`.
+        channel: Name of the joint, or its number; empty where the name has neither.
+        form: Its words, `*` where the channel stands.
+        rank: How near it is to what was measured: 0 and 1 are measured, 2 is asked for; then motor or joint.
+        unit: What its unit measures, and how many of armid's that is; nothing where no unit is said.
+    """
+
+    column: str
+    quantity: str
+    channel: str | int
+    form: tuple[str, ...]
+    rank: tuple[int, int]
+    unit: tuple[str, float] | None
+
+    @property
+    def commanded(self) -> bool:
+        """Whether it tells what was asked for."""
+        return self.rank[0] == 2
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """A column with times.
+
+    Attributes:
+        column: Its name.
+        rank: How near to the measurement; the smallest goes first.
+        unit: Length of one unit [s]; nothing where none is said.
+    """
+
+    column: str
+    rank: int
+    unit: float | None
+
+
+def words(text: str) -> list[str]:
+    """The words and numbers of a name, in small letters."""
+    for sign, word in GREEK.items():
+        text = text.replace(sign, f" {word} ")
+    found = [word.lower() for word in WORDS.findall(text)]
+    joined: list[str] = []
+    for word in found:
+        pair = PAIRS.get((joined[-1], word)) if joined else None
+        joined = [*joined[:-1], pair] if pair else [*joined, word]
+    return joined
+
+
+def split_unit(column: str) -> tuple[str, str]:
+    """A name without its unit, and the unit: in brackets, or behind the last sign."""
+    text = INDEX.sub(r"_\1", column.strip())
+    hit = BRACKET.fullmatch(text) or TAIL.fullmatch(text)
+    return (hit[1], hit[2]) if hit else (text, "")
+
+
+def named(column: str, labels: Sequence[str]) -> list[Named]:
+    """What a name may say of a column: nothing, or one for each of its numbers that may be the channel.
+
+    Args:
+        column: The name.
+        labels: What the joints are called in the file, longer names first.
+    """
+    text, unit = split_unit(column)
+    found: list[Named] = []
+    for channel, form in _channels(words(text), labels):
+        measured = unit_of(unit) if unit else next((UNITS[word] for word in form if word in ANGLES), None)
+        if unit and measured is None:
+            return []  # of something else
+        quantity = _quantity(form)
+        if quantity is None or OTHER & set(form) or (quantity == "current" and channel == ""):
+            continue
+        if measured is not None and not _fits(quantity, measured[0]):
+            continue
+        if quantity == "effort" and measured is not None and measured[0] == "current":
+            quantity = "current"
+        role = 0 if MEASURED & set(form) else 2 if COMMANDED & set(form) else 1
+        found.append(Named(column, quantity, channel, tuple(form), (role, int(bool(MOTOR & set(form)))), measured))
+    return found
+
+
+def clock_of(column: str) -> Clock | None:
+    """What a name says of a column of times, if it is one."""
+    text, unit = split_unit(column)
+    parts = words(text)
+    ranks = [CLOCKS[word] for word in parts if word in CLOCKS]
+    if not ranks or any(word not in CLOCKS and word not in BESIDE_CLOCK for word in parts):
+        return None
+    unit = unit.strip().lower() or next((word for word in parts if word in SECONDS), "")
+    if unit and unit not in SECONDS:
+        return None
+    return Clock(column, max(ranks) if "rosbag" in parts else min(ranks), SECONDS.get(unit))
+
+
+def _channels(parts: Sequence[str], labels: Sequence[str]) -> list[tuple[str | int, list[str]]]:
+    """Where a channel may stand: the longest name of a joint, else each number, else nowhere."""
+    for label in labels:
+        name = words(label)
+        for k in range(len(parts) - len(name) + 1):
+            form = [*parts[:k], "*", *parts[k + len(name) :]]
+            if list(parts[k : k + len(name)]) == name and _quantity(form):
+                return [(label, form)]
+    numbers = [k for k, word in enumerate(parts) if word.isdigit()]
+    if not numbers:
+        return [("", list(parts))]
+    return [(int(parts[k]), [*parts[:k], "*", *parts[k + 1 :]]) for k in numbers]
+
+
+def _quantity(form: Sequence[str]) -> str | None:
+    """The quantity that exactly one kind of word asks for."""
+    found = {quantity for quantity, known in QUANTITIES.items() if set(known) & set(form)}
+    if "dot" in form and found == {"q"}:
+        return "dq"
+    return found.pop() if len(found) == 1 else None
+
+
+def unit_of(unit: str) -> tuple[str, float] | None:
+    """What a unit measures, whatever power of time it is divided by."""
+    text = re.sub(r"[\s_·*.⋅^\-]", "", unit.split("/")[0]).lower()
+    per_second = PER_SECOND.fullmatch(text)
+    return UNITS.get(per_second[1] if per_second else text)
+
+
+def column_unit(column: str) -> tuple[str, float] | None:
+    """What the unit in a column's name measures, and how many of armid's it is; nothing where it says none."""
+    text, unit = split_unit(column)
+    if unit:
+        return unit_of(unit)
+    return next((UNITS[word] for word in words(text) if word in ANGLES), None)
+
+
+def _fits(quantity: str, kind: str) -> bool:
+    """Whether a quantity can have a unit of that kind."""
+    if quantity in ("q", "dq", "ddq"):
+        return kind in ("rad", "deg", "m")
+    return kind == "current" if quantity == "current" else kind in ("torque", "current")

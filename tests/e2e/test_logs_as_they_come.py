@@ -1,0 +1,91 @@
+"""Logs as people have them, through the command line: folders of bags, names of columns, other files beside them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.cli.main import main
+from armid.measurement.recording import Recording
+from labs import small_recording, write_arm, write_recording
+from recordings import joint_state, write_bag_folder
+
+pytest.importorskip("rosbags")
+
+JOINTS = ("joint_1", "joint_2", "joint_3")
+
+
+def called(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as end:
+        main([*map(str, arguments)])
+    shown = capsys.readouterr()
+    return int(end.value.code or 0), shown.out, shown.err
+
+
+def as_bag(log: Recording, path: Path, extra: tuple[str, ...] = ("finger",)) -> Path:
+    """The folder that a recorder of ROS 2 leaves, joints in another order and more of them."""
+    assert log.time is not None and log.effort is not None
+    more = np.full((log.samples, len(extra)), 0.01)
+    q, tau = (np.column_stack([x[:, ::-1], more]) for x in (log.q, log.effort))
+    at = 1_700_000_000_000_000_000 + np.round(1e9 * log.time).astype(np.int64)
+    names = (*JOINTS[::-1], *extra)
+    messages = [joint_state(t, names, x, None, y) for t, x, y in zip(at, q, tau, strict=True)]
+    return write_bag_folder(path, messages)
+
+
+def as_table(log: Recording, path: Path, q: str, tau: str, names: tuple[str, ...], unit: float = 1.0) -> Path:
+    assert log.time is not None and log.effort is not None
+    columns = {"t [ms]": 1e3 * log.time}
+    columns |= {
+        form.format(name): values[:, k]
+        for form, values in ((q, log.q / unit), (tau, log.effort))
+        for k, name in enumerate(names)
+    }
+    np.savetxt(
+        path,
+        np.column_stack(list(columns.values())),
+        delimiter=";",
+        header=";".join(columns),
+        comments="",
+        fmt="%.17g",
+    )
+    return path
+
+
+def test_the_folder_of_a_bag_goes_from_the_doctor_to_a_verdict(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    arm = write_arm(tmp_path)
+    train, check = as_bag(small_recording(1), tmp_path / "train"), as_bag(small_recording(2), tmp_path / "check")
+    code, out, _ = called(capsys, "doctor", arm, train, "--json")
+    found = {f["code"]: f for f in json.loads(out)["findings"]}
+    assert code == 0 and "finger" in found["joints-extra"]["evidence"]
+    run = tmp_path / "run"
+    code, _, err = called(capsys, "identify", arm, train, "--validate", check, "--out", run, "--no-report")
+    assert code == 0 and "finger" in err
+    assert called(capsys, "validate", run, check)[0] == 0
+    code, out, err = called(capsys, "validate", run, train)
+    assert code == 2 and "the same data trained" in err
+    torque = tmp_path / "torque.csv"
+    assert called(capsys, "predict", run, check, "--out", torque)[0] == 0 and torque.is_file()
+    assert called(capsys, "report", run)[0] == 0  # finds the folders again by what they hold
+
+
+def test_what_was_guessed_stands_in_the_run_and_others_are_guessed_anew(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    arm, degree = write_arm(tmp_path), np.pi / 180
+    train = as_table(small_recording(1), tmp_path / "train.csv", "{} pos [deg]", "{} torque", JOINTS, degree)
+    check = as_table(small_recording(2), tmp_path / "check.csv", "q_{}", "tau_meas_{}", ("0", "1", "2"))
+    run = tmp_path / "run"
+    code, _, err = called(capsys, "identify", arm, train, "--validate", check, "--out", run, "--no-report")
+    assert code == 0 and "columns-guessed" in err and "joint_1 pos [deg]" in err
+    first, second = json.loads((run / "study.json").read_text())["recordings"]
+    assert first["reading"]["columns"]["q"] == [f"{name} pos [deg]" for name in JOINTS]
+    assert first["reading"]["units"] == "deg" and "units" not in second["reading"]
+    assert second["reading"]["columns"]["effort"] == ["tau_meas_0", "tau_meas_1", "tau_meas_2"]
+    later = write_recording(small_recording(3), tmp_path / "later.csv")
+    for path in (check, later):
+        code, out, _ = called(capsys, "validate", run, path, "--json")
+        assert code == 0 and json.loads(out)["verdict"] == "pass"
