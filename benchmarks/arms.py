@@ -51,7 +51,6 @@ from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot, load_robot
-from armid.robot.kinematics import forward_kinematics
 from armid.study.excite import Designed, Effort, Rules, Wish, design_plan
 from armid.study.excite_files import save_design
 from armid.values import Array
@@ -223,8 +222,7 @@ def anywhere(found: Designed, rng: np.random.Generator) -> Iterator[Problem]:
 def apart(collision: Collision | None, robot: Robot, poses: Array) -> NDArray[np.bool_]:
     """In which poses (N, n) bodies keep apart."""
     assert collision is not None
-    distance = collision.every.bodies.distances(forward_kinematics(robot, poses))
-    return np.asarray((distance > collision.every.margin).all(axis=1))
+    return collision.clear(robot, poses)
 
 
 def measure(entry: Entry, asked: Asked) -> Row:

@@ -13,6 +13,7 @@ from armid.excitation.clearance import floor
 from armid.excitation.plan import Plan
 from armid.excitation.plans import builtin_plan
 from armid.report.page import write_report
+from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import clip_of_plan
 from armid.report.preview.masses import MassLayer, layer_of_description
 from armid.report.preview.page import Preview, write_preview
@@ -68,7 +69,9 @@ def moving(arm: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
     known = layer_of_description(arm)
     assert known is not None
     layers = (known, MassLayer("estimate", 1.1 * known.links))
-    shown = Preview(arm, clip_of_plan(Plan(builtin_plan("thesis-a1")), "thesis-a1"), (floor(-0.3),), None, layers)
+    around = (floor(-0.3),)
+    clip = clip_of_plan(Plan(builtin_plan("thesis-a1")), "thesis-a1")
+    shown = Preview(arm, clip, around, bodies_to_watch(arm, around), layers)
     return write_preview(shown, tmp_path_factory.mktemp("pages") / "preview.html")
 
 
@@ -261,7 +264,7 @@ def test_a_limit_is_marked(arm: Robot, tmp_path: Path, chromium: Browser):
 
     q = np.zeros(7)
     q[1] = arm.joints[1].position_limits[1] - 0.05
-    path = write_preview(Preview(arm, still(q, "near a stop")), tmp_path / "near.html")
+    path = write_preview(Preview(arm, still(q, "near a stop"), (), bodies_to_watch(arm)), tmp_path / "near.html")
     tab = chromium.open(path)
     tab.wait("document.documentElement.dataset.drawn")
     marked = tab.run("[...document.querySelectorAll('#joints li')].map((item) => item.textContent.includes('▲'))")

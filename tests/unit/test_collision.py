@@ -12,8 +12,10 @@ from armid.excitation import coal
 from armid.excitation.capsules import covering
 from armid.excitation.channels import States
 from armid.excitation.clearance import floor
-from armid.excitation.collision import cell_of, collision_of, load_environment
+from armid.excitation.collision import cell_of, collision_of, kept_apart
+from armid.excitation.environment import load_environment
 from armid.excitation.finish import fine_grid, margins
+from armid.excitation.keeping import LEFT_OUT
 from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, Objective
 from armid.excitation.places import SCALE
@@ -193,15 +195,23 @@ def test_what_touches_in_every_pose_is_left_out_and_told():
     robot = replace(iiwa, shapes=(ball("foot", -1, 0.3), ball("elbow", 3, 0.3), ball("flange", 6, 0.3)))
     bent = np.array([0.0, 0.4, 0.0, -1.5, 0.0, 0.0, 0.0])
     made = collision_of(robot, limits, bent, margin=0.01)
-    assert [(each.pair, each.share, each.always) for each in made.skipped] == [("elbow - flange", 1.0, True)]
+    assert [(each.pair, each.share) for each in made.skipped] == [("elbow - flange", 1.0)]
     assert made.every.labels == ("foot - elbow", "foot - flange")
     robot = replace(iiwa, shapes=(ball("foot", -1, 0.36), ball("elbow", 3, 0.35)))
     cell = cell_of(robot, limits, margin=0.01)
-    assert 0.5 < cell.touching[0] < 0.98 and not cell.constructed.any()
+    assert 0.5 < cell.touching[0] < 0.98 and not cell.keeping.kind.any()
+
+
+def test_links_that_are_built_close_keep_part_of_what_is_between_them():
+    """They may collide, so they are looked at, but what is asked of others would leave them no pose."""
     near = load_robot("panda")
     tight = cell_of(near, limits_of(near))
     k = tight.bodies.labels.index("link_5 - link_7")
-    assert 0.5 < tight.touching[k] < 0.99 and tight.constructed[k]
+    assert 0.5 < tight.touching[k] < 0.99 and tight.keeping.kind[k] != LEFT_OUT
+    made = kept_apart(tight, np.array(START["panda"]))
+    assert "link_5 - link_7" in made.every.labels
+    distance = made.every.bodies.distances(forward_kinematics(near, np.array([START["panda"]])))[0]
+    assert (distance > made.every.margins).all()
 
 
 def test_the_floor_is_touched_by_construction_by_the_first_link_alone():
@@ -210,7 +220,7 @@ def test_the_floor_is_touched_by_construction_by_the_first_link_alone():
     limits = limits_of(iiwa)
     robot = replace(iiwa, shapes=(ball("shoulder", 0, 0.4), ball("upper arm", 1, 0.4)))
     cell = cell_of(robot, limits, [floor()])
-    assert dict(zip(cell.bodies.labels, cell.constructed, strict=True)) == {
+    assert dict(zip(cell.bodies.labels, cell.keeping.of(LEFT_OUT), strict=True)) == {
         "shoulder - floor": True,
         "upper arm - floor": False,
     }
@@ -233,7 +243,7 @@ def test_of_many_pairs_a_stage_looks_at_those_that_come_near():
     assert few.near(states) is few
     many = collision_of(robot, limits_of(robot), np.zeros(7), balls).every
     distance = many.bodies.nearest(states.poses)[0].min(axis=0)
-    near = [label for label, gap in zip(many.labels, distance, strict=True) if gap < many.margin + 0.15]
+    near = [label for label, gap in zip(many.labels, distance - many.margins, strict=True) if gap < 0.15]
     assert many.near(states).labels == tuple(near)
     assert any("ball 0" in label for label in near) and not any("ball 9" in label for label in near)
 
@@ -344,7 +354,7 @@ def test_the_start_that_is_found_has_room():
     usual = room(cell, limits, usual_pose(limits))
     assert not found.usual and found.room > usual + 0.3
     assert (found.pose == choose_start(cell, limits).pose).all()
-    assert (cell.distances(found.pose[None])[0][~cell.constructed] > cell.margin).all()
+    assert cell.room(found.pose[None])[0] > 0.0
     upright = load_robot("iiwa14-r820")
     assert choose_start(cell_of(upright, limits_of(upright), [floor()]), limits_of(upright)).usual
     # Where gravity asks too much of poses that are bent, one that stands is chosen.
@@ -378,5 +388,5 @@ def test_meshes_that_are_missing_are_what_is_missing(tmp_path):
       <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
     (tmp_path / "arm.urdf").write_text(text)
     robot = load_robot(tmp_path / "arm.urdf")
-    with pytest.raises(ArmidError, match=r"(?s)meshes .* are not there.*beside the description"):
+    with pytest.raises(ArmidError, match=r"(?s)mesh package://arm/a.stl is not there.*--package NAME=DIR"):
         cell_of(robot, limits_of(robot))

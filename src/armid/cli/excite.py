@@ -88,9 +88,16 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "acceleration": _option(float | None, None, "Limit of every joint, rad/s² or m/s²."),
     "jerk": _option(float | None, None, "Limit of every joint, rad/s³ or m/s³."),
     "torque_margin": _option(float | None, None, "Share of the torque limits kept free; 0.1 with --limits true."),
-    "collision": _option(bool, False, "Keep links apart from each other and from the surroundings.", "--collision"),
+    "collision": _option(
+        bool | None, None, "Keep links apart from each other and from the surroundings; on where the description has "
+        "bodies.", "--collision/--no-collision",
+    ),
     "clearance": _option(float, 0.02, "Distance that bodies keep, m."),
-    "floor": _option(float | None, None, "A floor so high above the base, m; negative: below; means --collision."),
+    "floor": _option(
+        float | None, None, "A floor so high above the base, m; negative: below. Left out, it is the plane through "
+        "the base of an arm that stands on it."
+    ),
+    "no_floor": _option(bool, False, "Assume no floor.", "--no-floor"),
     "environment": _option(Path | None, None, "TOML of boxes, spheres and half-spaces; means --collision."),
     "tip_box": _option(
         str | None, None, "Box for the tip, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"
@@ -151,7 +158,7 @@ def excite(robot: str, **options: Any) -> None:
     arm moves. Numbers of a pose have commas or blanks between them.
 
     Examples:
-        armid excite iiwa14-r820 --gravity 0 0 9.81 --collision --budget 20
+        armid excite iiwa14-r820 --gravity 0 0 9.81 --floor -1.5 --budget 20
 
         armid excite iiwa14-r820 --gravity 0 0 9.81 --criterion condition --limits thesis --budget 10
 
@@ -163,8 +170,9 @@ def excite(robot: str, **options: Any) -> None:
     from armid.report.preflight import write_preflight
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of_design
-    from armid.study.excite_files import choose_formats, design_record, refuse_plan_folder, report_text, save_design
+    from armid.study.excite_files import choose_formats, design_record, refuse_plan_folder, save_design
     from armid.study.excite_request import run_request
+    from armid.study.preflight_text import report_text
     from armid.study.records import to_json
     from armid.study.study import build_model, load_choice
 
@@ -191,6 +199,9 @@ def excite(robot: str, **options: Any) -> None:
     print_findings((*arm.findings, *designed.findings), shapes=True)
     if designed.search.interrupted:
         sys.stderr.write("stopped by hand; this is the best plan so far\n")
+    if designed.preflight.verdict == "fail":
+        sys.stderr.write(f"verdict: fail. {designed.preflight.sentence}; no motion was written for a controller\n")
+        raise typer.Exit(1)
 
 
 def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
@@ -198,14 +209,15 @@ def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats:
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of_moves
     from armid.study.excite_files import save_moves
-    from armid.study.excite_request import rules_of, run_experiment
+    from armid.study.excite_request import run_experiment
     from armid.study.records import to_json
+    from armid.study.surroundings import surroundings_of
 
     moves = run_experiment(model, options)
     rate, rehearsal = options["format_rate"], options["rehearsal"]
     record = save_moves(moves, model.robot, folder, formats=formats, rate=rate, rehearsal=rehearsal)
     if not options["no_report"]:
-        around = rules_of(options, model.robot).surroundings
+        around = surroundings_of(options, model.robot)
         attempt(PREVIEW, lambda: write_preview(preview_of_moves(moves, model.robot, around), folder / PREVIEW))
     if options["json"]:
         sys.stdout.write(to_json({**record, "folder": str(folder)}) + "\n")

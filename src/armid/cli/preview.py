@@ -108,7 +108,7 @@ def _reading(run: Run | None, rate: float | None) -> Reading:
 
 def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> tuple[Shape, ...]:
     from armid.excitation.clearance import floor as floor_at
-    from armid.excitation.collision import load_environment
+    from armid.excitation.environment import load_environment
 
     around = () if environment is None else load_environment(environment, arm)
     return around if floor is None else (*around, floor_at(floor, arm.gravity))

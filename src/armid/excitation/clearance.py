@@ -287,13 +287,13 @@ class Clearance:
     Attributes:
         name: What it is.
         bodies: Which, and which pairs of them.
-        margin: Distance that stays between them [m].
+        margin: Distance that stays between them, of each pair, shape (m,) or one for all [m].
         spare: What a search keeps beyond it, of each pair, shape (m,) or one for all [m].
     """
 
     name: str
     bodies: Bodies
-    margin: float
+    margin: Array | float
     spare: Array | float = 0.0
 
     @property
@@ -301,13 +301,18 @@ class Clearance:
         """Names of the pairs."""
         return self.bodies.labels
 
+    @property
+    def margins(self) -> Array:
+        """Distance that each pair keeps, shape (m,) [m]."""
+        return np.broadcast_to(self.margin, len(self.labels))
+
     def near(self, states: States) -> Clearance:
         """Pairs that matter to a motion and to others like it: all where they are few, else those within reach."""
         if len(self.labels) <= FEW:
             return self
         which = np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH)
         spare = np.broadcast_to(self.spare, len(self.labels))[which]
-        return replace(self, bodies=self.bodies.only(which), spare=spare)
+        return replace(self, bodies=self.bodies.only(which), margin=self.margins[which], spare=spare)
 
     def values(self, states: States) -> Array:
         """One less the room that is left over a tenth of a metre, shape (N, m)."""

@@ -18,7 +18,7 @@ from armid.errors import ArmidError
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["between", "convex", "distances", "geometry", "mesh_faces", "mesh_triangles", "nearest"]
+__all__ = ["convex", "distances", "geometry", "mesh_faces", "mesh_triangles", "nearest", "too_close", "whole"]
 
 
 Parts = Callable[[Shape], Sequence[Any]]
@@ -106,7 +106,7 @@ def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
     return list(map(transform, turns, places))
 
 
-def _as_it_is(shape: Shape) -> tuple[Any, ...]:
+def whole(shape: Shape) -> tuple[Any, ...]:
     """A body as its only part."""
     return (geometry(shape),)
 
@@ -130,7 +130,7 @@ def _measured(
 
 
 def distances(
-    shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array], parts: Parts = _as_it_is
+    shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array], parts: Parts = whole
 ) -> Array:
     """Distance of each pair along a motion.
 
@@ -175,24 +175,29 @@ def nearest(
     return out, first, second, normal
 
 
-def between(shapes: tuple[Shape, ...]) -> Callable[[int, int, tuple[Array, Array]], tuple[float, Array]]:
-    """How far two of some bodies are apart in one pose, and where they are nearest.
+def too_close(
+    shapes: Sequence[Shape], pair: NDArray[np.intp], margin: float, poses: tuple[Array, Array]
+) -> NDArray[np.bool_]:
+    """Whether two bodies as they are come closer than a margin [m], pose by pose, which is less work than a distance.
 
     Args:
         shapes: Bodies.
+        pair: Indices of two, shape (2,).
+        margin: The distance [m].
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
 
     Returns:
-        A function of the indices of two bodies and of rotations (n, 3, 3) and origins (n, 3) of the links; it gives
-        the distance [m], negative where they overlap, and the nearest points of both in the base frame, (2, 3).
+        Shape (N,).
     """
     coal = _coal()
-    bodies = [geometry(shape) for shape in shapes]
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    one, other = (shapes[int(k)] for k in pair)
+    bodies = geometry(one), geometry(other)
+    request, result = coal.CollisionRequest(), coal.CollisionResult()
+    request.security_margin = margin
 
-    def measure(a: int, b: int, poses: tuple[Array, Array]) -> tuple[float, Array]:
+    def close(first: Any, second: Any) -> bool:
         result.clear()
-        (one,), (other,) = (_placed(shapes[k], (poses[0][None], poses[1][None])) for k in (a, b))
-        distance = coal.distance(bodies[a], one, bodies[b], other, request, result)
-        return distance, np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+        return coal.collide(bodies[0], first, bodies[1], second, request, result) > 0
 
-    return measure
+    places = zip(_placed(one, poses), _placed(other, poses), strict=True)
+    return np.array([close(first, second) for first, second in places], dtype=np.bool_)

@@ -22,7 +22,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["Moves", "choose_poses", "poses_plan", "straight_way", "sweeps_plan"]
+__all__ = ["Moves", "choose_poses", "free_ranges", "poses_plan", "straight_way", "sweeps_plan"]
 
 CANDIDATES = 600
 """Random poses from which the static ones are chosen."""
@@ -44,6 +44,9 @@ LOOKS = 60
 
 EVEN = 4.0
 """Longest even stretch of a sweep [s]: friction at a speed is known long before."""
+
+PLACES, NARROW = 80, 1e-3
+"""Places of each joint at which bodies are looked at either way of the start, and the least range left [rad or m]."""
 
 EDGE = 0.05
 """Share of a joint's range that stays free at its ends."""
@@ -241,6 +244,25 @@ def poses_plan(
 def straight_way(a: Array, b: Array) -> Array:
     """Poses (N, n) on the way from one to another [rad or m]."""
     return a + np.linspace(0.0, 1.0, LOOKS)[:, None] * (b - a)
+
+
+def free_ranges(start: Array, limits: Limits, allowed: Callable[[Array], NDArray[np.bool_]]) -> Limits:
+    """The limits with positions only as far as each joint alone can go from the start.
+
+    Args:
+        start: Pose, shape (n,) [rad or m].
+        limits: Of the joints.
+        allowed: Says which poses (N, n) may be taken, shape (N,).
+    """
+    ends = limits.lower.copy(), limits.upper.copy()
+    for j in range(len(start)):
+        for end, place in zip(ends, _range(limits), strict=True):
+            way = np.tile(start, (PLACES, 1))
+            way[:, j] = np.linspace(start[j], place[j], PLACES)
+            free = int(np.logical_and.accumulate(allowed(way)).sum())
+            if free < PLACES:  # one place short of what is in the way
+                end[j] = way[max(free - 2, 0), j]
+    return replace(limits, lower=np.minimum(ends[0], start - NARROW), upper=np.maximum(ends[1], start + NARROW))
 
 
 def sweeps_plan(start: Array, limits: Limits, speeds: Sequence[float] = (0.05, 0.15, 0.4, 0.8)) -> Moves:

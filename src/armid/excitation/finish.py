@@ -162,7 +162,8 @@ def _physical(channel: Channel, k: int, share: float, slides: bool) -> tuple[flo
     elif isinstance(channel, Torque):
         bound, unit = float(channel.limit[k]), "N" if slides else "N·m"
     elif isinstance(channel, Clearance):
-        return channel.margin + SCALE * (1.0 - share), channel.margin, "m"
+        margin = float(channel.margins[k])
+        return margin + SCALE * (1.0 - share), margin, "m"
     elif isinstance(channel, Workspace):
         return SCALE * (1.0 - share), 0.0, "m"
     else:

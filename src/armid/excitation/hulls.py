@@ -22,7 +22,7 @@ from armid.excitation.coal import convex, distances, geometry, mesh_triangles, n
 from armid.robot.shapes import Kind, Shape
 from armid.values import Array
 
-__all__ = ["Hulls", "hull_points", "prism"]
+__all__ = ["Hulls", "hull_points", "parts_of", "prism"]
 
 SIDES = 32
 """Of the prism around a cylinder, which is half a percent wider."""
@@ -47,7 +47,7 @@ def hull_points(points: Array) -> ConvexHull:
         return ConvexHull((points[:, None] + thick).reshape(-1, 3))
 
 
-def _parts(shape: Shape) -> tuple[Any, ...]:
+def parts_of(shape: Shape) -> tuple[Any, ...]:
     """Convex bodies for Coal, in the frame of a body that lies in them."""
     return _parts_of(shape.kind, tuple(shape.size.tolist()), shape.path)
 
@@ -94,7 +94,7 @@ class Hulls:
 
     def distances(self, poses: tuple[Array, Array]) -> Array:
         """Distances (N, r) [m], negative where hulls overlap."""
-        return distances(self.shapes, self.pairs, poses, _parts)
+        return distances(self.shapes, self.pairs, poses, parts_of)
 
     def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
         """Distances (N, r) [m], negative where hulls overlap, nearest points of both and directions from the second.
@@ -102,7 +102,7 @@ class Hulls:
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
         """
-        return nearest(self.shapes, self.pairs, poses, _parts)
+        return nearest(self.shapes, self.pairs, poses, parts_of)
 
     def only(self, which: NDArray[np.intp]) -> Hulls:
         """Those that stand for some of the other pairs, which are rising and counted anew."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from armid.excitation import coal
+from armid.excitation.closest import RATE, Approach, closest_approaches
 from armid.excitation.collision import Collision, LeftOut
 from armid.excitation.finish import Margin, fine_grid, margins
 from armid.excitation.objective import Goal, Objective
@@ -17,29 +18,12 @@ from armid.excitation.solver import Problem
 from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
-__all__ = ["Approach", "Expectation", "Preflight", "expectation", "preflight", "worst"]
+__all__ = ["Expectation", "Preflight", "expectation", "preflight", "worst"]
 
-MEASURED = 50.0
-"""Poses a second in which bodies are measured as they are [Hz]; the certificate does not rest on these."""
+Verdict = Literal["pass", "fail", "not checked"]
 
-
-EVERY = 5
-"""Of these poses one in so many is looked at first."""
-
-
-@dataclass(frozen=True, slots=True)
-class Approach:
-    """Closest approach of two bodies.
-
-    Attributes:
-        pair: Their names.
-        distance: Between the bodies as they are [m].
-        time: When [s].
-    """
-
-    pair: str
-    distance: float
-    time: float
+SAID = 3
+"""Limits and pairs that are named in a sentence."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -72,12 +56,45 @@ class Preflight:
         approaches: Every pair of bodies, nearest first.
         skipped: Pairs that touch by construction and are not looked at.
         expected: Deviations.
+        unchecked: Why collisions are not checked; empty where they are.
     """
 
     margins: tuple[Margin, ...]
     approaches: tuple[Approach, ...]
     skipped: tuple[LeftOut, ...]
     expected: Expectation
+    unchecked: str = ""
+
+    @property
+    def verdict(self) -> Verdict:
+        """`fail` where a limit is missed or bodies come too close, `not checked` where nobody looked at bodies."""
+        if self._missed or self._close:
+            return "fail"
+        return "not checked" if self.unchecked else "pass"
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        said = [f"{each.limit} of {each.label} is missed: {each.value:.4g} {each.unit}" for each in self._missed]
+        said += [
+            f"{each.pair} come within {1000.0 * each.distance:.0f} mm at {each.time:.2f} s, less than the "
+            f"{1000.0 * each.asked:.0f} mm that they should keep"
+            for each in self._close
+        ]
+        if said:
+            more = f"; {len(said) - SAID} more" if len(said) > SAID else ""
+            return "; ".join(said[:SAID]) + more
+        if self.unchecked:
+            return f"every limit holds; collisions not checked: {self.unchecked}"
+        return "every limit holds, and bodies keep apart"
+
+    @property
+    def _missed(self) -> list[Margin]:
+        return [margin for margin in self.margins if margin.certified > 1.0]
+
+    @property
+    def _close(self) -> list[Approach]:
+        return [each for each in self.approaches if not each.kept]
 
 
 def expectation(goal: Goal, objective: Objective, x: Array) -> Expectation:
@@ -110,52 +127,35 @@ def expectation(goal: Goal, objective: Objective, x: Array) -> Expectation:
 
 
 def preflight(
-    problem: Problem, x: Array, collision: Collision | None, limits: tuple[Margin, ...] | None = None
+    problem: Problem,
+    x: Array,
+    collision: Collision | None,
+    limits: tuple[Margin, ...] | None = None,
+    unchecked: str = "",
 ) -> Preflight:
-    """Everything that can be said of a plan; limits on the fine grid, bodies as they are by Coal.
+    """Everything that can be said of a plan; limits on the fine grid, bodies by Coal.
 
     Args:
         problem: What was asked.
         x: The plan.
         collision: Bodies that are kept apart.
         limits: How near it comes to every limit, where that is known already.
+        unchecked: Why collisions are not checked, where they are not.
     """
     goal, basis = problem.goal, problem.basis
     samples = max(round(goal.rate * basis.period), 40 * basis.harmonics)
-    approaches: list[Approach] = []
-    if collision is not None and len(collision.pairs):
-        times = basis.times(max(100, round(MEASURED * basis.period)))
+    approaches: tuple[Approach, ...] = ()
+    if collision is not None:
+        times = basis.times(max(100, round(RATE * basis.period)))
         q = basis.excitation(x).at(times).q
-        approaches = _closest(collision, times, forward_kinematics(goal.model.robot, q))
+        approaches = closest_approaches(collision, times, forward_kinematics(goal.model.robot, q))
     return Preflight(
         margins(problem, fine_grid(problem), x) if limits is None else limits,
-        tuple(sorted(approaches, key=lambda each: each.distance)),
+        approaches,
         () if collision is None else collision.skipped,
         expectation(goal, Objective(goal, basis, samples), x),
+        unchecked,
     )
-
-
-def _closest(collision: Collision, times: Array, poses: tuple[Array, Array]) -> list[Approach]:
-    """Closest approach of each pair of bodies as they are, at times (N,) [s] with poses of the links.
-
-    A body is in its capsules, so where these are further apart than the bodies are at their closest so far nobody
-    needs to look. Every fifth pose is looked at first, then those beside the closest: two meshes take a millisecond.
-    """
-    bound = collision.every.bodies.distances(poses)
-    measure = coal.between(collision.shapes)
-    found: list[Approach] = []
-    for k, (label, (a, b)) in enumerate(zip(collision.every.labels, collision.pairs, strict=True)):
-        distance, at = math.inf, 0
-        coarse = np.arange(0, len(times), EVERY)
-        for beside in (False, True):
-            near = np.clip(np.arange(at - EVERY + 1, at + EVERY), 0, len(times) - 1) if beside else coarse
-            for i in near[bound[near, k].argsort(kind="stable")]:
-                if bound[i, k] >= distance:
-                    break
-                here = measure(int(a), int(b), (poses[0][i], poses[1][i]))[0]
-                distance, at = min((distance, at), (here, int(i)))
-        found.append(Approach(label, distance, float(times[at])))
-    return found
 
 
 def worst(found: Sequence[Margin]) -> tuple[Margin, ...]:

@@ -99,7 +99,7 @@ def choose_start(cell: Cell, limits: Limits, holds: Holds = anywhere) -> Start:
     poses = np.vstack([usual, rng.uniform(*between, (LOOKED, len(usual)))])
     distance = cell.clear(poses)
     order = np.concatenate([[0], 1 + np.argsort(-distance[1:], kind="stable")])
-    order = order[distance[order] >= cell.margin]
+    order = order[distance[order] >= 0.0]
     if not len(order):
         kept_apart(cell, usual)
         raise ArmidError(
@@ -107,6 +107,7 @@ def choose_start(cell: Cell, limits: Limits, holds: Holds = anywhere) -> Start:
             remedy="give a pose with --start, or less --clearance.",
         )
     order = order[holds(poses[order])][:SHORT]
+    order = order[cell.apart(poses[order])]
     if not len(order):
         raise ArmidError(
             f"No pose of {cell.robot.name} was found in which all bodies keep apart and which its torques can hold.",
@@ -126,7 +127,7 @@ def _plain(cell: Cell, limits: Limits, holds: Holds, pose: Array, usual: Array, 
         for value in (usual[j], *(round(pose[j] * parts) / parts for parts in (2, 10, 100))):
             trial = pose.copy()
             trial[j] = value
-            free = cell.clear(trial[None])[0] >= cell.margin
+            free = cell.clear(trial[None])[0] >= 0.0 and bool(cell.apart(trial[None])[0])
             free = free and limits.lower[j] < value < limits.upper[j] and bool(holds(trial[None])[0])
             if free and room(cell, limits, trial, holds) >= enough:
                 pose = trial
@@ -154,7 +155,7 @@ def room(cell: Cell, limits: Limits, pose: Array, holds: Holds = anywhere) -> fl
     lines = np.random.default_rng(1).uniform(-1.0, 1.0, (DIRECTIONS, len(pose))) * swing
     q = pose + (STEPS[:, None, None] * lines).reshape(-1, len(pose))
     inside = ((q > limits.lower) & (q < limits.upper)).all(axis=1)
-    apart = cell.distances(q)[:, ~cell.constructed].min(axis=1, initial=np.inf) >= cell.margin
+    apart = cell.room(q) >= 0.0
     free = (inside & apart & holds(q)).reshape(len(STEPS), DIRECTIONS)
     middle = len(STEPS) // 2
     after = np.logical_and.accumulate(free[middle:], axis=0).mean()

@@ -24,6 +24,7 @@ from armid.report.section import Section, one_of
 from armid.report.tables import Cell, Column, Table
 from armid.robot import Joint
 from armid.study.excite import Designed
+from armid.study.preflight_text import findings_of
 from armid.values import Array, replace_file
 
 __all__ = ["PREFLIGHT", "motion_section", "render_preflight", "write_preflight"]
@@ -66,7 +67,7 @@ def render_preflight(designed: Designed) -> str:
 def show_limits(designed: Designed) -> Section:
     """Every limit with its margin, joint and time."""
     margins = designed.preflight.margins
-    rows = [_margin_row(margin) for margin in margins if margin.limit != COLLISION]
+    rows = [_margin_row(margin, designed) for margin in margins if margin.limit != COLLISION]
     columns = (
         Column("limit", words=True),
         Column("of", words=True),
@@ -82,14 +83,12 @@ def show_limits(designed: Designed) -> Section:
         "such certificate, only the largest step between two points as a margin. ▲ marks limits that are used up."
     )
     content = {
-        "holds": all(margin.certified <= 1.0 for margin in margins),
+        "verdict": designed.preflight.verdict,
+        "said": designed.preflight.sentence,
         "worst": [
             (m.limit, m.label, _reached(m), "" if math.isnan(m.time) else fixed(m.time, 2)) for m in worst(margins)
         ],
-        "findings": [
-            (finding.severity, finding.evidence, finding.remedy)
-            for finding in (*designed.problem.goal.model.robot.findings, *designed.findings)
-        ],
+        "findings": [(finding.severity, finding.evidence, finding.remedy) for finding in findings_of(designed)],
     }
     return Section("Limits", content, (Table("limits", "Every limit", columns, rows, note),))
 
@@ -101,7 +100,7 @@ def _reached(margin: Margin) -> str:
     return f"{share(margin.share)} of the limit"
 
 
-def _margin_row(margin: Margin) -> tuple[Cell, ...]:
+def _margin_row(margin: Margin, designed: Designed) -> tuple[Cell, ...]:
     timeless = math.isnan(margin.time)
     reached = certified = Cell("–", "")
     if margin.limit not in DISTANCES:
@@ -111,13 +110,21 @@ def _margin_row(margin: Margin) -> tuple[Cell, ...]:
     return (
         Cell(margin.limit, kind="name"),
         Cell(margin.label, kind="name"),
-        Cell(fixed(margin.value, 4), margin.value),
-        Cell(fixed(margin.bound, 4), margin.bound),
+        *_value_and_bound(margin, designed),
         Cell(margin.unit),
         reached,
         certified,
         Cell("–", "") if timeless else Cell(fixed(margin.time, 2), margin.time),
     )
+
+
+def _value_and_bound(margin: Margin, designed: Designed) -> tuple[Cell, Cell]:
+    """What is reached and what may be; of positions from where to where."""
+    spread = designed.spread(margin)
+    if spread is None:
+        return Cell(fixed(margin.value, 4), margin.value), Cell(fixed(margin.bound, 4), margin.bound)
+    low, high, lower, upper = (fixed(x, 4) for x in spread)
+    return Cell(f"{low}…{high}", margin.value), Cell(f"{lower}…{upper}", margin.bound)
 
 
 def show_approaches(designed: Designed) -> Section | None:
@@ -128,16 +135,22 @@ def show_approaches(designed: Designed) -> Section | None:
     asked = {margin.label: margin for margin in report.margins if margin.limit == COLLISION}
     rows: list[tuple[Cell, ...]] = []
     for each in report.approaches:
-        capsules, distance = asked[each.pair], 1000.0 * each.distance
-        sure = 1000.0 * (capsules.value - SCALE * (capsules.certified - capsules.share))
+        capsules, distance = asked.get(each.pair), 1000.0 * each.distance
+        nothing = Cell("–", "")
+        around, between = nothing, nothing
+        if capsules is not None:
+            sure = 1000.0 * (capsules.value - SCALE * (capsules.certified - capsules.share))
+            around = Cell(fixed(1000.0 * capsules.value, 0), 1000.0 * capsules.value)
+            between = Cell(fixed(sure, 0), sure)
+        mark = "" if each.kept else " ▲"
         rows.append(
             (
                 Cell(each.pair, kind="name"),
-                Cell(fixed(distance, 0), distance),
+                Cell(fixed(distance, 0) + mark, distance),
                 Cell(fixed(each.time, 2), each.time),
-                Cell(fixed(1000.0 * capsules.value, 0), 1000.0 * capsules.value),
-                Cell(fixed(sure, 0), sure),
-                Cell(fixed(1000.0 * capsules.bound, 0), 1000.0 * capsules.bound),
+                around,
+                between,
+                Cell(fixed(1000.0 * each.asked, 0), 1000.0 * each.asked),
             )
         )
     columns = (
@@ -149,20 +162,13 @@ def show_approaches(designed: Designed) -> Section | None:
         Column("asked", "mm"),
     )
     note = (
-        "Closest: bodies as they are, ten times a second, and fifty times where they are closest. As capsules: those "
-        "around the bodies, which the search kept apart, on a grid of 1 kHz; certified is what they keep between its "
-        "points as well."
+        "Closest: bodies measured anew, meshes as convex hulls of up to four slabs, 50 times a second, and 250 times "
+        "where they are closest. As capsules: those around the bodies, which the search kept apart, on a grid of "
+        "1 kHz; certified is what they keep between its points as well. Asked: less than the clearance where links "
+        "are built closer than that. ▲ marks pairs that come too close."
     )
     table = Table("approaches", "Closest approach of each pair", columns, rows, note)
-    always, often = (
-        [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped if each.always == kind]
-        for kind in (True, False)
-    )
-    skipped = [
-        (said, pairs)
-        for said, pairs in (("they touch in every pose", always), ("they touch in most poses", often))
-        if pairs
-    ]
+    skipped = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped]
     return Section("Closest approaches", {"skipped": skipped}, (table,))
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from armid.errors import RobotError
+from armid.robot.bodies import with_bodies
 from armid.robot.outline import held_joints
 from armid.robot.readers import READERS, Reader, urdf, xacro
 from armid.robot.robot import Robot
@@ -61,7 +62,7 @@ def load_robot(
     text, source, reader = _expanded(description)
     asked = _values(lock if locked is None else locked)
     held = held_joints(reader.outline(text, source=source), source, asked, _names(only), tip)
-    robot = reader.read(text, source=source, locked=held.at, tip=tip)
+    robot = with_bodies(reader.read(text, source=source, locked=held.at, tip=tip))
     sha256 = robot.sha256 or hashlib.sha256(text.encode()).hexdigest()
     robot, _ = rounded(replace(robot, sha256=sha256, findings=(*robot.findings, *held.findings)))
     robot = robot.lock({name: value for name, value in held.at.items() if name in robot.joint_names})

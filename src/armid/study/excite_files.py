@@ -7,17 +7,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from armid.errors import ArmidError, did_you_mean
 from armid.excitation.experiments import Moves
 from armid.excitation.formats import FORMATS, Track
 from armid.excitation.plan import Plan
-from armid.excitation.preflight import Preflight, worst
+from armid.excitation.preflight import worst
 from armid.robot.robot import Robot
 from armid.study.excite import Designed
 from armid.study.folder import refuse, whole_folder
 from armid.study.plan_files import PLAN_FILE, shape_records
+from armid.study.preflight_text import report_record, report_text
 from armid.study.records import finding_record, to_json
 from armid.values import replace_file
 
@@ -25,14 +24,10 @@ __all__ = [
     "choose_formats",
     "design_record",
     "refuse_plan_folder",
-    "report_text",
     "save_design",
     "save_moves",
     "track_of",
 ]
-
-MOST_LINES = 12
-"""Parameters and pairs that the text shows; the JSON has all of them."""
 
 
 def refuse_plan_folder(folder: Path | str) -> None:
@@ -85,79 +80,12 @@ def design_record(designed: Designed) -> dict[str, Any]:
         "rate": goal.rate,
         "descents": designed.search.descents,
         "interrupted": designed.search.interrupted,
+        "verdict": report.verdict,
+        "said": report.sentence,
+        "left_out": [each.pair for each in report.skipped],
         "findings": [finding_record(finding) for finding in designed.findings],
         "surroundings": [] if designed.collision is None else shape_records(designed.collision.surroundings),
     }
-
-
-def _report_record(report: Preflight) -> dict[str, Any]:
-    """The contents of `preflight.json`."""
-    expected = report.expected
-    return {
-        "limits": [
-            {
-                "limit": m.limit,
-                "joint": m.label,
-                "value": m.value,
-                "bound": m.bound,
-                "unit": m.unit,
-                "time": m.time,
-                "share": m.share,
-                "certified_share": m.certified,
-            }
-            for m in report.margins
-        ],
-        "approaches": [{"pair": a.pair, "distance": a.distance, "time": a.time} for a in report.approaches],
-        "skipped_pairs": [{"pair": each.pair, "touching": each.share} for each in report.skipped],
-        "condition": expected.condition,
-        "log_det": expected.log_det,
-        "base_parameters": [
-            {"name": name, "unit": unit, "deviation": deviation}
-            for name, unit, deviation in zip(expected.names, expected.units, expected.deviation, strict=True)
-        ],
-        "torque_deviation": expected.torque,
-    }
-
-
-def report_text(designed: Designed) -> str:
-    """The report for people."""
-    report, goal, plan = designed.preflight, designed.problem.goal, designed.plan
-    series, expected = plan.excitation, report.expected
-    lines = [
-        f"{series.robot}: {series.harmonics} harmonics over {series.period:g} s, {plan.repetitions} times; "
-        f"{plan.duration:.1f} s with the ways to and from it",
-        f"designed for {goal.criterion}; condition number {expected.condition:.2f}, "
-        f"log det of the information {expected.log_det:.2f}",
-        "",
-        "limits (share of the limit on a grid of 1 kHz, and certified between its points)",
-    ]
-    for m in report.margins:
-        when = "" if np.isnan(m.time) else f" at {m.time:6.2f} s"
-        lines.append(
-            f"  {m.limit:<13}{m.label:<24}{m.value:>10.4f} of {m.bound:>9.4f} {m.unit:<7}"
-            f"{100 * m.share:6.1f} %  {100 * m.certified:6.1f} %{when}"
-        )
-    if report.approaches:
-        lines += ["", "closest approaches, bodies as they are"]
-        lines += [
-            f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s" for a in report.approaches[:MOST_LINES]
-        ]
-    for said, always in (("they touch in every pose", True), ("they touch in most poses", False)):
-        left = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped if each.always == always]
-        lines += ["", f"not looked at, because {said} (share of poses too close): {'; '.join(left)}"] if left else []
-    noise = ", ".join(f"{x:g}" for x in goal.noise)
-    lines += [
-        "",
-        f"expected deviations, white noise of {noise} (N·m or N) at {goal.rate:g} Hz, the model being right",
-    ]
-    order = np.argsort(-expected.deviation)
-    for k in order[:MOST_LINES]:
-        lines.append(f"  {expected.names[k]:<12}{expected.deviation[k]:12.3g} {expected.units[k]}")
-    if len(order) > MOST_LINES:
-        lines.append(f"  … {len(order) - MOST_LINES} more are smaller; preflight.json has all")
-    lines.append(f"  predicted torque {', '.join(f'{x:.3g}' for x in expected.torque)} (N·m or N, joint by joint)")
-    lines += ["", *(f"{f.severity}: {f.evidence} {f.remedy}".rstrip() for f in designed.findings)]
-    return "\n".join(lines).rstrip() + "\n"
 
 
 def save_design(
@@ -168,7 +96,7 @@ def save_design(
     rate: float | None = None,
     rehearsal: float = 0.2,
 ) -> Path:
-    """Write a design's folder, whole or not at all.
+    """Write a design's folder, whole or not at all; without motions for controllers where its verdict is `fail`.
 
     Args:
         designed: The design.
@@ -179,8 +107,9 @@ def save_design(
     """
     record = design_record(designed)
     with whole_folder(folder, PLAN_FILE, "plan") as draft:
-        _write_motions(draft, designed.plan, designed.problem.goal.model.robot, formats, rate, rehearsal)
-        replace_file(draft / "preflight.json", to_json(_report_record(designed.preflight)) + "\n")
+        if designed.preflight.verdict != "fail":
+            _write_motions(draft, designed.plan, designed.problem.goal.model.robot, formats, rate, rehearsal)
+        replace_file(draft / "preflight.json", to_json(report_record(designed)) + "\n")
         replace_file(draft / "preflight.txt", report_text(designed))
         replace_file(draft / PLAN_FILE, to_json(record) + "\n")
     return Path(folder)

@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
-from armid.excitation.clearance import floor
-from armid.excitation.collision import load_environment
 from armid.excitation.design import Progress
-from armid.excitation.experiments import Moves, choose_poses, poses_plan, straight_way, sweeps_plan
+from armid.excitation.experiments import Moves, choose_poses, free_ranges, poses_plan, straight_way, sweeps_plan
 from armid.excitation.fourier import Excitation, load_plan
 from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, information_along, known_sizes
@@ -28,13 +26,14 @@ from armid.measurement.reading import Reading
 from armid.model.base import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
-from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.study.excite import Designed, Effort, Rules, Wish, design_plan, place
+from armid.study.excite import Designed, Effort, Rules, Wish, design_plan
 from armid.study.identify import read_recording
+from armid.study.placing import place
 from armid.study.run import MARKER, load_run
 from armid.study.study import RecordingChoice
+from armid.study.surroundings import assumed_floor, meshes_are_missing, surroundings_of
 from armid.values import Array, load
 
 __all__ = ["motion_of_file", "numbers", "prior_of_run", "rules_of", "run_experiment", "run_request"]
@@ -63,17 +62,16 @@ def run_request(
         executor: Runs the search; in this process where left out.
         progress: Told of every descent.
     """
-    n = model.n
     goal = _goal(model, options)
     wish = Wish(
         goal,
         options["duration"],
         options["harmonics"],
-        numbers(options["start"], "--start", n),
+        _pose(options, "start", model.robot),
         options["free_start"],
         options["free_centre"],
-        numbers(options["begin"], "--begin", n),
-        numbers(options["end"], "--end", n),
+        _pose(options, "begin", model.robot),
+        _pose(options, "end", model.robot),
     )
     effort = Effort(options["budget"], options["seed"], 0)
     rules = replace(rules_of(options, model.robot), parameters=_identified(options["after"] or (), goal))
@@ -82,7 +80,7 @@ def run_request(
 
 def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
     """Limits of every kind."""
-    surroundings = _surroundings(options, robot)
+    surroundings = surroundings_of(options, robot)
     margin = options["torque_margin"]
     return Rules(
         options["limits"],
@@ -91,12 +89,27 @@ def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
         options["jerk"],
         TORQUE_MARGIN if margin is None and options["limits"] == "true" else margin,
         None,
-        options["clearance"] if options["collision"] or surroundings else None,
+        _clearance(options, robot, surroundings),
         surroundings,
+        assumed_floor(robot, options),
         _workspace(options["tip_box"]),
         None if options["envelope"] is None else motion_of_file(options["envelope"], robot),
         not options["envelope_of_arm"],
     )
+
+
+def _clearance(options: Mapping[str, Any], robot: Robot, surroundings: Sequence[Shape]) -> float | None:
+    """Distance that bodies keep [m]; nothing where collisions are left out, or the description has no bodies.
+
+    Raises:
+        ArmidError: Collisions are left out and asked for.
+    """
+    asked, bodies = options["collision"], bool(robot.shapes) or meshes_are_missing(robot)
+    if asked is False and surroundings:
+        raise ArmidError(
+            "--no-collision leaves out what --floor and --environment ask for.", remedy="give one or the other."
+        )
+    return options["clearance"] if asked is not False and (asked or surroundings or bodies) else None
 
 
 def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
@@ -108,13 +121,13 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
     robot, kind = model.robot, options["experiment"]
     rules = rules_of(options, robot)
     limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
-    start, collision, _ = place(robot, limits, rules, numbers(options["start"], "--start", model.n))
+    placed = place(robot, limits, rules, _pose(options, "start", robot))
+    start, collision = placed.start, placed.collision
 
     def apart(q: Array) -> NDArray[np.bool_]:
         if collision is None:
             return np.ones(len(q), dtype=np.bool_)
-        distance = collision.every.bodies.distances(forward_kinematics(robot, q))
-        return np.asarray(distance.min(axis=1) > collision.every.margin, dtype=np.bool_)
+        return collision.clear(robot, q)
 
     def reachable(q: Array) -> NDArray[np.bool_]:
         ways = np.concatenate([straight_way(start, pose) for pose in q])
@@ -125,7 +138,7 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
         poses = choose_poses(model, base, limits, options["poses"], seed=options["seed"], allowed=reachable)
         moves = poses_plan(poses, limits, rest=options["rest"], via=start, free=apart)
     elif kind == "sweeps":
-        moves = sweeps_plan(start, limits)
+        moves = sweeps_plan(start, free_ranges(start, limits, apart))
     else:
         raise ArmidError(f"There is no experiment {kind!r}.", possible="series, poses, sweeps")
     motion = moves.sample(WATCHED)
@@ -136,6 +149,19 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
             remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
         )
     return moves
+
+
+def _pose(options: Mapping[str, Any], name: str, robot: Robot) -> Array | None:
+    """A pose that an option gives, shape (n,) [rad or m].
+
+    Raises:
+        ArmidError: Its numbers are not those of the joints.
+    """
+    try:
+        return numbers(options[name], f"--{name}", robot.n)
+    except ArmidError as error:
+        order = f"one number a joint, in this order: {', '.join(robot.joint_names)}"
+        raise ArmidError(error.problem, possible=order, remedy=error.remedy) from error
 
 
 def numbers(text: str | None, name: str, count: int) -> Array | None:
@@ -302,12 +328,6 @@ def _limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
                 "jerk, effort.",
             ) from None
     return result
-
-
-def _surroundings(options: Mapping[str, Any], robot: Robot) -> tuple[Shape, ...]:
-    """Floor and environment."""
-    shapes = () if options["environment"] is None else load_environment(options["environment"], robot)
-    return shapes if options["floor"] is None else (*shapes, floor(options["floor"], robot.gravity))
 
 
 def _workspace(text: str | None) -> Workspace | None:

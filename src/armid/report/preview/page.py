@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armid.excitation.collision import Collision
 from armid.report.packing import compressed, embedded, packed
 from armid.report.preview.approach import Approach, closest
 from armid.report.preview.clip import Clip
@@ -34,15 +34,17 @@ class Preview:
         robot: The arm, with bodies where the description has them.
         clip: The motion.
         surroundings: Bodies that do not move.
-        pairs: Pairs of bodies that are watched, indices into the arm's shapes and then the surroundings, (m, 2).
+        collision: Bodies, and pairs of them that should stay apart; nothing where nobody looks.
         layers: Link inertias to look at.
+        said: What is said of collisions: the verdict of a plan, or why nobody looks.
     """
 
     robot: Robot
     clip: Clip
     surroundings: tuple[Shape, ...] = ()
-    pairs: NDArray[np.intp] | None = None
+    collision: Collision | None = None
     layers: Sequence[MassLayer] = ()
+    said: str = ""
 
 
 def write_preview(preview: Preview, path: Path | str) -> Path:
@@ -59,7 +61,7 @@ def write_preview(preview: Preview, path: Path | str) -> Path:
 def render_preview(preview: Preview) -> str:
     """The page as HTML."""
     robot, clip = preview.robot, preview.clip
-    approach = closest(robot, clip, preview.surroundings, preview.pairs)
+    approach = None if preview.collision is None else closest(robot, clip, preview.collision)
     record, missing = _scene(preview, approach)
     subtitle = clip.title + (f", {clip.time[-1]:.1f} s" if len(clip.time) > 1 else "")
     return (
@@ -71,6 +73,7 @@ def render_preview(preview: Preview) -> str:
             joints=[(joint.name, joint.unit) for joint in robot.joints],
             layers=[(k, layer.name, layer.note) for k, layer in enumerate(preview.layers)],
             measured=approach is not None,
+            said=preview.said,
             has_bodies=bool(record["bodies"]),
             missing=missing,
             version=version("armid"),

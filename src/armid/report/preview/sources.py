@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from armid.errors import ArmidError
+from armid.excitation.collision import Collision
 from armid.excitation.experiments import Moves
 from armid.excitation.formats import FORMATS
 from armid.measurement.reading import Reading
 from armid.model.motion import Motion
 from armid.report.material import choices_of, read_again, records_of
+from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
 from armid.report.preview.masses import MassLayer, layer_of_description
 from armid.report.preview.page import Preview
@@ -65,7 +67,8 @@ def preview_of(
             f"{motion} moves {clip.q.shape[1]} joints; {robot.name} has {robot.n}.",
             remedy="give a plan or recording of this arm.",
         )
-    return Preview(robot, clip, around, layers=_layers(robot, estimate))
+    collision, said = _watched(robot, around)
+    return Preview(robot, clip, around, collision, _layers(robot, estimate), said)
 
 
 def preview_of_design(designed: Designed) -> Preview:
@@ -73,13 +76,24 @@ def preview_of_design(designed: Designed) -> Preview:
     robot, collision = designed.problem.goal.model.robot, designed.collision
     clip = clip_of_plan(designed.plan, "designed plan")
     around = () if collision is None else collision.surroundings
-    pairs = None if collision is None else collision.pairs
-    return Preview(robot, clip, around, pairs, _layers(robot, None))
+    said = designed.preflight.sentence
+    return Preview(robot, clip, around, collision, _layers(robot, None), said[:1].upper() + said[1:])
 
 
 def preview_of_moves(moves: Moves, robot: Robot, surroundings: Sequence[Shape]) -> Preview:
     """A preview of poses or sweeps."""
-    return Preview(robot, clip_of_plan(moves, "poses and sweeps"), tuple(surroundings), layers=_layers(robot, None))
+    around = tuple(surroundings)
+    collision, said = _watched(robot, around)
+    return Preview(robot, clip_of_plan(moves, "poses and sweeps"), around, collision, _layers(robot, None), said)
+
+
+def _watched(robot: Robot, around: tuple[Shape, ...]) -> tuple[Collision | None, str]:
+    """Bodies that should stay apart, or why nobody looks at them."""
+    try:
+        collision = bodies_to_watch(robot, around)
+    except ArmidError as error:
+        return None, f"Collisions are not checked: {error.problem.rstrip('.')}"
+    return collision, "" if collision is not None else "Collisions are not checked: the description has no bodies"
 
 
 def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:

@@ -1,0 +1,89 @@
+"""What stands around an arm, from a TOML file: boxes, spheres and half-spaces, and tools that links carry."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.maths.spatial import homogeneous, rpy_rotation
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape, rotation_with_z
+
+__all__ = ["load_environment"]
+
+ENVIRONMENT = {
+    "box": ("name", "link", "size", "xyz", "rpy"),
+    "sphere": ("name", "link", "radius", "xyz"),
+    "half-space": ("name", "normal", "offset"),
+}
+"""Tables of an environment, and their keys."""
+
+
+def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
+    """Bodies that do not move, and such as links carry, from a TOML file.
+
+    `[[box]]` has `size` [m], `xyz` of its middle and `rpy`; `[[sphere]]` has `radius` and `xyz`; `[[half-space]]`
+    has a `normal` that points out of it and an `offset`, all in the base frame of the arm. Each has a `name`. A box
+    or sphere with a `link`, for instance a tool, is carried by that link and stands in its frame.
+
+    Args:
+        path: The file.
+        robot: The arm, for its links.
+
+    Raises:
+        ArmidError: The file is missing or says something else.
+    """
+    path = Path(path)
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} is no environment: {error}.", remedy="give a TOML file.") from error
+    shapes: list[Shape] = []
+    for kind, tables in document.items():
+        if kind not in ENVIRONMENT or not isinstance(tables, list):
+            raise ArmidError(f"{path}: unknown entry {kind!r}.", possible=", ".join(f"[[{k}]]" for k in ENVIRONMENT))
+        for number, table in enumerate(tables, 1):
+            unknown = set(table) - set(ENVIRONMENT[kind])
+            if unknown:
+                raise ArmidError(
+                    f"{path}: {kind} {number} has an unknown key {sorted(unknown)[0]!r}.",
+                    possible=", ".join(ENVIRONMENT[kind]),
+                )
+            try:
+                link = _carrier(robot, f"{path}: {kind} {number}", table.get("link"))
+                shapes.append(replace(_surrounding(kind, number, table), link=link))
+            except (TypeError, ValueError, KeyError) as error:
+                raise ArmidError(
+                    f"{path}: {kind} {number} lacks or garbles {error}.", possible=", ".join(ENVIRONMENT[kind])
+                ) from error
+    return tuple(shapes)
+
+
+def _carrier(robot: Robot, where: str, name: str | None) -> int:
+    """Index of the link of a name; -1 for the base, where nothing is said."""
+    names = [link.name for link in robot.links]
+    if name is None:
+        return -1
+    if name not in names:
+        raise ArmidError(
+            f"{where} is carried by {name!r}, which {robot.name} does not have.", possible=", ".join(names)
+        )
+    return names.index(name)
+
+
+def _surrounding(kind: str, number: int, table: dict[str, Any]) -> Shape:
+    """One body of an environment."""
+    name = str(table.get("name", f"{kind} {number}"))
+    if kind == "half-space":
+        turned = rotation_with_z(np.array([float(x) for x in table["normal"]]))
+        return Shape(name, -1, "half-space", np.zeros(3), homogeneous(turned, float(table["offset"]) * turned[:, 2]))
+    turned = rpy_rotation([float(angle) for angle in table.get("rpy", (0.0, 0.0, 0.0))])
+    placement = homogeneous(turned, [float(x) for x in table["xyz"]])
+    if kind == "box":
+        return Shape(name, -1, "box", np.array(table["size"], dtype=np.float64), placement)
+    return Shape(name, -1, "sphere", np.array([float(table["radius"])]), placement)

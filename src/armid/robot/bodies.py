@@ -1,0 +1,26 @@
+"""What space links take of which the description says only what they look like."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from armid.errors import Finding
+from armid.robot.robot import Robot
+
+__all__ = ["with_bodies"]
+
+
+def with_bodies(robot: Robot) -> Robot:
+    """The robot with what its links look like as their bodies, where it has no others for them; a finding says so."""
+    known = {shape.link for shape in robot.shapes}
+    seen = tuple(each for each in robot.visuals if each.link not in known and each.kind != "half-space")
+    if not seen:
+        return robot
+    names = list(dict.fromkeys(_name(robot, each.link) for each in seen))
+    said = f"no collision geometry of {', '.join(names)}; their visual geometry is taken for it"
+    finding = Finding("bodies-from-visuals", "info", "", said)
+    return replace(robot, shapes=(*robot.shapes, *seen), findings=(*robot.findings, finding))
+
+
+def _name(robot: Robot, link: int) -> str:
+    return "the base" if link < 0 else robot.links[link].name
