@@ -1,8 +1,6 @@
-"""Real Fourier transform along axis 0: SciPy's, with the types it does not declare."""
+"""Real Fourier transform along axis 0: NumPy's, since importing SciPy's takes as long as most logs."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +15,12 @@ BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
 
 def spectrum(x: Array) -> NDArray[np.complex128]:
     """Real FFT of signals (N, ...), shape (N // 2 + 1, ...)."""
-    from scipy import fft  # a third of a second to import
-
-    return np.asarray(fft.rfft(x, axis=0), dtype=np.complex128)
+    return np.asarray(np.fft.rfft(x, axis=0), dtype=np.complex128)
 
 
 def inverse(spectrum: NDArray[np.complex128], samples: int) -> Array:
     """Signals (samples, ...) of a real FFT."""
-    from scipy import fft
-
-    return np.asarray(fft.irfft(spectrum, samples, axis=0), dtype=np.float64)
+    return np.asarray(np.fft.irfft(spectrum, samples, axis=0), dtype=np.float64)
 
 
 def frequencies(samples: int) -> Array:
@@ -35,11 +29,16 @@ def frequencies(samples: int) -> Array:
 
 
 def fast_length(samples: int) -> int:
-    """The smallest length from `samples` on whose transform is fast."""
-    from scipy import fft
-
-    length: Any = fft.next_fast_len(samples, real=True)
-    return int(length)
+    """The smallest length from `samples` on whose transform is fast: a product of twos, threes and fives."""
+    best = 1 << max(samples - 1, 0).bit_length()
+    five = 1
+    while five < best:
+        three = five
+        while three < best:
+            best = min(best, three << max(-(-samples // three) - 1, 0).bit_length())
+            three *= 3
+        five *= 5
+    return best
 
 
 def power_spectrum(x: Array, rate: float, segment: int) -> tuple[Array, Array]:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
-
 import numpy as np
 
 from armid.values import Array
@@ -40,10 +37,53 @@ def spline_slopes(time: Array, x: Array) -> Array:
         diagonal[row] = h[far]
         (above if row == 0 else below)[end] = both
         right[row] = ((h[near] + 2.0 * both) * h[far] * chord[near] + h[near] ** 2 * chord[far]) / both
-    lapack: Any = import_module("scipy.linalg.lapack")  # a twentieth of a second
-    slopes, info = lapack.dgtsv(below, diagonal, above, right)[3:]
-    assert info == 0, "the system of a spline is regular for increasing times"
-    return np.asarray(slopes, dtype=np.float64).reshape(x.shape)
+    # The first and the last row taken from their neighbours, every diagonal outweighs the rest of its row.
+    first, last = below[0] / diagonal[0], above[-1] / diagonal[-1]
+    diagonal[1] -= first * above[0]
+    right[1] -= first * right[0]
+    diagonal[-2] -= last * below[-1]
+    right[-2] -= last * right[-1]
+    slopes = np.empty_like(right)
+    inside = slice(1, -1)
+    slopes[inside] = _tridiagonal(
+        np.append(0.0, below[1:-1]), diagonal[inside], np.append(above[1:-1], 0.0), right[inside]
+    )
+    slopes[0] = (right[0] - above[0] * slopes[1]) / diagonal[0]
+    slopes[-1] = (right[-1] - below[-1] * slopes[-2]) / diagonal[-1]
+    return slopes.reshape(x.shape)
+
+
+def _tridiagonal(below: Array, diagonal: Array, above: Array, right: Array) -> Array:
+    """Solution of a tridiagonal system by cyclic reduction [Hockney1965], for rows that their diagonal dominates.
+
+    Every other row is taken out of its neighbours, over and over, until one is left.
+
+    Args:
+        below: Left of the diagonal, zero in the first row, shape (N,).
+        diagonal: Shape (N,).
+        above: Right of the diagonal, zero in the last row, shape (N,).
+        right: Shape (N, k).
+    """
+    count = len(diagonal)
+    if count == 1:
+        return right / diagonal[:, None]
+    if count % 2 == 0:  # so that every row that stays has two that go beside it
+        below, diagonal, above = np.append(below, 0.0), np.append(diagonal, 1.0), np.append(above, 0.0)
+        right = np.concatenate([right, np.zeros((1, right.shape[1]))])
+    first, second, stays, goes = slice(0, -1, 2), slice(2, None, 2), slice(1, None, 2), slice(0, None, 2)
+    before, after = below[stays] / diagonal[first], above[stays] / diagonal[second]
+    result = np.empty_like(right)
+    result[stays] = _tridiagonal(
+        -before * below[first],
+        diagonal[stays] - before * above[first] - after * below[second],
+        -after * above[second],
+        right[stays] - before[:, None] * right[first] - after[:, None] * right[second],
+    )
+    rest = right[goes].copy()
+    rest[1:] -= below[second, None] * result[stays]
+    rest[:-1] -= above[first, None] * result[stays]
+    result[goes] = rest / diagonal[goes, None]
+    return result[:count]
 
 
 def spline(time: Array, x: Array, at: Array) -> Array:
