@@ -1,0 +1,245 @@
+"""What the doctor says of sound logs: `python benchmarks/sound.py [ARM …] [--strangers DIR] [--seeds N] [--json]`.
+
+Each arm is moved by the lab along a motion drawn at random, by inverse dynamics and in closed loop, and the log is
+examined as `armid doctor` does it and as an identification does it. Motions keep the limits of position and speed,
+and are slowed down until the torque keeps its own. A line a log: arm, joints, mode and what was told, for information
+or worse. Nothing is wrong with these logs, so that every error is a false one. Exit code 1 where there is one.
+
+Arms that are neither built in nor in `tests/tables` are those of packages of the package index, unpacked below one
+folder by their names (`pip download --no-deps`, then unzip): example-robot-data, robosuite, mani_skill. Those that
+are not there are left out, and that is said.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import json
+import re
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from armid.errors import ArmidError, Finding
+from armid.excitation.fourier import Excitation
+from armid.lab.options import LabOptions
+from armid.lab.sensors import Sensing
+from armid.lab.simulate import simulate
+from armid.lab.trace import inverse_dynamics
+from armid.lab.truths import truth_of
+from armid.measurement.interpret import interpret
+from armid.measurement.reading import Reading
+from armid.robot import Robot, load_robot
+from armid.study.doctor import diagnose_recording, watch
+from armid.study.study import ModelChoice, RecordingChoice, build_model
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = "example_robot_data/cmeel.prefix/share/example-robot-data/robots"
+SUITE = "robosuite/robosuite/models/assets/robots"
+SKILL = "mani_skill/mani_skill/assets/robots"
+MODES: tuple[Literal["inverse-dynamics", "closed-loop"], ...] = ("inverse-dynamics", "closed-loop")
+
+ARMS: dict[str, tuple[str, str]] = {
+    **{name: (name, "") for name in ("iiwa14-r820", "iiwa7-r800", "panda", "ur5e", "ur10e")},
+    "gantry": ("tests/tables/gantry.toml", ""),
+    "scara": ("tests/tables/scara.toml", ""),
+    "ur3": (f"{DATA}/ur_description/urdf/ur3_robot.urdf", ""),
+    "ur5": (f"{DATA}/ur_description/urdf/ur5_robot.urdf", ""),
+    "ur10": (f"{DATA}/ur_description/urdf/ur10_robot.urdf", ""),
+    "kinova": (f"{DATA}/kinova_description/robots/kinova.urdf", "j2s6s200_joint_.$"),
+    "xarm7": (f"{DATA}/xarm_description/urdf/xarm7.urdf", "joint.$"),
+    "z1": (f"{DATA}/z1_description/urdf/z1.urdf", "joint.$"),
+    "so101": (f"{DATA}/so_arm_description/urdf/so101.urdf", "shoulder|elbow|wrist"),
+    "so100": (f"{DATA}/so_arm_description/urdf/so100.urdf", "shoulder|elbow|wrist|Rotation|Pitch|Elbow|Wrist"),
+    "panda-urdf": (f"{DATA}/panda_description/urdf/panda.urdf", "panda_joint.$"),
+    "talos": (f"{DATA}/talos_data/robots/talos_left_arm.urdf", "arm_left_"),
+    "tiago": (f"{DATA}/tiago_description/robots/tiago_no_hand.urdf", "torso_lift|arm_"),
+    "baxter": (f"{DATA}/baxter_description/urdf/baxter.urdf", "left_[sew]"),
+    "romeo": (f"{DATA}/romeo_description/urdf/romeo_small.urdf", "L(Shoulder|Elbow|Wrist)"),
+    "icub": (f"{DATA}/icub_description/robots/icub.urdf", "l_(shoulder|elbow|wrist)"),
+    "g1": (f"{DATA}/g1_description/urdf/g1_29dof_rev_1_0.urdf", "left_(shoulder|elbow|wrist)"),
+    "pr2": (
+        f"{DATA}/pr2_description/urdf/pr2.urdf",
+        "torso_lift|l_(shoulder|upper_arm|elbow|forearm|wrist)_.*joint$",
+    ),
+    "human": (f"{DATA}/human_description/robots/human.urdf", "left_(shoulder|elbow|wrist)"),
+    "humanoid": (f"{DATA}/simple_humanoid_description/urdf/simple_humanoid.urdf", "LARM|larm"),
+    "double-pendulum": (f"{DATA}/double_pendulum_description/urdf/double_pendulum.urdf", ""),
+    "two-dofs": (f"{DATA}/asr_twodof_description/urdf/TwoDofs.urdf", ""),
+    "b1-z1": (f"{DATA}/b1_description/urdf/b1-z1.urdf", "^(z1_)?joint[1-6]$"),
+    "anymal-kinova": (f"{DATA}/anymal_b_simple_description/robots/anymal-kinova.urdf", "j2s6s200_joint_.$"),
+    "finger": (f"{DATA}/finger_edu_description/robots/finger_edu.urdf", ""),
+    "fetch": (f"{SKILL}/fetch/fetch.urdf", "torso_lift|shoulder|upperarm|elbow|forearm|wrist"),
+    "xarm7-skill": (f"{SKILL}/xarm7/xarm7.urdf", "joint.$"),
+    "jaco": (f"{SUITE}/jaco/robot.xml", ""),
+    "kinova3": (f"{SUITE}/kinova3/robot.xml", ""),
+    "sawyer": (f"{SUITE}/sawyer/robot.xml", "right_j"),
+    "iiwa-suite": (f"{SUITE}/iiwa/robot.xml", ""),
+    "tiago-suite": (f"{SUITE}/tiago/robot.xml", "torso|arm_left|left_arm"),
+}
+"""Where each arm is described, and which of its joints belong to it; the others are locked."""
+
+PERIOD, HARMONICS, REPETITIONS, RATE = 10.0, 5, 2, 250.0
+
+HALF, SPEED, SLIDE = np.pi / 2, 1.0, 0.3
+"""Half the range and the speed of joints without limits [rad, rad/s], and the same in metres."""
+
+SHARE = 0.7
+"""Share of the limits of torque that a motion may need."""
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What was said of one log.
+
+    Attributes:
+        arm: Its name.
+        joints: How many.
+        mode: How it was moved.
+        seed: Of the motion.
+        doctor: Findings of `armid doctor`.
+        inside: Findings of the doctor in an identification.
+        seconds: CPU time of the examination [s].
+    """
+
+    arm: str
+    joints: int
+    mode: str
+    seed: int
+    doctor: tuple[Finding, ...]
+    inside: tuple[Finding, ...]
+    seconds: float
+
+
+def arm(name: str, strangers: Path) -> Robot:
+    """One of `ARMS`."""
+    where, own = ARMS[name]
+    path = ROOT / where if where.startswith("tests/") else strangers / where if "/" in where else where
+    if isinstance(path, Path) and not path.is_file():
+        raise FileNotFoundError(path)
+    if not own:
+        return load_robot(path)
+    kinds = r"<joint\b(?=[^>]*type=\"(?:revolute|continuous|prismatic|slide|hinge)\")[^>]*name=\"([^\"]+)\"[^>]*>"
+    text = re.sub(r"<!--.*?-->", "", Path(path).read_text(), flags=re.DOTALL)
+    names = re.findall(kinds, text) if ".urdf" in str(path) else re.findall(r"<joint\b[^>]*name=\"([^\"]+)\"", text)
+    return load_robot(path, locked=[name for name in dict.fromkeys(names) if not re.search(own, name)])
+
+
+def motion(robot: Robot, seed: int) -> Excitation:
+    """A motion inside the limits of position and speed, so slow that the torque stays inside its own."""
+    rng = np.random.default_rng((29, seed))
+    slides = np.array([joint.is_prismatic for joint in robot.joints])
+    low, high = np.array([joint.position_limits for joint in robot.joints]).T
+    known = np.isfinite(high - low) & (high > low)
+    middle = np.where(known, (low + high) / 2, 0.0)
+    half = np.minimum(np.where(known, (high - low) / 2, np.inf), np.where(slides, SLIDE, HALF))
+    speed = np.array([joint.velocity_limit for joint in robot.joints])
+    speed = np.minimum(
+        np.where((speed > 0.0) & np.isfinite(speed), speed, np.inf), np.where(slides, SLIDE, 3 * SPEED)
+    )
+    a, b = rng.standard_normal((2, robot.n, HARMONICS))
+    drawn = Excitation(2 * np.pi / PERIOD, a, b, np.zeros(robot.n)).sample(50.0)
+    by_speed = rng.uniform(0.4, 0.75, robot.n) * speed / np.abs(drawn.dq).max(axis=0)
+    by_range = rng.uniform(0.5, 0.8, robot.n) * half / np.abs(drawn.q).max(axis=0)
+    scale = np.minimum(by_speed, by_range)[:, None]
+    plan = Excitation(2 * np.pi / PERIOD, scale * a, scale * b, middle)
+    effort = np.array([joint.effort_limit for joint in robot.joints])
+    allowed = np.where((effort > 0.0) & np.isfinite(effort), SHARE * effort, np.inf)
+    truth = truth_of(robot)
+    for _ in range(6):
+        needed = np.abs(inverse_dynamics(truth, plan, 50.0, 1).effort).max(axis=0)
+        if (needed <= allowed).all():
+            break
+        plan = plan.stretched(round(1.25 * plan.period, 1))
+    return plan
+
+
+def examined(name: str, robot: Robot, mode: Literal["inverse-dynamics", "closed-loop"], seed: int) -> Told:
+    """One log, as the doctor sees it alone and inside an identification."""
+    options = LabOptions(mode=mode, repetitions=REPETITIONS, sensing=Sensing(rate=RATE))
+    log = simulate(truth_of(robot), motion(robot, seed), options, seed=seed).recording
+    began = time.process_time()
+    found = diagnose_recording(robot, log, Reading())
+    seconds = time.process_time() - began
+    choice = RecordingChoice(f"{name}.csv", reading=Reading())
+    inside = watch(build_model(robot, ModelChoice()), [(choice, interpret(log, Reading(), robot).recording)])
+    return Told(name, robot.n, mode, seed, found, tuple(inside), seconds)
+
+
+def described(findings: tuple[Finding, ...]) -> str:
+    """Codes with what they are and whom they are about."""
+    told = [f"{f.code} {f.severity}{f' ({f.channel})' if f.channel else ''}" for f in findings]
+    return ", ".join(text for text in dict.fromkeys(told) if not text.startswith("description-rounded"))
+
+
+def main() -> None:
+    """Simulate, examine and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("arms", nargs="*", help=", ".join(ARMS))
+    parser.add_argument("--strangers", type=Path, default=Path("strangers"), help="folder of unpacked packages")
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    results: list[Told] = []
+    left_out: dict[str, str] = {}
+    for name in options.arms or ARMS:
+        try:
+            robot = arm(name, options.strangers)
+            for seed in range(options.first, options.first + options.seeds):
+                for mode in MODES:
+                    results.append(told := examined(name, robot, mode, seed))
+                    if not options.json:
+                        show(told, verbose=options.verbose)
+        except (ArmidError, FileNotFoundError) as error:
+            left_out[name] = str(error).splitlines()[0]
+            if not options.json:
+                print(f"{name:16s} left out: {left_out[name][:160]}", flush=True)
+    total = counted(results)
+    if options.json:
+        logs = [{"arm": t.arm, "mode": t.mode, "seed": t.seed, "told": described(t.doctor)} for t in results]
+        print(json.dumps({"total": total, "logs": logs, "left out": left_out}, indent=1))
+    else:
+        print(", ".join(f"{key} {value}" for key, value in total.items()))
+    if total["errors"]:
+        sys.exit(1)
+
+
+def show(told: Told, *, verbose: bool) -> None:
+    """A line for a log."""
+    inside = "" if described(told.inside) == described(told.doctor) else f" | inside: {described(told.inside) or '-'}"
+    print(
+        f"{told.arm:16s}{told.joints:3d}  {told.mode:17s}{told.seconds:5.2f} s  "
+        f"{described(told.doctor) or '-'}{inside}",
+        flush=True,
+    )
+    for finding in (*told.doctor, *told.inside) if verbose else ():
+        if finding.severity != "info":
+            print("      ", finding.code, finding.channel, "|", finding.evidence, "|", finding.remedy[:160])
+
+
+def counted(results: list[Told]) -> dict[str, Any]:
+    """How many logs were told an error, a warning or anything."""
+    of = {
+        key: [f for t in results for f in (*t.doctor, *t.inside) if f.severity == key] for key in ("error", "warning")
+    }
+    return {
+        "arms": len({t.arm for t in results}),
+        "logs": len(results),
+        "errors": len(of["error"]),
+        "warnings": len(of["warning"]),
+        "seconds": round(float(np.mean([t.seconds for t in results])), 3) if results else 0.0,
+    }
+
+
+if __name__ == "__main__":
+    main()
