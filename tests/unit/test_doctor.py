@@ -10,15 +10,19 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding
+from armid.maths.sampling import resample
 from armid.measurement.interpret import interpret
 from armid.measurement.reading import Reading
+from armid.measurement.remedy import BY_HAND
 from armid.robot import load_robot
 from armid.study.doctor import diagnose_recording
 from armid.validation.doctor import CHECKS, EFFECTS, EXPLAINS, Evidence, joint_order, velocity_mismatch
 from armid.validation.doctor.excitation_weak import hardly_told
 from armid.validation.doctor.gravity_direction import explain as explain_gravity
 from armid.validation.doctor.position_offset import offsets_of
-from armid.validation.doctor.state import State
+from armid.validation.doctor.rows import solve
+from armid.validation.doctor.state import Explanation, State
+from armid.validation.doctor.trial import left_out
 from healing import delay_error
 from sick import FAULTS, Case, sound
 
@@ -279,3 +283,54 @@ def test_no_joint_is_given_positions_that_it_cannot_reach():
         found = joint_order.explain(state)
         moved = found is not None and found.channel == ", ".join(case.robot.joint_names[1:3])
         assert moved == (name == "wide"), name
+
+
+def test_stamps_of_samples_taken_unevenly_are_used_and_nothing_is_to_do():
+    case = sound(4)
+    time, rng = case.recording.time, np.random.default_rng(1)
+    assert time is not None and case.recording.effort is not None
+    step = time[1] - time[0]
+    then = time[8:-8]
+    then = then + 3 * step * np.sin(2 * np.pi * then / 5.0) + 0.3 * step * rng.uniform(-1, 1, len(then))
+    log = {name: resample(time, getattr(case.recording, name), then) for name in ("q", "effort")}
+    found = [f for f in examined(case.logged(time=then, dq=None, valid=True, **log)) if f.code == "clock-jitter"]
+    assert [(f.severity, f.remedy) for f in found] == [("info", "")]
+    assert "nothing to do" in found[0].evidence
+
+
+def test_an_explanation_that_makes_left_out_motion_worse_is_not_believed():
+    case = sound(4)
+    log = interpret(case.recording, case.reading, case.robot).recording
+
+    def wrong(state: State) -> Explanation:
+        after = state.with_torque(np.where(np.arange(state.rows.n) == 1, -1.0, 1.0))
+        return Explanation("torque-sign", 1.0, "error", "", "Wrong.", lambda _: "torque_sign = -1", after)
+
+    def right(state: State) -> Explanation:
+        return Explanation("contact", 0.5, "warning", "", "Right.", lambda _: "exclude = []", state)
+
+    found = Evidence(case.robot, case.recording, case.reading, log, explains=(wrong, right)).explanations
+    assert [each.code for each in found] == ["contact"]
+
+
+@pytest.mark.parametrize("fault", sorted(FAULTS))
+def test_a_remedy_says_what_left_out_motion_says_of_it(fault: str):
+    for finding in examined(FAULTS[fault](4)):
+        if finding.remedy and not finding.remedy.startswith(BY_HAND):
+            assert "eft-out motion" in finding.evidence, finding
+
+
+def test_rows_that_are_left_out_judge_and_rows_that_are_fitted_do_not():
+    """Parameters without meaning explain what they are fitted to and nothing else."""
+    rows = state_of(sound(4)).rows
+    noise = np.random.default_rng(0).normal(size=(40, len(rows.torque)))
+    more = replace(
+        rows,
+        columns=tuple(np.vstack([own, noise]) for own in rows.columns),
+        parameters=tuple(
+            np.concatenate([own, np.arange(rows.count, rows.count + 40, dtype=np.int32)]) for own in rows.parameters
+        ),
+        count=rows.count + 40,
+    )
+    assert solve(more).cost < solve(rows).cost
+    assert left_out(more) > left_out(rows)

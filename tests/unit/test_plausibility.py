@@ -37,9 +37,10 @@ def test_a_motion_that_tells_little_apart_is_remarked():
     model, motion, torque = measured()
     base = find_base_parameters(model)
     torque = torque + 0.1 * np.random.default_rng(0).normal(size=torque.shape)
-    assert excitation_finding(inform(model, base, raw(one_run(motion, torque, 50.0)))) is None
-    short = motion[slice(0, 100)]  # two seconds from rest
-    found = excitation_finding(inform(model, base, raw(one_run(short, torque[:100], 50.0))))
+    whole = raw(one_run(motion, torque, 50.0))
+    assert excitation_finding(inform(model, base, whole), model.robot, whole) is None
+    short = raw(one_run(motion[slice(0, 100)], torque[:100], 50.0))  # two seconds from rest
+    found = excitation_finding(inform(model, base, short), model.robot, short)
     assert found is not None and found.code == "excitation-weak"
     assert any(name in found.evidence for name in base.names)
 

@@ -228,7 +228,10 @@ class Outcome:
             found.append(Finding("prior-dominated", "warning", "", f"{said}{', '.join(named)}.", remedy))
         if price > PRICE:
             said = f"Consistency and prior cost {100.0 * price:.3g} % of the squared residual."
-            remedy = "look for what the model lacks, a wrong sign of torque or gravity, or poor excitation."
+            remedy = (
+                "add the torque terms that the residuals show, or trust the description less. A wrong sign or "
+                "gravity would be a finding of its own."
+            )
             found.append(Finding("price-of-consistency", "warning", "", said, remedy))
         if held.any():
             names = ", ".join(name for name, is_held in zip(self.standard.names, held, strict=True) if is_held)

@@ -306,7 +306,7 @@ def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]
             remedy="find out what is logged as time; if rows are equally spaced, leave it out "
             '(columns = { time = "" }) and give rate.',
         )
-    return _kept(recording, ~tied), (Finding("clock-jitter", "warning", "time", f"{evidence}; dropped."),)
+    return _kept(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)
 
 
 def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tuple[Finding, ...]]:

@@ -162,7 +162,8 @@ def _of_currents(evidence: Evidence) -> tuple[Finding, ...]:
         evidence = replace(evidence, noted=tuple(told))
     evidence = replace(evidence, explains=())
     kept = {"channel-dead", "clock-gap", "clock-jitter", "saturation", "velocity-mismatch", "period-misaligned"}
-    return tuple(f for f in examine(evidence) if f in evidence.noted or f.code in kept)
+    kept |= {finding.code for finding in evidence.noted}
+    return tuple(f for f in examine(evidence) if f.code in kept)
 
 
 def findings_on(

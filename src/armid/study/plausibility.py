@@ -18,7 +18,7 @@ from armid.information.observations import Observations
 from armid.maths.linalg import inverse_of, unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
-from armid.validation.doctor.excitation_weak import WEAK_CONDITION, hardly_told
+from armid.validation.doctor.excitation_weak import WEAK_CONDITION, excitation_severity, hardly_told
 from armid.values import Array
 
 __all__ = [
@@ -61,7 +61,7 @@ def doubts(
     _, _, observations = problem.require_samples("identify")
     found = [
         gravity_finding(model.robot),
-        excitation_finding(information),
+        excitation_finding(information, model.robot, observations),
         few_blocks_finding(fit),
         negative_finding(model, fit),
         drift_finding(model, fit),
@@ -123,15 +123,16 @@ def far_masses(names: Sequence[str], found: Array, described: Array) -> str:
     return ", ".join(said[:NAMED]) + (" and more" if len(said) > NAMED else "")
 
 
-def excitation_finding(information: Information) -> Finding | None:
-    """A motion that hardly tells some parameters apart, with their names, or `None`."""
+def excitation_finding(information: Information, robot: Robot, observations: Observations) -> Finding | None:
+    """A motion that hardly tells some parameters apart, with their names, or `None`; as the doctor's."""
     _, values, directions = np.linalg.svd(unit_columns(stack(total(information))[0])[0], full_matrices=False)
     condition = float(values[0] / values[-1])
     if condition <= WEAK_CONDITION:
         return None
+    fastest = np.max([np.abs(run.motion.dq[run.rows]).max(axis=0) for run in observations.runs], axis=0)
     return Finding(
         "excitation-weak",
-        "warning",
+        excitation_severity(condition, robot, fastest),
         "",
         hardly_told(information.names, directions[-1], condition),
         "record a motion that moves all joints together, fast and wide; on other motion the estimate may fail.",

@@ -9,6 +9,7 @@ without it.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 
 from armid.errors import Finding
 from armid.validation.doctor import (
@@ -34,6 +35,7 @@ from armid.validation.doctor import (
 )
 from armid.validation.doctor.effects import EFFECTS
 from armid.validation.doctor.evidence import Evidence, Explain
+from armid.validation.doctor.trial import needs_reason
 
 __all__ = ["CHECKS", "EFFECTS", "EXPLAINS", "FOLLOW", "SEVERITIES", "Evidence", "examine"]
 
@@ -97,9 +99,16 @@ FOLLOW: dict[str, tuple[str, ...]] = {
 """What a model says of a log because of another fault that is known: it is not said twice."""
 
 
+def _with_reason(finding: Finding) -> Finding:
+    """The finding, and why its remedy was not tried where that is so."""
+    reason = needs_reason(finding.code, finding.evidence, finding.remedy)
+    return replace(finding, evidence=finding.evidence + reason) if reason else finding
+
+
 def examine(evidence: Evidence, checks: Collection[str] = tuple(CHECKS)) -> tuple[Finding, ...]:
     """All findings of some checks on a log, errors first, each said once."""
-    found = [finding for name, check in CHECKS.items() if name in checks for finding in check(evidence)]
+    found = [_with_reason(f) for name, check in CHECKS.items() if name in checks for f in check(evidence)]
     known = {code for f in found if f.severity != "info" for code in FOLLOW.get(f.code, ())}
-    kept = [f for f in dict.fromkeys(found) if f.code not in known or f in evidence.noted]
+    noted = {_with_reason(f) for f in evidence.noted}
+    kept = [f for f in dict.fromkeys(found) if f.code not in known or f in noted]
     return tuple(sorted(kept, key=lambda f: SEVERITIES.index(f.severity)))

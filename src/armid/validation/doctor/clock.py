@@ -8,18 +8,16 @@ import numpy as np
 
 from armid.errors import Finding
 from armid.measurement.clock import Stretch, is_even, jitter, stretches
-from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
 from armid.validation.doctor.evidence import Evidence
+from armid.validation.doctor.thin import thin
+from armid.validation.doctor.trial import Trial, try_out
 
 __all__ = ["check"]
 
 CUTOFF = 5.0
 """Band for which a step counts as a gap [Hz]: the one that most studies compare in."""
-
-ROUGH = 0.3
-"""Unevenness in steps from which differences of positions are as wrong as the steps."""
 
 
 def check(evidence: Evidence) -> list[Finding]:
@@ -35,16 +33,19 @@ def check(evidence: Evidence) -> list[Finding]:
     if uneven:
         steps = np.concatenate([np.diff(piece.time) for piece in uneven])
         off = max(jitter(piece.time, piece.number) for piece in uneven)
-        findings.append(
-            Finding(
-                "clock-jitter",
-                "warning" if off > ROUGH else "info",
-                "time",
-                f"Steps from {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
-                f"{1e3 * np.median(steps):.3g} ms; samples lie {off:.2g} steps off an even clock.",
-                _evenly(evidence.reading, max(uneven, key=lambda piece: piece.samples), off),
-            )
+        told = (
+            f"Steps from {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
+            f"{1e3 * np.median(steps):.3g} ms; samples lie {off:.2g} steps off an even clock."
         )
+        rate = _round_rate(pieces[0], off)
+        trial = None if gaps else _trial(evidence, rate)
+        if trial is not None and trial.helps:
+            note = "Hz; where the robot samples evenly and only the stamps jitter"
+            remedy = "\n".join([naming(evidence.reading, {"time": ""}), lines(note, rate=rate)])
+            findings.append(Finding("clock-jitter", "warning", "time", f"{told} {trial}", remedy))
+        else:
+            used = "Samples are moved to an even grid by these stamps; there is nothing to do."
+            findings.append(Finding("clock-jitter", "info", "time", f"{told} {used}"))
     return findings
 
 
@@ -61,10 +62,18 @@ def _clock_alone(recording: Recording) -> Recording:
     return replace(recording, q=still, dq=None, ddq=None, effort=still)
 
 
-def _evenly(reading: Reading, piece: Stretch, off: float) -> str:
-    """The clock left out and a rate said instead, the roundest that its stamps allow."""
+def _round_rate(piece: Stretch, off: float) -> float:
+    """The roundest rate that stamps so far off an even clock allow [Hz]."""
     doubt = 2.0 * off / piece.samples
     rounded = (float(f"{piece.rate:.{digits}g}") for digits in range(2, 10))
-    rate = next((rate for rate in rounded if abs(rate / piece.rate - 1.0) < doubt), piece.rate)
-    note = "Hz; where the robot samples evenly and only the stamps jitter"
-    return "\n".join([naming(reading, {"time": ""}), lines(note, rate=rate)])
+    return next((rate for rate in rounded if abs(rate / piece.rate - 1.0) < doubt), piece.rate)
+
+
+def _trial(evidence: Evidence, rate: float) -> Trial | None:
+    """The log with its samples at an even rate beside the log with its stamps; `None` where there is no model."""
+    state, recording = evidence.state, evidence.recording
+    if state is None or recording is None:
+        return None
+    number = np.arange(recording.samples) if recording.number is None else recording.number
+    log = thin(replace(evidence.counted, time=number / rate), state.log.cutoff)
+    return try_out(state.rows, state.on(log).rows) if log.runs else None

@@ -18,6 +18,7 @@ from armid.robot import Robot
 from armid.validation.doctor.state import Explanation, State
 from armid.validation.doctor.stuck import stuck_stretches, without_stuck
 from armid.validation.doctor.thin import thin
+from armid.validation.doctor.trial import Trial, try_out
 
 __all__ = ["Evidence", "Explain"]
 
@@ -63,7 +64,7 @@ class Evidence:
         """The log beside a model with friction, offsets and rotors; `None` where it holds too little."""
         if self.recording is None or self.recording.effort is None or self.robot.n == 0:
             return None
-        log = thin(without_stuck(self.recording, self.stuck))
+        log = thin(self.counted)
         if not log.runs:
             return None
         own = () if self.model is None else self.model.terms
@@ -84,6 +85,12 @@ class Evidence:
             return ()
         return stuck_stretches(recording, self.rate)
 
+    @property
+    def counted(self) -> Recording:
+        """The recording in the robot's terms, without what sticks."""
+        assert self.recording is not None
+        return without_stuck(self.recording, self.stuck)
+
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
         """Faults that together explain what the log contradicts, the strongest first."""
@@ -95,12 +102,24 @@ class Evidence:
             codes = {each.code for each in found}
             tried = [each for explain in self.explains if (each := explain(state)) is not None]
             tried = [each for each in tried if each.code not in codes]
-            if not tried:
+            tried.sort(key=lambda each: -each.gain)
+            best = next((each for each in tried if not self._trial(state, each.after).harms), None)
+            if best is None:
                 break
-            best = max(tried, key=lambda each: each.gain)
             found.append(best)
             state = best.after
         return tuple(found)
+
+    def _trial(self, before: State, after: State) -> Trial:
+        """Errors on left-out motion, each computed once."""
+        key = id(before), id(after)
+        if key not in self._trials:
+            self._trials[key] = try_out(before.rows, after.rows)
+        return self._trials[key]
+
+    @cached_property
+    def _trials(self) -> dict[tuple[int, int], Trial]:
+        return {}
 
     @cached_property
     def understood(self) -> State | None:
@@ -109,11 +128,13 @@ class Evidence:
 
     def explained(self, code: str) -> list[Finding]:
         """Findings of the explanations of one code."""
-        return [
-            Finding(each.code, each.severity, each.channel, each.evidence, each.remedy(self))
-            for each in self.explanations
-            if each.code == code
-        ]
+        state, found = self.state, list[Finding]()
+        for each in self.explanations:
+            if each.code == code and state is not None:
+                told = f"{each.evidence} {self._trial(state, each.after)}"
+                found.append(Finding(code, each.severity, each.channel, told, each.remedy(self)))
+            state = each.after
+        return found
 
     @cached_property
     def rate(self) -> float:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from armid.errors import Finding
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RotorInertia
+from armid.robot import Robot
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.rows import products
 from armid.validation.doctor.state import State
 from armid.values import Array
 
-__all__ = ["WEAK_CONDITION", "check", "hardly_told"]
+__all__ = ["WEAK_CONDITION", "check", "excitation_severity", "hardly_told"]
 
 WEAK_CONDITION = 100.0
 """Condition number with columns of unit length above which an estimate holds for the motion that it was made from
@@ -57,7 +60,7 @@ def check(evidence: Evidence) -> list[Finding]:
     return [
         Finding(
             "excitation-weak",
-            "warning" if condition > POOR_CONDITION or _is_timid(own) else "info",
+            excitation_severity(condition, own.model.robot, np.abs(own.rows.motion.dq).max(axis=0)),
             "",
             hardly_told(names, directions[:, 0], condition),
             _advice(own),
@@ -93,12 +96,18 @@ def _too_short(evidence: Evidence) -> list[Finding]:
     ]
 
 
-def _is_timid(state: State) -> bool:
-    """Whether every joint stays slow."""
-    limits = np.array([joint.velocity_limit for joint in state.model.robot.joints])
+def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Literal["warning", "info"]:
+    """Severity of a weak excitation: a warning where it is poor, or every joint stays slow.
+
+    Args:
+        condition: Condition number with columns of unit length.
+        robot: The arm.
+        fastest: Largest speed of each joint, shape (n,) [rad/s or m/s].
+    """
+    limits = np.array([joint.velocity_limit for joint in robot.joints])
     known = np.isfinite(limits) & (limits > 0.0)
-    fastest = np.abs(state.rows.motion.dq).max(axis=0)
-    return bool(known.all() and (fastest < TIMID * limits).all())
+    timid = bool(known.all() and (fastest < TIMID * limits).all())
+    return "warning" if condition > POOR_CONDITION or timid else "info"
 
 
 def _advice(state: State) -> str:

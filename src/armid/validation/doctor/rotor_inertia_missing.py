@@ -11,6 +11,7 @@ from armid.measurement.remedy import lines
 from armid.validation.doctor.evidence import Evidence
 from armid.validation.doctor.rows import Rows, solve
 from armid.validation.doctor.state import State
+from armid.validation.doctor.trial import try_out
 
 __all__ = ["check"]
 
@@ -34,13 +35,16 @@ def check(evidence: Evidence) -> list[Finding]:
     shown = np.flatnonzero(rotors & (spread > 0.0) & (values[: len(symbols)] > SURE * spread))
     if gain < GAIN or not len(shown):
         return []
+    trial = try_out(without, state.rows)
+    if not trial.helps:
+        return []
     listed = ", ".join(f"{state.base.names[k]} {values[k]:.3g} ± {deviation[k]:.1g}" for k in shown)
     return [
         Finding(
             "rotor-inertia-missing",
             "warning",
             ", ".join(symbols[k].joint for k in shown),
-            f"With the inertia of rotors {1 - np.exp(-gain):.0%} less of the torque is left: {listed} kg·m².",
+            f"With the inertia of rotors {1 - np.exp(-gain):.0%} less of the torque is left: {listed} kg·m². {trial}",
             lines("in [model]", terms=[*_named(evidence), "rotor-inertia"]),
         )
     ]

@@ -6,7 +6,7 @@ another gravity. Torque and columns pass one band, as for an estimate; each join
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from armid.model.motion import Motion
 from armid.validation.doctor.thin import Thin
 from armid.values import Array
 
-__all__ = ["Fit", "Rows", "cost_of", "make_rows", "products", "solve"]
+__all__ = ["Fit", "Rows", "cost_of", "make_rows", "products", "solve", "solved", "tables"]
 
 PASSES = 4
 """Rounds of weighting each joint by its residual; two are enough but for joints that the first round misjudges."""
@@ -185,11 +185,15 @@ def solve(rows: Rows, extra: Array | None = None) -> Fit:
 
 def products(rows: Rows, extra: Array | None = None) -> tuple[Array, ...]:
     """For each joint products of its columns, extra ones (e, M, n) and torque, square of k + e + 1 rows."""
+    return tuple(table @ table.T for table in tables(rows, extra))
+
+
+def tables(rows: Rows, extra: Array | None = None, mask: NDArray[np.bool_] | None = None) -> Iterator[Array]:
+    """For each joint its columns, extra ones (e, M, n) and torque, (k + e + 1, M), zero where rows do not count."""
     more = np.zeros((0, *rows.torque.shape)) if extra is None else extra
-    tables = (
-        np.vstack([own, more[:, :, j], rows.torque[:, j]]) * rows.mask[:, j] for j, own in enumerate(rows.columns)
-    )
-    return tuple(table @ table.T for table in tables)
+    counts = rows.mask if mask is None else mask
+    for j, own in enumerate(rows.columns):
+        yield np.vstack([own, more[:, :, j], rows.torque[:, j]]) * counts[:, j]
 
 
 def cost_of(rows: Rows, pairs: Sequence[Array], sign: Array | None = None) -> float:
@@ -200,9 +204,24 @@ def cost_of(rows: Rows, pairs: Sequence[Array], sign: Array | None = None) -> fl
         pairs: Their `products`.
         sign: Factor of each joint's torque, shape (n,).
     """
+    return float(np.mean(np.log(solved(rows, pairs, np.maximum(rows.mask.sum(axis=0), 1), sign)[1])))
+
+
+def solved(
+    rows: Rows, pairs: Sequence[Array], counted: NDArray[np.int64], sign: Array | None = None, ridge: float = RIDGE
+) -> tuple[Array, Array]:
+    """Parameters (b,) and residual of each joint (n,) from products alone.
+
+    Args:
+        rows: The rows, of which only the parameters are looked at.
+        pairs: Their `products`, or those of some of them.
+        counted: Rows of each joint that these are of, shape (n,).
+        sign: Factor of each joint's torque, shape (n,).
+        ridge: Added to products of unit columns.
+    """
     n, b = rows.n, rows.count
     sign = np.ones(n) if sign is None else sign
-    counted = np.maximum(rows.mask.sum(axis=0), 1)
+    x = np.zeros(b)
     size = np.sqrt(np.array([P[-1, -1] for P in pairs]) / counted)
     size = np.where(size > 0.0, size, 1.0)
     sigma = size
@@ -214,12 +233,12 @@ def cost_of(rows: Rows, pairs: Sequence[Array], sign: Array | None = None) -> fl
             side[own] += sign[j] * P[:-1, -1] / sigma[j] ** 2
         scale = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
         G = G / np.outer(scale, scale)
-        x = np.linalg.solve(G + RIDGE * np.eye(b), side / scale) / scale
+        x = np.linalg.solve(G + ridge * np.eye(b), side / scale) / scale
         left = np.array([_remaining(P, np.append(-x[rows.parameters[j]], sign[j])) for j, P in enumerate(pairs)])
         before, sigma = sigma, np.maximum(np.sqrt(np.maximum(left, 0.0) / counted), COARSE_FLOOR * size)
         if (np.abs(sigma - before) < SETTLED * sigma).all():
             break
-    return float(np.mean(np.log(sigma)))
+    return x, sigma
 
 
 def _remaining(P: Array, x: Array) -> float:
