@@ -27,7 +27,11 @@ CATALOGUES = {
     "formats of controllers": (formats, formats.FORMATS, {"track"}),
     "exporters": (descriptions, descriptions.EXPORTERS, set()),
     "languages": (languages, languages.LANGUAGES, set()),
-    "doctor's checks": (doctor, doctor.CHECKS, {"bursts", "effects", "evidence", "rows", "state", "stuck", "thin"}),
+    "doctor's checks": (
+        doctor,
+        doctor.CHECKS,
+        {"bursts", "effects", "evidence", "rows", "state", "stuck", "thin", "trial"},
+    ),
     "recording readers": (recording_readers, recording_readers.READERS, set()),
 }
 """Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""
