@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +16,7 @@ import pytest
 from armid.cli import main as cli
 from armid.estimation.payload import LOAD_NAMES
 from armid.lab.virtual import record
-from armid.maths.inertia import com_inertia_to_vector
+from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.study.identify import identify
 from armid.study.run import load_run, save_run
@@ -133,7 +134,21 @@ def test_a_load_as_json(armid: Armid, tmp_path: Path):
     np.testing.assert_allclose(record["com"]["value"], LOAD[1:4] / LOAD[0], atol=0.005)
     inertia = np.array(record["inertia_about_com"])
     assert np.linalg.eigvalsh(inertia)[0] >= 0.0
+    ends = record["inertia_about_com_interval95"]
+    assert all(ends[pair][0] <= inertia["xyz".index(pair[0]), "xyz".index(pair[1])] <= ends[pair][1] for pair in ends)
+    assert sorted(ends) == ["xx", "xy", "xz", "yy", "yz", "zz"]
     assert [each["path"] for each in record["recordings"]] == [str((Path("loaded.npz")).absolute())]
+
+
+def test_a_load_on_the_screen_is_what_controllers_ask_for(armid: Armid):
+    code, out, _ = armid("payload", "run", "loaded.npz")
+    assert code == 0 and "with exact gains" not in out  # no gain is uncertain: there is one interval and not two
+    mass, com, *moments = re.findall(r"│ (mass|centre of mass x|inertia about it I\w\w) +│ +([-\d.]+) │ (\S+) ", out)
+    assert float(mass[1]) == pytest.approx(LOAD[0], rel=0.02) and mass[2] == "kg"
+    assert float(com[1]) == pytest.approx(LOAD[1] / LOAD[0], abs=0.005) and com[2] == "m"
+    truth = about_com(LOAD)[[4, 6, 9, 5, 7, 8]]
+    assert [name[-2:] for name, _, _ in moments] == ["xx", "yy", "zz", "xy", "xz", "yz"]
+    np.testing.assert_allclose([float(value) for _, value, _ in moments], truth, atol=0.03)
 
 
 def test_one_joint_does_not_show_all_of_a_load_and_it_is_said(armid: Armid):
@@ -166,6 +181,7 @@ def test_uncertain_gains_are_in_the_interval_of_the_mass(armid: Armid):
         code, out, _ = armid(*command)
         assert code == 0
         masses[deviation] = json.loads(out)["mass"]
+    assert "with exact gains" in armid(*command[:-1])[1]
     low, high = masses["0.1"]["interval95"]
     assert low <= LOAD[0] <= high
     assert masses["0"]["interval95"] == masses["0"]["statistical95"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +11,8 @@ from armid.cli.options import Json, Out, Rate, TorqueSign
 from armid.cli.validate import changed_reading
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from armid.study.payload import Payload
     from armid.values import Array
 
@@ -80,24 +82,13 @@ def _report(payload: Payload) -> None:
     from armid.study.payload import payload_record
 
     console, record = output_console(), payload_record(payload)
-    table = Table(title=f"{escape(payload.beside.run.robot.name)}: load in the frame {escape(payload.frame)}")
-    for name in ("parameter", "value", "unit", "95 % interval", "by noise alone", "status"):
-        table.add_column(name, justify="left" if name in ("parameter", "unit", "status") else "right")
-    for each in record["parameters"]:
-        table.add_row(
-            each["name"],
-            f"{each['value']:.4f}",
-            each["unit"],
-            _interval(each["interval95"]),
-            _interval(each["statistical95"]),
-            "known" if each["known"] else each["status"],
+    console.print(_body(payload))
+    if payload.load.moved > 0.0:
+        console.print(
+            "the nearest physically consistent body; the unconstrained estimate is "
+            f"{payload.load.moved:.2f} standard deviations away"
         )
-    console.print(table)
-    load = payload.load
-    for name, value, (low, high) in zip("xyz", load.com, load.com_intervals, strict=True):
-        console.print(f"centre of mass {name}: {value:.4f} m ({low:.4f} … {high:.4f})")
-    if load.moved > 0.0:
-        console.print(f"the nearest real body, {load.moved:.2f} standard deviations from what the torques say")
+    console.print(_parameters(record))
     if record["gains"] is None:
         return
     table = Table(title="Drive gains")
@@ -113,6 +104,51 @@ def _report(payload: Payload) -> None:
             _interval(100 * each["interval95"], 1) if seen else "-",
         )
     console.print(table)
+
+
+def _body(payload: Payload) -> Table:
+    """Mass, centre of mass and inertia about it, which is what robot controllers ask for."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from armid.maths.inertia import INERTIA_INDEX
+
+    load, frame = payload.load, escape(payload.frame)
+    table = Table(title=f"{escape(payload.beside.run.robot.name)}: load in the frame {frame}", header_style="bold")
+    for name in ("load", "value", "unit", "95 % interval"):
+        table.add_column(name, justify="left" if name in ("load", "unit") else "right")
+    table.add_row("mass", f"{load.values[0]:.4f}", "kg", _interval(load.intervals[0]))
+    for name, value, ends in zip("xyz", load.com, load.com_intervals, strict=True):
+        table.add_row(f"centre of mass {name}", f"{value:.4f}", "m", _interval(ends))
+    inertia, pairs = load.inertia_about_com, ("xx", "yy", "zz", "xy", "xz", "yz")
+    for pair in pairs:
+        i, j = ("xyz".index(axis) for axis in pair)
+        ends = load.inertia_intervals[INERTIA_INDEX.index((i, j))]
+        table.add_row(f"inertia about it I{pair}", f"{inertia[i, j]:.5f}", "kg·m²", _interval(ends, 5))
+    return table
+
+
+def _parameters(record: dict[str, Any]) -> Table:
+    """The ten parameters about the frame's origin; intervals by noise alone where gains make a difference."""
+    import numpy as np
+    from rich.table import Table
+
+    parameters = record["parameters"]
+    apart = any(not np.array_equal(p["interval95"], p["statistical95"], equal_nan=True) for p in parameters)
+    table = Table(title="The same about the frame's origin, as torques show it", header_style="bold")
+    names = ["parameter", "value", "unit", "95 % interval", *(["with exact gains"] if apart else []), "status"]
+    for name in names:
+        table.add_column(name, justify="left" if name in ("parameter", "unit", "status") else "right")
+    for each in parameters:
+        table.add_row(
+            each["name"],
+            f"{each['value']:.4f}",
+            each["unit"],
+            _interval(each["interval95"]),
+            *([_interval(each["statistical95"])] if apart else []),
+            "known" if each["known"] else each["status"],
+        )
+    return table
 
 
 def _interval(ends: Array, decimals: int = 4) -> str:

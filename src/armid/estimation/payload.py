@@ -66,9 +66,8 @@ class Load:
         intervals: 95 % intervals with uncertain scales of torque, shape (10, 2).
         status: What the recording says of each.
         com: Centre of mass, shape (3,) [m].
-        com_intervals: Its 95 % intervals, shape (3, 2) [m].
-        inertia_intervals: Those of the inertia about it, in parameter order, shape (6, 2) [kg·m²]; NaN where the
-            recording does not determine what enters.
+        com_intervals: Its 95 % intervals, shape (3, 2) [m]; NaN where the recording does not determine what enters.
+        inertia_intervals: Those of the inertia about it, in parameter order, shape (6, 2) [kg·m²]; NaN likewise.
         moved: Distance of the unconstrained estimate from it, in standard deviations; zero where that was real.
         unconstrained: The estimate without the condition, shape (10,).
         solved: Solution that it comes from.
@@ -179,6 +178,7 @@ def _load(joined: Joined, solved: Solved, known: Array) -> Load:
     covariance = np.zeros((10, 10))
     covariance[np.ix_(free, free)] = wide.covariance
     com, com_half = _com(values, covariance, t)
+    com_half[(ENTERING[MOMENTS] & blind).any(axis=1)] = np.nan
     return Load(
         values,
         statistical,
