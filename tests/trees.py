@@ -123,6 +123,8 @@ def robot_of(tree: Tree, name: str = "arm") -> Robot:
             tree.axis[i],
             homogeneous(tree.rotation[i], tree.translation[i]),
             (-3.0, 3.0),
+            5.0,
+            100.0,
         )
         for i in range(tree.n)
     ]

@@ -78,7 +78,7 @@ def chain(orientation: str, eulerseq: str) -> str:
 
 def check_against_mujoco(text: str, path) -> None:
     path.write_text(text)
-    robot = load_robot(path, tip="tcp")
+    robot = load_robot(path, only="*", tip="tcp")
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
@@ -148,7 +148,7 @@ def test_bodies_are_where_mujoco_has_them(tmp_path):
     )
     path = tmp_path / "everything.xml"
     path.write_text(text)
-    robot = load_robot(path, tip="tcp")
+    robot = load_robot(path, only="*", tip="tcp")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     assert len(robot.visuals) == model.ngeom == len(robot.shapes) + 1

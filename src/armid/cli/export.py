@@ -16,6 +16,30 @@ if TYPE_CHECKING:
 
 __all__ = ["export"]
 
+Moved = Annotated[Path | None, typer.Option(metavar="FILE", help="Where the robot description is, if it was moved.")]
+Data = Annotated[
+    Path | None, typer.Option("--data", metavar="FOLDER", help="Where the recordings are, if they were moved.")
+]
+Limit = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--limit",
+        metavar="JOINT.KIND=VALUE",
+        help="Limits for a file of its own: A1.effort=80, '*.velocity=2', A1.position=-1:1; repeatable.",
+    ),
+]
+Nearest = Annotated[
+    bool,
+    typer.Option("--nearest", help="Share mass between links as the description does where torque does not tell."),
+]
+Unphysical = Annotated[bool, typer.Option("--allow-unphysical", help="Write links that no real body has, too.")]
+Unidentified = Annotated[
+    bool,
+    typer.Option(
+        "--allow-unidentified", help="Write links whose mass neither torque nor the description tells, too."
+    ),
+]
+
 
 To = Annotated[
     str,
@@ -35,21 +59,12 @@ def export(
         Path | None,
         typer.Option("--out", metavar="FILE", help="Where to write, code into a folder; in the run's if left out."),
     ] = None,
-    description: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Where the robot description is, if it was moved.")
-    ] = None,
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="FOLDER", help="Where the recordings are, if they were moved.")
-    ] = None,
-    nearest: Annotated[
-        bool,
-        typer.Option(
-            "--nearest", help="Share mass between links as the description does where torque does not tell."
-        ),
-    ] = False,
-    allow_unphysical: Annotated[
-        bool, typer.Option("--allow-unphysical", help="Write links that no real body has, too.")
-    ] = False,
+    description: Moved = None,
+    data: Data = None,
+    limit: Limit = None,
+    nearest: Nearest = False,
+    allow_unphysical: Unphysical = False,
+    allow_unidentified: Unidentified = False,
     json: Json = False,
 ) -> None:
     """Write the identified values into a copy of the robot description, or the model as source code, and check it.
@@ -66,6 +81,7 @@ def export(
     """
     from armid.codegen import LANGUAGES
     from armid.export.write import export_record, export_run
+    from armid.study.excite_request import parse_limits
     from armid.study.records import to_json
     from armid.study.run import load_run
 
@@ -77,8 +93,10 @@ def export(
         out,
         description=description,
         data=data,
+        limits=parse_limits(limit) if limit else None,
         nearest=nearest,
         allow_unphysical=allow_unphysical,
+        allow_unidentified=allow_unidentified,
     )
     if json:
         sys.stdout.write(to_json(export_record(exported)) + "\n")

@@ -18,7 +18,16 @@ from armid.robot.outline import matching
 from armid.robot.robot import Robot
 from armid.values import Array, array
 
-__all__ = ["KINDS", "Limits", "described_limits", "limits_of", "motion_channels", "thesis_channels", "torque_channel"]
+__all__ = [
+    "KINDS",
+    "Limits",
+    "described_limits",
+    "limits_of",
+    "motion_channels",
+    "thesis_channels",
+    "torque_channel",
+    "with_limits",
+]
 
 KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
 """What a joint may have a limit of."""
@@ -111,28 +120,7 @@ def limits_of(
         ArmidError: A joint or kind that is not there, or a joint without a limit of position or velocity; a
             continuous joint needs none of position.
     """
-    described = described_limits(robot)
-    values = {
-        "lower": described.lower.copy(),
-        "upper": described.upper.copy(),
-        "velocity": described.velocity.copy(),
-        "acceleration": np.full(robot.n, np.inf if acceleration is None else acceleration),
-        "jerk": np.full(robot.n, np.inf if jerk is None else jerk),
-        "effort": described.effort.copy(),
-    }
-    names = robot.joint_names
-    for (name, kind), value in sorted((given or {}).items(), key=lambda each: each[0][0] in names):
-        which = [names.index(each) for each in matching(name, names)] or [robot.joint_index(name)]
-        if kind not in KINDS:
-            raise ArmidError(
-                f"There is no limit of {kind!r}.", possible=", ".join(KINDS), remedy=did_you_mean(kind, KINDS)
-            )
-        if kind == "position":
-            if not isinstance(value, tuple):
-                raise ArmidError(f"The position limit of {name} needs a lower and an upper number; found {value}.")
-            values["lower"][which], values["upper"][which] = value
-        else:
-            values[kind][which] = value
+    values = _given(described_limits(robot), robot, given or {}, acceleration, jerk)
     limits = Limits(robot.joint_names, **values)
     bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
     without = [
@@ -146,6 +134,57 @@ def limits_of(
             remedy=_examples(without, robot.n),
         )
     return limits
+
+
+def _given(
+    described: Limits,
+    robot: Robot,
+    given: Mapping[tuple[str, str], float | tuple[float, float]],
+    acceleration: float | None = None,
+    jerk: float | None = None,
+) -> dict[str, Array]:
+    """Limits by kind, each (n,), with what is given in the place of what is described."""
+    values = {
+        "lower": described.lower.copy(),
+        "upper": described.upper.copy(),
+        "velocity": described.velocity.copy(),
+        "acceleration": np.full(robot.n, np.inf if acceleration is None else acceleration),
+        "jerk": np.full(robot.n, np.inf if jerk is None else jerk),
+        "effort": described.effort.copy(),
+    }
+    names = robot.joint_names
+    for (name, kind), value in sorted(given.items(), key=lambda each: each[0][0] in names):
+        which = [names.index(each) for each in matching(name, names)] or [robot.joint_index(name)]
+        if kind not in KINDS:
+            raise ArmidError(
+                f"There is no limit of {kind!r}.", possible=", ".join(KINDS), remedy=did_you_mean(kind, KINDS)
+            )
+        if kind == "position":
+            if not isinstance(value, tuple):
+                raise ArmidError(f"The position limit of {name} needs a lower and an upper number; found {value}.")
+            values["lower"][which], values["upper"][which] = value
+        else:
+            values[kind][which] = value
+    return values
+
+
+def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[float, float]]) -> Robot:
+    """The arm with limits in the place of its own; arguments as of `limits_of`.
+
+    Raises:
+        ArmidError: A joint or kind that is not there.
+    """
+    values = _given(described_limits(robot), robot, given)
+    joints = [
+        replace(
+            joint,
+            position_limits=np.array([values["lower"][j], values["upper"][j]]),
+            velocity_limit=float(values["velocity"][j]),
+            effort_limit=float(values["effort"][j]),
+        )
+        for j, joint in enumerate(robot.joints)
+    ]
+    return replace(robot, joints=tuple(joints))
 
 
 def _examples(without: list[str], joints: int) -> str:

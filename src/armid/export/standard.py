@@ -23,7 +23,7 @@ from armid.robot.robot import InertialParameters
 from armid.study.run import Run
 from armid.values import Array
 
-__all__ = ["values_to_write"]
+__all__ = ["distance_to_description", "values_to_write"]
 
 EPSILONS = (1e-6, 1e-8)
 """Smallest eigenvalues asked of the bodies, in turn: a speck of dust, and where that is too much, less."""
@@ -80,7 +80,7 @@ def values_to_write(
             return theta, "estimated", ()
         found = _search(standard, every, anchor, empty, room)
         if found is not None:
-            return found, "nearest", (_said(run, theta is not None, nearest),)
+            return found, "nearest", (_said(run, standard, theta, found, nearest),)
     if theta is not None and not theta[empty].any():
         # Links of no real body are told by whoever writes them.
         return theta, "estimated", (_none_nearer(),) if nearest else ()
@@ -231,16 +231,47 @@ def _fits(left: Array) -> bool:
     return all(is_possible(InertialParameters.from_vector(each)) for each in left)
 
 
-def _said(run: Run, estimated: bool, nearest: bool) -> Finding:
+def distance_to_description(run: Run, theta: Array) -> float:
+    """How far links are from those of the description: what `--nearest` makes least.
+
+    It is the root of the sum over links of ‖J₀^(-1/2) (J - J₀) J₀^(-1/2)‖², with the pseudo-inertias J of the values
+    and J₀ of the description: masses, first moments and inertias together, each relative to the described link.
+
+    Args:
+        run: The run.
+        theta: Standard parameters (p,).
+
+    Returns:
+        The distance; NaN where the description gives no masses.
+    """
+    standard = standard_of(run.model, run.estimate.base)
+    if standard.nominal is None:
+        return float("nan")
+    rows = _relative_change(standard, standard.nominal, list(standard.inertial))
+    return float(np.linalg.norm(rows @ (theta - standard.nominal)))
+
+
+def _said(run: Run, standard: Standard, theta: Array | None, found: Array, nearest: bool) -> Finding:
     why = (
-        "the bodies nearest to the description were asked for"
+        "--nearest was asked for"
         if nearest
         else "the file has other bodies than the estimate"
-        if estimated
+        if theta is not None
         else f"{run.estimate.method} estimates base parameters only, which leave open how links share their mass"
     )
-    what = f"{why}; written are the real bodies with exactly its base values that lie nearest to the description"
-    return Finding("bodies-chosen", "info", "", what)
+    what = "written are the real bodies with exactly its base values that"
+    if standard.nominal is not None:
+        before = f" (of the estimate {distance_to_description(run, theta):.3g})" if theta is not None else ""
+        what = (
+            f"{what} are nearest to the description: least is the relative change of the pseudo-inertias, mass, "
+            f"first moment and inertia of all links together, {distance_to_description(run, found):.3g}{before}; one "
+            "mass alone may have moved away"
+        )
+    elif theta is not None:
+        what = f"the description gives no masses, so {what} are nearest to the estimate"
+    else:
+        what = f"the description gives no masses, so {what} have the least mass and extent"
+    return Finding("bodies-chosen", "info", "", f"{why}; {what}")
 
 
 def _none_nearer() -> Finding:

@@ -8,19 +8,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from armid.codegen import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
-from armid.export.bodies import carried_by, is_possible, is_thin, share_out
+from armid.excitation.limits import with_limits
+from armid.export.bodies import carried_by, share_out
 from armid.export.check import Prediction, places_of, verify, without_place
 from armid.export.content import Body, Content, Source
+from armid.export.doubtful import far_bodies, refuse_unidentified, refuse_unphysical, unphysical_names
 from armid.export.formats import EXPORTERS, Exporter
 from armid.export.side import side_record
 from armid.export.source import find_source, unseen_recordings
 from armid.export.standard import values_to_write
 from armid.robot.robot import InertialParameters, Link, Robot
-from armid.study.plausibility import far_masses
 from armid.study.records import finding_record, to_json
 from armid.study.run import Run
 from armid.validation.predict import Check
@@ -63,8 +62,10 @@ def export_run(
     *,
     description: Path | str | None = None,
     data: Path | str | None = None,
+    limits: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
     nearest: bool = False,
     allow_unphysical: bool = False,
+    allow_unidentified: bool = False,
 ) -> Exported:
     """Write a run's model as a robot description, and the whole model beside it.
 
@@ -77,8 +78,11 @@ def export_run(
         out: The file; in the run's folder if left out.
         description: Where the run's description lies now, if it was moved.
         data: Where the run's recordings lie now, if they were moved.
+        limits: Limits by joint and kind (`velocity`, `effort`, `position` with a lower and an upper one), for a file
+            of its own where the description has none; names may be patterns.
         nearest: Share mass between the links as the description does, as far as the base values leave it open.
         allow_unphysical: Write links that no real body has, too.
+        allow_unidentified: Write links whose mass neither torque nor the description tells, too.
 
     Raises:
         OutputError: The file cannot be written, or would not say what was identified; nothing is left behind.
@@ -86,42 +90,30 @@ def export_run(
     exporter = _exporter(to)
     source = find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
-    side = path.with_name(f"{path.stem}{SIDE}")
     _refuse_source(path, source)
     bodies = _bodies(exporter, source, run.robot) if exporter.EDITS and source.format == to else None
+    _refuse_limits(source, limits, bodies)
     placeless = set[int]() if bodies is None else set(range(run.robot.n)) - {body.link for body in bodies}
     theta, kind, findings = values_to_write(
         run, placeless, carried_by(bodies or [], run.robot.n), nearest=nearest, allow_unphysical=allow_unphysical
     )
-    content, shared = _content(run, exporter, theta, source, bodies)
-    findings = (*source.findings, *findings, *shared) if bodies is not None else findings
-    unphysical = _unphysical(content, placeless, bodies or ())
-    if unphysical and not allow_unphysical:
-        raise _no_body(run, unphysical)
-    if unphysical:
-        what = f"no real body has what was identified of {', '.join(unphysical)}"
-        findings = (*findings, Finding("unphysical", "warning", "", what))
+    guessed = refuse_unidentified(run, theta, placeless, allowed=allow_unidentified)
+    content, shared = _content(run, exporter, theta, source, bodies, limits or {})
+    read = source.findings if bodies is not None else ()
+    findings = (*read, *findings, *guessed, *shared)
+    unphysical = unphysical_names(content, placeless, bodies or ())
+    findings = (*findings, *refuse_unphysical(run, unphysical, allowed=allow_unphysical))
     written = exporter.write(content)
     verified = verify(
         exporter, written, content, run, theta, unseen_recordings(run, data), unphysical=bool(unphysical)
     )
+    side = path.with_name(f"{path.stem}{SIDE}")
     record = side_record(run, content, theta, written.data, path.name, kind)
     _write_both(path, written.data, side, to_json(record) + "\n")
-    far = _far(run, content, bodies, kind)
+    far = far_bodies(run, content, bodies, kind)
     findings = (*findings, *far, *written.findings, *_not_placed(run, exporter), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
-
-
-def _no_body(run: Run, names: Sequence[str]) -> OutputError:
-    """The error for links, bodies and joints that cannot be."""
-    again = 'identify again with method = "physical".'
-    other = "correct these in the description, or write a file of another format."
-    return OutputError(
-        f"No real body has what was identified of {', '.join(names)}.",
-        possible="--allow-unphysical writes it all the same; simulators may refuse it",
-        remedy=again if run.estimate.fit.standard is None else other,
-    )
 
 
 def _exporter(to: str) -> Exporter:
@@ -136,7 +128,12 @@ def _exporter(to: str) -> Exporter:
 
 
 def _content(
-    run: Run, exporter: Exporter, theta: Array, source: Source, bodies: Sequence[Body] | None
+    run: Run,
+    exporter: Exporter,
+    theta: Array,
+    source: Source,
+    bodies: Sequence[Body] | None,
+    limits: Mapping[tuple[str, str], float | tuple[float, float]],
 ) -> tuple[Content, tuple[Finding, ...]]:
     """What is to be written, and how it was shared out among the bodies of a description."""
     robot = _identified(run, theta)
@@ -144,7 +141,7 @@ def _content(
         name: {term: value for term, value in values.items() if term in exporter.PLACES}
         for name, values in places_of(run.model, theta).items()
     }
-    content = Content(robot, joints)
+    content = Content(with_limits(robot, limits), joints)
     if bodies is None:
         return content, ()
     changed, findings = share_out([link.inertial or InertialParameters.zero() for link in robot.links], bodies)
@@ -177,6 +174,12 @@ def _refuse_source(path: Path, source: Source) -> None:
         raise OutputError(f"{path} is the description itself, or a part of it.", remedy="name another with --out.")
 
 
+def _refuse_limits(source: Source, limits: Mapping[tuple[str, str], Any] | None, bodies: object) -> None:
+    """Refuse limits for a description that is edited."""
+    if limits and bodies is not None:
+        raise OutputError(f"{source.path} is edited and keeps its limits.", remedy="correct them in the description.")
+
+
 def _bodies(exporter: Exporter, source: Source, robot: Robot) -> list[Body]:
     return exporter.bodies(source, exporter.read(source.data, source.locked), robot)
 
@@ -189,54 +192,6 @@ def _identified(run: Run, theta: Array) -> Robot:
         for link, vector in zip(run.robot.links, vectors, strict=True)
     ]
     return replace(run.robot, links=tuple(links))
-
-
-def _unphysical(content: Content, placeless: set[int], bodies: Sequence[Body]) -> list[str]:
-    """Names of links, bodies and joints that cannot be, unless the description has them so."""
-    links = {link.name: link.inertial for k, link in enumerate(content.robot.links) if k not in placeless}
-    changed = content.bodies or {}
-    thin = {each.name for each in bodies if each.name in changed and is_thin(each, changed[each.name])}
-    own = {name: body for name, body in changed.items() if name not in thin}
-    written: Mapping[str, InertialParameters | None] = {**links, **own}
-    names = [name for name, body in written.items() if body is None or not (is_possible(body) or _is_nothing(body))]
-    empty = [name for name, body in links.items() if body is None or _is_nothing(body)]
-    negative = [
-        f"the {term} parameter of {joint}"
-        for joint, values in content.joints.items()
-        for term, value in values.items()
-        if value < 0.0
-    ]
-    return [*dict.fromkeys([*names, *empty]), *negative]
-
-
-def _far(run: Run, content: Content, bodies: Sequence[Body] | None, kind: str) -> list[Finding]:
-    """A word on bodies of the file whose mass has nothing to do with the description's."""
-    written = content.bodies or {}
-    if bodies is None:
-        pairs = [
-            (new.name, new.inertial, old.inertial)
-            for new, old in zip(content.robot.links, run.robot.links, strict=True)
-        ]
-    else:
-        pairs = [(body.name, written[body.name], body.nominal) for body in bodies if body.name in written]
-    known = [(name, new.mass, old.mass) for name, new, old in pairs if new is not None and old is not None]
-    if not known:
-        return []
-    names, found, described = zip(*known, strict=True)
-    said = far_masses(names, np.array(found), np.array(described))
-    if not said:
-        return []
-    what = f"{said} in the file: torques do not tell these masses apart from others. Torque is the same"
-    remedy = (
-        'identify with physical = { prior = "log-det" } in [estimation] of a study, which keeps near the description'
-    )
-    if kind == "estimated":
-        remedy = f"--nearest writes the bodies nearest to the description with the same torque; or {remedy}"
-    return [Finding("mass-far-from-description", "warning", "", what, remedy)]
-
-
-def _is_nothing(body: InertialParameters) -> bool:
-    return not np.any(body.vector)
 
 
 def _not_placed(run: Run, exporter: Exporter) -> list[Finding]:

@@ -28,6 +28,7 @@ from armid.errors import LabError, MissingExtraError
 from armid.lab.truths import Truth
 from armid.maths.inertia import vector_to_com_inertia
 from armid.maths.stiction import settle_friction
+from armid.robot.massless import inertial_key
 from armid.robot.robot import Robot
 from armid.values import Array
 
@@ -114,8 +115,10 @@ def _inertial(robot: Robot, i: int, vector: Array) -> str:
     name = robot.links[i].name
     if not vector[0] > 0.0:
         raise LabError(
-            f"Link {name!r} of {robot.name} has a mass of {vector[0]:g} kg; a simulation needs a body there.",
-            remedy="complete the description, or simulate a built-in truth.",
+            f"Link {name!r}, which {robot.joints[i].name} moves, has a mass of {vector[0]:g} kg; a simulation in "
+            "closed loop needs a body on every joint.",
+            possible="--mode inverse-dynamics, which needs none on a link that carries others",
+            remedy=f"give {inertial_key(robot)} for it; a gram will do for a link that is a mere frame.",
         )
     mass, com, inertia = vector_to_com_inertia(vector)
     moments = np.linalg.eigvalsh(inertia)
@@ -124,7 +127,7 @@ def _inertial(robot: Robot, i: int, vector: Array) -> str:
         raise LabError(
             f"Link {name!r} of {robot.name} has principal moments {', '.join(f'{m:.3g}' for m in moments)} kg·m²; no "
             "real body has these.",
-            remedy="simulate parameters that are physically consistent.",
+            remedy=f"give an inertia that a body of some extent can have in {inertial_key(robot)}.",
         )
     order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     full = _numbers([inertia[a, b] for a, b in order])

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from armid.errors import LabError, did_you_mean
 from armid.lab.friction import Friction, MaxwellSlip, Stribeck, ToothRipple, Warmth
 from armid.lab.virtual import THESIS_FRICTION
+from armid.robot.massless import inertial_key, moving_nothing
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array, array
 
@@ -114,7 +115,7 @@ def truth_of(robot: Robot) -> Truth:
     effort limits.
 
     Raises:
-        LabError: The description gives no inertias.
+        LabError: The description gives no inertias, or none to what some joints move.
     """
     own = OWN.get(robot.source if robot.source in OWN else robot.name)
     if own is not None and len(own["coulomb"]) != robot.n:
@@ -130,7 +131,12 @@ def truth_of(robot: Robot) -> Truth:
 
 def _bodies(robot: Robot) -> Array:
     """Inertial parameters (n, 10) of the truth."""
-    nominal = robot.inertial_vector
+    nominal, empty = robot.inertial_vector, moving_nothing(robot)
+    if nominal is not None and empty:
+        raise LabError(
+            f"{', '.join(empty)} of {robot.name} move no mass: the description has no inertia of their links.",
+            remedy=f"give {inertial_key(robot)} with mass, com and inertia for each, or lock these joints.",
+        )
     if nominal is not None:
         return nominal
     if robot.name == "panda" and robot.n == len(PANDA_BODIES):
@@ -138,7 +144,7 @@ def _bodies(robot: Robot) -> Array:
     raise LabError(
         f"{robot.name} comes without inertial parameters; there is nothing to simulate.",
         possible=", ".join(OWN),
-        remedy="give a description with inertias.",
+        remedy=f"give {inertial_key(robot)} with mass, centre of mass and inertia for each link.",
     )
 
 

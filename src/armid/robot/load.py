@@ -51,7 +51,7 @@ def load_robot(
             follow another one (mimic) are held by themselves, and a finding says so.
         only: Names or patterns of the joints that move; all others are held still.
         tip: Name of the frame that stands for the tool flange: the joints between the base and it move, all others
-            are held still. Found if left out, and nothing is held for it.
+            are held still, unless `only` says which. Found if left out, and nothing is held for it.
         locked: Former name of `lock`.
 
     Raises:

@@ -112,7 +112,7 @@ def held_joints(
         source: Its path, for messages.
         lock: Positions [rad or m] by name or pattern (`*`, `?`, `[…]`); `None` is zero, or within the limits what is
             nearest to it. A name goes before a pattern, a later pattern before an earlier one.
-        only: Names and patterns of the joints that move; all where none is given.
+        only: Names and patterns of the joints that move; where none is given, those that the tip says.
         tip: The joints between the base and this frame move; all where it is left out.
 
     Raises:
@@ -129,13 +129,14 @@ def held_joints(
         value = lock[pattern]
         for joint in _fitting(outline, pattern, source, "to lock"):
             at[joint.name] = joint.rest if value is None else value
-    moving = set(outline.names) if tip is None else outline.chain(tip)
     if only:
-        moving &= {joint.name for pattern in only for joint in _fitting(outline, pattern, source, "to move")}
+        moving = {joint.name for pattern in only for joint in _fitting(outline, pattern, source, "to move")}
+    else:
+        moving = set(outline.names) if tip is None else outline.chain(tip)
     others = [joint for joint in outline.joints if joint.name not in moving and joint.name not in at]
     # What carries the base of an arm that was chosen by its tip, such as a floating joint, is held as well.
-    floating = [each for each in outline.joints if tip is not None and not each.is_simple and each.name in moving]
-    floating = [each for each in floating if each.name not in at]
+    by_tip = tip is not None and not only
+    floating = [j for j in outline.joints if by_tip and not j.is_simple and j.name in moving and j.name not in at]
     chosen = [*others, *floating]
     free = [joint for joint in chosen if joint.follows is None]
     at |= {joint.name: joint.rest for joint in free}

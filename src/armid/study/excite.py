@@ -27,6 +27,7 @@ from armid.excitation.series import SeriesBasis
 from armid.excitation.solver import Problem, about_start
 from armid.excitation.start import Holds, anywhere
 from armid.robot.kinematics import forward_kinematics
+from armid.robot.massless import inertial_key, moving_nothing
 from armid.robot.robot import Robot
 from armid.shown import Shown, Summary
 from armid.study.placing import place
@@ -205,6 +206,12 @@ def _torque(goal: Goal, limits: Limits, rules: Rules) -> tuple[Torque | None, tu
         values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
         said = "torque is that of the description's links; friction is not known to it"
         findings = (Finding("torque-nominal", "info", "", said),)
+        robot = goal.model.robot
+        limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
+        if values is not None and (empty := [name for name in moving_nothing(robot) if name in limited]):
+            said = f"{', '.join(empty)} move no mass by the description, so their torque is taken as zero"
+            remedy = f"give {inertial_key(robot)} for what they move, or a run of an identification with --after."
+            findings = (*findings, Finding("torque-unknown", "warning", ", ".join(empty), said, remedy))
     if values is None:
         said = f"{goal.model.robot.name} gives no masses, so torque is not limited"
         remedy = "give a run of an identification with --after."

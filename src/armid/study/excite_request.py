@@ -36,7 +36,15 @@ from armid.study.study import RecordingChoice
 from armid.study.surroundings import assumed_floor, meshes_are_missing, surroundings_of
 from armid.values import Array, load
 
-__all__ = ["motion_of_file", "numbers", "prior_of_run", "rules_of", "run_experiment", "run_request"]
+__all__ = [
+    "motion_of_file",
+    "numbers",
+    "parse_limits",
+    "prior_of_run",
+    "rules_of",
+    "run_experiment",
+    "run_request",
+]
 
 Limit = float | tuple[float, float]
 
@@ -84,7 +92,7 @@ def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
     margin = options["torque_margin"]
     return Rules(
         options["limits"],
-        _limits(options["limit"] or ()),
+        parse_limits(options["limit"] or ()),
         options["acceleration"],
         options["jerk"],
         TORQUE_MARGIN if margin is None and options["limits"] == "true" else margin,
@@ -306,7 +314,7 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
     return motion
 
 
-def _limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
+def parse_limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
     """`JOINT.KIND=VALUE`, and `JOINT.position=LOW:HIGH`; several with commas between.
 
     Raises:

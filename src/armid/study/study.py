@@ -64,7 +64,8 @@ class RobotChoice:
         gravity: Acceleration of gravity in the base frame [m/s²]; the description's where not given.
         lock: Joints held still: names or patterns, `"name=position"`, or a table of positions; at 0, or next to it
             within the limits, where no position is given.
-        tip: Frame that stands for the tool flange; the joints between the base and it move, others are held still.
+        tip: Frame that stands for the tool flange; the joints between the base and it move, others are held still,
+            unless `only` says which.
         only: Names or patterns of the joints that move; all others are held still.
     """
 

@@ -1,7 +1,9 @@
 """URDF: an `<inertial>` for each link, damping and friction for each joint.
 
-There is no place for rotor inertia, nor for friction laws beyond these two. In a description only the numbers that
-change are replaced; the orientation of an inertial stays as it is written, and the tensor is turned into it.
+There is no place for rotor inertia, nor for friction laws beyond these two. A joint with stops needs limits of effort
+and velocity there, and zero would hold it still, so that a file of its own is refused without them. In a description
+only the numbers that change are replaced; the orientation of an inertial stays as it is written, and the tensor is
+turned into it.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from armid.errors import Finding
+from armid.errors import Finding, OutputError
 from armid.export.bodies import placed
 from armid.export.content import Body, Content, Source, Witness, Written, com_form, rpy_of, text_of, unique_names
 from armid.export.spans import Document, Node, element_text
@@ -190,6 +192,7 @@ def _relative_meshes(document: Document) -> tuple[Finding, ...]:
 def _fresh(content: Content) -> Written:
     """A URDF of its own: links with inertia and no shape."""
     robot = content.robot
+    _refuse_unlimited(robot)
     names = unique_names([link.name for link in robot.links])
     base, tip = unique_names(["base_link", robot.tip.name], names)
     fixed = unique_names([f"{tip}_fixed"], robot.joint_names)[0]
@@ -201,10 +204,12 @@ def _fresh(content: Content) -> Written:
     for i, joint in enumerate(robot.joints):
         parent = base if joint.parent < 0 else names[joint.parent]
         lines += _joint_lines(joint, parent, names[i], content.joints.get(joint.name, {}))
-    unknown = [j.name for j in robot.joints if not math.isfinite(j.velocity_limit + j.effort_limit)]
-    if unknown:
-        what = f"limits that are not known are written as 0: of {', '.join(unknown)}"
-        findings.append(Finding("limits-unknown", "info", "", what))
+    endless = [j for j in robot.joints if not _has_stops(j) and not _has_limits(j)]
+    half = [j.name for j in endless if math.isfinite(min(j.velocity_limit, j.effort_limit))]
+    if endless:
+        what = f"written without <limit>, since no limits are known: {', '.join(j.name for j in endless)}"
+        what += f"; of {', '.join(half)} one is, which the format does not take alone" if half else ""
+        findings.append(Finding("limits-unknown", "info", "", what, f"give them: {_example(endless)}"))
     parent = base if robot.tip.parent < 0 else names[robot.tip.parent]
     lines += [
         f"  <link name={quoteattr(tip)}/>",
@@ -221,9 +226,9 @@ def _fresh(content: Content) -> Written:
 def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, float]) -> list[str]:
     bounded = bool(np.isfinite(joint.position_limits).all())
     kind = "prismatic" if joint.is_prismatic else "revolute" if bounded else "continuous"
-    effort, velocity = (x if math.isfinite(x) else 0.0 for x in (joint.effort_limit, joint.velocity_limit))
     low, high = joint.position_limits
     position = f'lower="{text_of(low)}" upper="{text_of(high)}" ' if bounded else ""
+    limit = f'{position}effort="{text_of(joint.effort_limit)}" velocity="{text_of(joint.velocity_limit)}"'
     friction = " ".join(f'{ATTRIBUTES[term]}="{text_of(x)}"' for term, x in values.items() if term in ATTRIBUTES)
     return [
         f'  <joint name={quoteattr(joint.name)} type="{kind}">',
@@ -231,10 +236,51 @@ def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, flo
         f"    <parent link={quoteattr(parent)}/>",
         f"    <child link={quoteattr(child)}/>",
         f'    <axis xyz="{text_of(*joint.axis)}"/>',
-        f'    <limit {position}effort="{text_of(effort)}" velocity="{text_of(velocity)}"/>',
+        *([f"    <limit {limit}/>"] if _has_limits(joint) else []),
         *([f"    <dynamics {friction}/>"] if friction else []),
         "  </joint>",
     ]
+
+
+def _has_stops(joint: Joint) -> bool:
+    """Whether the format asks for limits: a revolute or a prismatic joint."""
+    return joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
+
+
+def _has_limits(joint: Joint) -> bool:
+    return math.isfinite(joint.velocity_limit) and math.isfinite(joint.effort_limit)
+
+
+def _missing(joint: Joint) -> list[str]:
+    """Limits that the format asks for and that are not known, as options that give them."""
+    said = {"velocity": math.isfinite(joint.velocity_limit), "effort": math.isfinite(joint.effort_limit)}
+    said["position"] = not joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
+    return [f"{joint.name}.{kind}={EXAMPLES[kind]}" for kind, known in said.items() if not known]
+
+
+EXAMPLES = {"velocity": "2", "effort": "100", "position": "-0.5:0.5"}
+"""Limits as an option may give them."""
+
+
+def _example(joints: Sequence[Joint]) -> str:
+    return "--limit " + ",".join(each for joint in joints for each in _missing(joint))
+
+
+def _refuse_unlimited(robot: Robot) -> None:
+    """Refuse joints with stops of which a limit is not known.
+
+    Raises:
+        OutputError: Such joints; the message has an option to paste.
+    """
+    without = [joint for joint in robot.joints if _has_stops(joint) and _missing(joint)]
+    if without:
+        names = ", ".join(joint.name for joint in without)
+        raise OutputError(
+            f"A URDF needs limits of effort and velocity of each joint with stops; the description has not all of "
+            f"{names}.",
+            possible="mjcf and sdf need none",
+            remedy=f"give what is missing, with numbers of the arm: {_example(without)}",
+        )
 
 
 def _origin(pose: Array) -> str:

@@ -12,6 +12,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from armid.errors import RobotError
 from armid.robot.markup import check_locked, parse_xml, root_tag
@@ -59,7 +60,10 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
 
     model = build(make, source)
     add_sites(model, plain)
-    shapes, visuals, missing = shapes_of_mjcf(root, plain, carriers_of(model), source)
+    carriers = carriers_of(model)
+    still = {body for body, (joint, _) in carriers.items() if not _is_moved(model, joint + 1, locked)}
+    noticed = (each for each in plain.findings if each.code != "inertial-missing" or each.channel not in still)
+    shapes, visuals, missing = shapes_of_mjcf(root, plain, carriers, source)
     robot = robot_from_model(
         model,
         name=root.get("model") or "robot",
@@ -68,7 +72,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         locked=locked,
         tip=tip,
         gravity=plain.gravity,
-        findings=(*plain.findings, *missing),
+        findings=(*noticed, *missing),
     )
     robot = replace(robot, shapes=shapes, visuals=visuals)
     if not included:
@@ -86,6 +90,13 @@ def outline(text: str, *, source: str) -> Outline:
     plain = plain_mjcf(root, source, dict.fromkeys(joint_names(root), 0.0))
     drawn = {joint.get("name", ""): float(joint.get("ref", "0")) for joint in ET.fromstring(plain.text).iter("joint")}
     return outline_of(root, source, plain.limits, drawn)
+
+
+def _is_moved(model: Any, joint: int, locked: Mapping[str, float]) -> bool:
+    """Whether a joint of the model, or one that carries it, moves; what stands on the base (joint 0) does not."""
+    while joint > 0 and model.names[joint] in locked:
+        joint = model.parents[joint]
+    return joint > 0
 
 
 def _root(text: str, source: str) -> ET.Element:

@@ -1,0 +1,21 @@
+"""Joints that move no mass, and what a description calls the inertia that it lacks."""
+
+from __future__ import annotations
+
+from armid.robot.robot import Robot
+
+__all__ = ["inertial_key", "moving_nothing"]
+
+
+def moving_nothing(robot: Robot) -> tuple[str, ...]:
+    """Names of the joints that move no mass, as far as the description says."""
+    carried = [0.0 if link.inertial is None else link.inertial.mass for link in robot.links]
+    for i in range(robot.n - 1, -1, -1):
+        if robot.joints[i].parent >= 0:
+            carried[robot.joints[i].parent] += carried[i]
+    return tuple(joint.name for joint, mass in zip(robot.joints, carried, strict=True) if mass == 0.0)
+
+
+def inertial_key(robot: Robot) -> str:
+    """What the format of the description calls the inertia of a link."""
+    return "<inertial>" if robot.source.endswith(("xml", "urdf", "xacro", "mjcf")) else "[joint.inertial]"
