@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from armid.cli.main import main
+from armid.excitation.formats import FORMATS, Track
+from armid.excitation.fourier import save_plan
 from armid.measurement.recording import Recording
-from labs import small_recording, write_arm, write_recording
+from labs import small_model, small_plan, small_recording, write_arm, write_recording
 from recordings import joint_state, write_bag_folder
 
 pytest.importorskip("rosbags")
@@ -89,3 +91,52 @@ def test_what_was_guessed_stands_in_the_run_and_others_are_guessed_anew(
     for path in (check, later):
         code, out, _ = called(capsys, "validate", run, path, "--json")
         assert code == 0 and json.loads(out)["verdict"] == "pass"
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Path:
+    """A folder as `armid excite` leaves it, with a file for each controller."""
+    folder = tmp_path / "plans"
+    save_plan(small_plan(4), folder / "plan.json")
+    for form in FORMATS.values():
+        track = Track("small", JOINTS, (False,) * 3, small_plan(4).sample(form.RATE))
+        if not form.problem(track):
+            (folder / f"plan{form.SUFFIX}").write_bytes(form.write(track))
+    return folder
+
+
+def test_a_plan_is_taken_in_each_of_its_files(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    pytest.importorskip("mujoco")
+    arm, run = write_arm(tmp_path), tmp_path / "run"
+    train = write_recording(small_recording(1), tmp_path / "train.csv")
+    assert called(capsys, "identify", arm, train, "--out", run, "--no-report")[0] == 0
+    files = (plan, plan / "plan.json", plan / "plan.csv", plan / "plan.mat", plan / "plan.trajectory.yaml")
+    assert all(path.exists() for path in files)
+    torques: list[np.ndarray] = []
+    for path in files:
+        code, _, err = called(capsys, "predict", run, path, "--plan-rate", "50", "--out", tmp_path / "torque.csv")
+        assert code == 0, err
+        rows = np.loadtxt(tmp_path / "torque.csv", delimiter=",", skiprows=1)
+        torques.append(
+            np.array([np.interp(np.arange(0.0, 7.9, 0.02), rows[:, 0], column) for column in rows[:, 1:].T])
+        )
+    for path, torque in zip(files[1:], torques[1:], strict=True):
+        # Friction turns over within a hundredth of a second, where files have other rows.
+        assert np.median(np.abs(torque - torques[0])) < 1e-2, path
+    logs = [
+        called(capsys, "simulate", arm, path, "--mode", "inverse-dynamics", "--json", "--out", tmp_path / "lab")[1]
+        for path in files
+    ]
+    assert len({json.loads(log)["samples"] for log in logs}) == 1 and len(set(logs)) == 1
+
+
+def test_a_plan_that_was_written_is_a_log_of_positions(
+    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    code, out, _ = called(capsys, "doctor", write_arm(tmp_path), plan / "plan.csv", "--json")
+    found = {f["code"]: f for f in json.loads(out)["findings"]}
+    assert code == 1 and "q_joint_1" in found["columns-guessed"]["evidence"]
+    assert "There is no effort" in found["channel-dead"]["evidence"]
+    code, _, err = called(capsys, "doctor", tmp_path / "small.urdf", plan)
+    assert code == 2 and "it is a plan of armid excite" in err
+    assert small_model().robot.joint_names == JOINTS

@@ -17,7 +17,10 @@ __all__ = ["predict"]
 
 def predict(
     run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
-    motion: Annotated[str, typer.Argument(metavar="RECORDING | PLAN", help="A recording, a plan.json or thesis-a1.")],
+    motion: Annotated[
+        str,
+        typer.Argument(metavar="RECORDING | PLAN", help="A recording; a plan.json, its folder or files."),
+    ],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to write, .csv or .npz.")] = Path(
         "torque.csv"
     ),

@@ -20,7 +20,10 @@ __all__ = ["simulate"]
 
 def simulate(
     robot: RobotName,
-    plan: Annotated[str, typer.Argument(metavar="PLAN", help="A plan.json, thesis-a1 or thesis-a2.")],
+    plan: Annotated[
+        str,
+        typer.Argument(metavar="PLAN", help="A plan.json, its folder or files; thesis-a1 or thesis-a2."),
+    ],
     options: Annotated[Path | None, typer.Option(metavar="FILE", help="A lab.toml with everything else.")] = None,
     mode: Annotated[
         str | None,

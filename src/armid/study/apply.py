@@ -12,8 +12,6 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import torque_parameters
-from armid.excitation.fourier import load_plan
-from armid.excitation.plans import PLANS, builtin_plan
 from armid.information.memory import remember
 from armid.measurement.process import observe
 from armid.measurement.readers import load_recording
@@ -22,6 +20,7 @@ from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.study.doctor import findings_on
 from armid.study.identify import read_recording, score_recordings
+from armid.study.plan_files import motion_of_plan
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.validation.predict import Validation, validate
@@ -68,7 +67,7 @@ def _like(run: Run, changes: Mapping[str, Any]) -> Reading:
 
 
 def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:
-    """The motion of a plan (a `plan.json` or a built-in one), or of a recording as the run processes it.
+    """The motion of a plan or a file written for a controller, or of a recording as the run processes it.
 
     Args:
         run: The run.
@@ -79,16 +78,9 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     Raises:
         ArmidError: It cannot be read, or has other joints than the run's arm.
     """
-    if path in PLANS or path.endswith(".json"):
-        plan = builtin_plan(path) if path in PLANS else load_plan(path)
-        if plan.n != run.robot.n:
-            raise ArmidError(
-                f"{path} moves {plan.n} joints; {run.robot.name} has {run.robot.n}.",
-                remedy="give a plan for the arm of this run.",
-            )
-        if not 0.0 < rate < np.inf:
-            raise ArmidError(f"A plan is sampled at a rate above 0; found {rate:g} Hz.")
-        return plan.sample(rate)
+    planned = motion_of_plan(path, run.robot, rate)
+    if planned is not None:
+        return planned
     how = _like(run, reading)
     raw = load_recording(path, how, run.robot)
     if raw.effort is None:  # only the motion is asked for

@@ -14,8 +14,6 @@ import numpy as np
 from armid.errors import ArmidError, Finding, ModelError
 from armid.estimation.estimate import collapse
 from armid.estimation.standard_fit import StandardFit
-from armid.excitation.fourier import load_plan
-from armid.excitation.plans import PLANS, builtin_plan
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -23,6 +21,7 @@ from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.robot import Robot
 from armid.shown import Shown, Summary
+from armid.study.plan_files import series_of
 from armid.study.run import Run
 from armid.validation.consistency import Certificate, certify_values
 from armid.validation.gravity_sign import gravity_sign_finding
@@ -121,8 +120,8 @@ def read_values(path: Path | str) -> dict[str, float]:
 
 
 def read_plan(name: str) -> Motion:
-    """The motion of a built-in plan or a `plan.json`, at 100 samples a second."""
-    return (builtin_plan(name) if name in PLANS else load_plan(name)).sample(PLAN_RATE)
+    """The motion of a built-in plan or one of `armid excite`, at 100 samples a second."""
+    return series_of(name).sample(PLAN_RATE)
 
 
 def certify_named(

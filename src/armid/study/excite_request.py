@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from armid.errors import ArmidError
 from armid.excitation.design import Progress
 from armid.excitation.experiments import Moves, choose_poses, free_ranges, poses_plan, straight_way, sweeps_plan
-from armid.excitation.fourier import Excitation, load_plan
+from armid.excitation.fourier import Excitation
 from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, information_along, known_sizes
 from armid.excitation.places import Workspace, box_workspace
-from armid.excitation.plans import PLANS, builtin_plan
 from armid.information.information import Information
 from armid.measurement.process import observe
 from armid.measurement.processing import Processing
@@ -31,6 +30,7 @@ from armid.robot.shapes import Shape
 from armid.study.excite import Designed, Effort, Rules, Wish, design_plan
 from armid.study.identify import read_recording
 from armid.study.placing import place
+from armid.study.plan_files import is_plan, motion_of_plan, series_of
 from armid.study.run import MARKER, load_run
 from armid.study.study import RecordingChoice
 from armid.study.surroundings import assumed_floor, meshes_are_missing, surroundings_of
@@ -278,9 +278,9 @@ def prior_of_run(folder: str, goal: Goal) -> Array:
 def _series(path: str) -> Excitation | None:
     """The series of a plan, stretched where `@` and seconds follow; `None` for a recording."""
     name, at, seconds = path.partition("@")
-    if name not in PLANS and not name.endswith(".json"):
+    if not is_plan(name):
         return None
-    series = builtin_plan(name) if name in PLANS else load_plan(name)
+    series = series_of(name)
     if not at:
         return series
     try:
@@ -302,6 +302,8 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
     if series is not None:
         motion = series.sample(1000.0)
     else:
+        motion = motion_of_plan(path, robot, 1000.0)
+    if motion is None:
         recording, _ = read_recording(RecordingChoice(path, reading=Reading()), ".", robot)
         observations, _ = observe([recording], Processing(standstill="keep"))
         runs = [run.motion for run in observations.runs]

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from armid.errors import OutputError
-from armid.excitation.fourier import Excitation, load_plan
-from armid.excitation.plans import PLANS, builtin_plan
+from armid.excitation.fourier import Excitation
 from armid.lab.options import LabOptions
 from armid.lab.simulate import Simulated, simulate, truth_record
 from armid.lab.trace import Trace
 from armid.lab.truths import truth_of
 from armid.measurement.writing import WRITERS, save_recording
 from armid.robot.robot import Robot
+from armid.study.plan_files import series_of
 from armid.study.records import to_json
 from armid.values import replace_file, sha256_of_file
 
@@ -42,8 +42,8 @@ class Written:
 
 
 def the_plan(name: str, period: float | None = None) -> Excitation:
-    """A built-in plan or one from a `plan.json`, played over another period [s] where one is given."""
-    plan = builtin_plan(name) if name in PLANS else load_plan(name)
+    """A built-in plan or one of `armid excite`, played over another period [s] where one is given."""
+    plan = series_of(name)
     return plan if period is None else plan.stretched(period)
 
 

@@ -10,9 +10,7 @@ import numpy as np
 from armid.errors import ArmidError
 from armid.excitation.collision import Collision
 from armid.excitation.experiments import Moves
-from armid.excitation.formats import FORMATS
 from armid.measurement.reading import Reading
-from armid.model.motion import Motion
 from armid.report.material import choices_of, read_again, records_of
 from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
@@ -22,7 +20,7 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.study.excite import Designed
 from armid.study.identify import read_recording
-from armid.study.plan_files import is_plan, read_whole_plan
+from armid.study.plan_files import is_plan, motion_of_plan, read_whole_plan
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.values import Array
@@ -104,16 +102,9 @@ def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:
 
 def _of_file(path: str, robot: Robot, reading: Reading) -> Clip:
     """A motion in one of the formats for controllers, or else a recording."""
-    for form in FORMATS.values():
-        if path.endswith(form.SUFFIX) and Path(path).is_file():
-            try:
-                track = form.read(Path(path).read_bytes())
-            except ArmidError:
-                continue
-            if set(track.joints) == set(robot.joint_names):
-                motion, order = track.motion, [track.joints.index(name) for name in robot.joint_names]
-                states = (motion.q[:, order], motion.dq[:, order], motion.ddq[:, order])
-                return clip_of_motion(Motion(motion.time, *states), Path(path).name)
+    motion = motion_of_plan(path, robot, 1000.0)
+    if motion is not None:
+        return clip_of_motion(motion, Path(path).name)
     recording, _ = read_recording(RecordingChoice(path, reading=reading), ".", robot)
     return clip_of_recording(recording, Path(path).name)
 
