@@ -1,4 +1,4 @@
-"""How values show themselves in a notebook: they say what their table holds, and here it becomes HTML, once for all.
+"""How values show themselves: they say what their table holds, and here it becomes HTML or a few lines of text.
 
 Any value takes part by deriving from `Shown` and giving a `summary`. Text is escaped; nothing is fetched or executed.
 """
@@ -14,10 +14,16 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Shown", "Summary", "html_of", "names_apart", "spans"]
+__all__ = ["Shown", "Summary", "html_of", "names_apart", "percent", "spans", "text_of"]
 
 MOST_ROWS = 200
 """Rows that are shown; a notebook becomes slow with more, and nobody reads them."""
+
+FEW_ROWS = 6
+"""Rows of the text that a prompt shows: with title, titles of columns and notes ten lines at most."""
+
+WIDEST = 28
+"""Characters of a cell of that text; longer ones are cut."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +44,10 @@ class Summary:
 
 
 class Shown:
-    """A value that a notebook shows as a table."""
+    """A value that a notebook shows as a table, and a prompt as the first lines of it.
+
+    A dataclass of this kind is declared with `repr=False`, so that it keeps the text from here.
+    """
 
     __slots__ = ()
 
@@ -48,6 +57,9 @@ class Shown:
 
     def _repr_html_(self) -> str:
         return html_of(self.summary())
+
+    def __repr__(self) -> str:
+        return text_of(type(self).__name__, self.summary())
 
 
 def names_apart(paths: Iterable[str]) -> dict[str, str]:
@@ -93,3 +105,30 @@ def html_of(summary: Summary) -> str:
     note = f"<p>{escape(summary.note)}</p>" if summary.note else ""
     table = f"<thead>{line('th', summary.columns)}</thead><tbody>{rows}</tbody>"
     return f"<table><caption>{escape(summary.title)}</caption>{table}</table>{more}{note}"
+
+
+def text_of(kind: str, summary: Summary) -> str:
+    """A summary in at most ten lines of text.
+
+    Args:
+        kind: Name of the value's type.
+        summary: Its table.
+    """
+
+    def cut(text: str) -> str:
+        line = " ".join(text.split())
+        return line if len(line) <= WIDEST else f"{line[: WIDEST - 1]}…"
+
+    shown = [summary.columns, *summary.rows[:FEW_ROWS]] if any(summary.columns) else [*summary.rows[:FEW_ROWS]]
+    cells = [[cut(cell) for cell in row] for row in shown]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells]
+    left = len(summary.rows) - FEW_ROWS
+    more = [f"… and {left} more"] if left > 0 else []
+    note = [" ".join(summary.note.split())] if summary.note else []
+    return "\n  ".join([f"<{kind} {summary.title}", *lines, *more, *note]) + ">"
+
+
+def percent(value: float) -> str:
+    """A share in percent with two digits that say something: `0.034 %`, `5.1 %`, `510 %`."""
+    return f"{value:.2g} %" if not 99.5 <= value < float("inf") else f"{value:.0f} %"

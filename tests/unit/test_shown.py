@@ -11,7 +11,7 @@ import pytest
 from armid import find_base_parameters, identify, load_robot, load_run, load_study, save_run
 from armid.excitation.objective import Goal
 from armid.excitation.plan import Plan
-from armid.shown import MOST_ROWS, Shown, Summary, html_of, names_apart
+from armid.shown import MOST_ROWS, Shown, Summary, html_of, names_apart, percent, text_of
 from armid.study.certify import certify_run
 from armid.study.excite import Effort, Rules, Wish, design_plan
 from labs import small_model, small_plan, small_recording, write_recordings, write_study
@@ -66,6 +66,8 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Shown]:
         "Recording": small_recording(1),
         "Verdict": certify_run(run),
         "Designed": designed,
+        "Study": load_study(folder / "study.toml"),
+        "Information": result.information,
     }
 
 
@@ -86,6 +88,8 @@ HOLDS = {
     "Recording": "effort",
     "Verdict": "masses of that body",
     "Designed": "velocity",
+    "Study": "run2.csv",
+    "Information": "rows",
 }
 """A cell of each value's table."""
 
@@ -101,7 +105,43 @@ def test_a_value_shows_itself_as_a_table(kind: str, values: dict[str, Shown]):
 
 
 def test_every_value_that_shows_itself_is_looked_at():
-    assert {kind.__name__ for kind in Shown.__subclasses__()} == set(HOLDS)
+    assert {kind.__name__ for kind in leaves(Shown)} == set(HOLDS)
+
+
+def leaves(kind: type) -> list[type]:
+    """Classes of a kind of which nothing is derived."""
+    return [leaf for each in kind.__subclasses__() for leaf in (leaves(each) or [each])]
+
+
+@pytest.mark.parametrize("kind", HOLDS)
+def test_a_prompt_shows_ten_lines_of_a_value(kind: str, values: dict[str, Shown]):
+    text = repr(values[kind])
+    assert kind in text.splitlines()[0] and text.count("\n") < 10 and len(text) < 1500
+    assert "array(" not in text and " 1 findings" not in text
+
+
+def test_a_study_shows_what_it_says_beyond_the_defaults(tmp_path: Path):
+    write_recordings(tmp_path)
+    text = write_study(tmp_path).read_text().replace('role = "validate"', 'role = "validate"\nrate = 50.0')
+    text += '[processing]\ncutoff = 3.0\nslow = 0.1\n[estimation]\nmethod = "ridge"\n'
+    (tmp_path / "study.toml").write_text(text)
+    rows = {row[0]: row[1:] for row in load_study(tmp_path / "study.toml").summary().rows}
+    assert rows["arm"] == ("small.urdf", "") and rows["train"] == ("run1.csv", "")
+    assert rows["validate"] == ("run2.csv", "rate = 50.0") and rows["method"] == ("ridge", "")
+    assert rows["processing"] == ("cut-off 3.0 Hz", "slow = 0.1")
+
+
+def test_deviations_in_percent_have_no_powers_of_ten():
+    assert [percent(x) for x in (0.0337, 5.12, 99.6, 512.3, 73210.0)] == [
+        "0.034 %", "5.1 %", "100 %", "512 %", "73210 %",
+    ]  # fmt: skip
+    assert percent(float("inf")) == "inf %"
+
+
+def test_long_cells_and_notes_of_one_line_fit_a_prompt():
+    text = text_of("Kind", Summary("title", ("a", "b"), tuple((str(k), "x" * 90) for k in range(9)), "see\nthere"))
+    assert text.splitlines()[0] == "<Kind title" and text.endswith("see there>")
+    assert "… and 3 more" in text and max(map(len, text.splitlines())) < 40
 
 
 def test_names_are_text_and_nothing_else():

@@ -13,7 +13,7 @@ from armid.errors import Finding
 from armid.estimation.fit import Fit
 from armid.estimation.standard_fit import StandardFit, Status
 from armid.model.base import BaseParameters
-from armid.shown import Shown, Summary
+from armid.shown import Shown, Summary, percent
 from armid.values import Array
 
 __all__ = ["Estimate", "Status", "TermUse", "averaged", "standard_parameters", "torque_parameters"]
@@ -39,7 +39,7 @@ class TermUse:
         object.__setattr__(self, "shapes", shapes)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Estimate(Shown):
     """Base parameters of an arm with intervals.
 
@@ -72,13 +72,14 @@ class Estimate(Shown):
         """Base parameters with deviations and intervals."""
         units = dict(zip(self.base.names, self.base.units, strict=True))
         rows = tuple(
-            (name, f"{value:.5g}", units[name.split("[", 1)[0]], f"{deviation:.2g} %", f"{low:.5g} … {high:.5g}")
+            (name, f"{value:.5g}", units[name.split("[", 1)[0]], percent(deviation), f"{low:.5g} … {high:.5g}")
             for name, value, deviation, (low, high) in zip(
                 self.fit.names, self.fit.values, self.fit.relative_deviation, self.intervals, strict=True
             )
         )
         columns = ("parameter", "value", "unit", "σ", "95 % interval")
-        note = f"condition number {self.fit.condition:.4g}; {len(self.findings)} findings"
+        count = len(self.findings)
+        note = f"condition number {self.fit.condition:.4g}; {count} finding{'' if count == 1 else 's'}"
         return Summary(f"{self.robot}: {len(rows)} base parameters, {self.method}", columns, rows, note)
 
     @property

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from armid.errors import Finding
 from armid.estimation.standard_fit import StandardFit
 from armid.information.information import Information
-from armid.shown import Shown, Summary
+from armid.shown import Shown, Summary, percent
 from armid.values import Array, array
 
 __all__ = ["POORLY_IDENTIFIED", "CovarianceReport", "Fit"]
@@ -40,7 +40,7 @@ class CovarianceReport:
         object.__setattr__(self, "noise", array(self.noise, (None,), "noise"))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Fit(Shown):
     """An estimate of b parameters from the rows of n joints.
 
@@ -104,7 +104,7 @@ class Fit(Shown):
     def summary(self) -> Summary:
         """Parameters with deviations and intervals."""
         rows = tuple(
-            (name, f"{value:.5g}", f"{relative:.2g} %", f"{low:.5g} … {high:.5g}")
+            (name, f"{value:.5g}", percent(relative), f"{low:.5g} … {high:.5g}")
             for name, value, relative, (low, high) in zip(
                 self.names, self.values, self.relative_deviation, self.intervals, strict=True
             )

@@ -75,7 +75,7 @@ class LinkBody:
         object.__setattr__(self, "reasons", tuple(self.reasons))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class LinkTable(Shown):
     """Bodies of all links, in the order of the joints that move them.
 

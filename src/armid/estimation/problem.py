@@ -66,9 +66,9 @@ class Problem:
     """
 
     information: Information
-    standard: Standard | None = None
-    model: DynamicsModel | None = None
-    base: BaseParameters | None = None
+    standard: Standard | None = field(default=None, repr=False)
+    model: DynamicsModel | None = field(default=None, repr=False)
+    base: BaseParameters | None = field(default=None, repr=False)
     observations: Observations | None = field(default=None, repr=False)
 
     def require_standard(self, method: str) -> Standard:

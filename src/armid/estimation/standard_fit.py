@@ -124,7 +124,7 @@ class Lift:
         object.__setattr__(self, "base_shift", array(self.base_shift, (b,), "base_shift"))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class StandardFit(Shown):
     """Estimate of p standard parameters.
 

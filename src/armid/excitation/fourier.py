@@ -32,7 +32,7 @@ PLAN_FILE = "plan.json"
 PLAN_KEYS = ("robot", "base_frequency", "offset", "a", "b")
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Excitation(Shown):
     """A periodic motion of n joints with L harmonics.
 

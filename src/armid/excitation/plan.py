@@ -33,7 +33,7 @@ def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLik
     return float(np.max(times))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Plan(Shown):
     """What the arm does from leaving one pose to reaching another.
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.kernel import factor_columns
+from armid.shown import Shown, Summary
 from armid.values import Array, array
 
 __all__ = ["Information", "JointFactors", "merge", "restrict", "select", "stack", "total"]
@@ -41,8 +42,8 @@ class JointFactors:
         object.__setattr__(self, "R", array(self.R, (None, width, width), "R"))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Information:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Information(Shown):
     """Factors of all joints and blocks.
 
     Attributes:
@@ -77,6 +78,15 @@ class Information:
             object.__setattr__(self, name, value)
         if any(len(joint.R) != blocks for joint in self.joints):
             raise ArmidError("Every joint must have a factor for every block.")
+
+    def summary(self) -> Summary:
+        """Rows and parameters of each joint."""
+        rows = tuple(
+            (str(j + 1), str(int(self.rows[:, j].sum())), str(len(joint.parameters)))
+            for j, joint in enumerate(self.joints)
+        )
+        title = f"{self.count} base parameters, {self.blocks} blocks of rows"
+        return Summary(title, ("joint", "rows", "parameters"), rows, self.made_by)
 
     @property
     def n(self) -> int:

@@ -21,7 +21,7 @@ def _all_valid() -> NDArray[np.bool_]:
     return np.ones((), dtype=np.bool_)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Recording(Shown):
     """Measured motion and effort, N samples of n channels.
 

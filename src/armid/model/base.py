@@ -50,7 +50,7 @@ LINEAR = frozenset({"add", "mul", "sign", "abs"})
 """Functions without a scale of their own."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class BaseParameters(Shown):
     """Which standard columns stand for the base, and the regrouping: base = regrouping · standard.
 

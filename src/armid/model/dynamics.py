@@ -71,7 +71,7 @@ class TermColumns:
     values: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DynamicsModel(Shown):
     """An arm with its torque terms.
 

@@ -14,7 +14,7 @@ from armid.values import Array, array
 __all__ = ["Motion"]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Motion(Shown):
     """Positions, velocities and accelerations of n joints at N samples.
 

@@ -208,7 +208,7 @@ class Held:
     place: int
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Robot(Shown):
     """An open chain or tree of joints on a fixed base.
 

@@ -48,7 +48,7 @@ PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 PLAN_RATE = 100.0
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Verdict(Shown):
     """What is certified of a set of parameters.
 

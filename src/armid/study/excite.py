@@ -56,7 +56,7 @@ LEAD_ACCELERATION = 2.0
 """Acceleration of these ways where no limit is given [rad/s² or m/s²]."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Designed(Shown):
     """What has come of it.
 

@@ -71,7 +71,7 @@ Progress = Callable[[str, float], None]
 """Told the name of the stage and the share of it that is done."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Result(Shown):
     """What an identification gives.
 

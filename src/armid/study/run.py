@@ -34,7 +34,7 @@ __all__ = ["Run", "load_run", "refuse_folder", "save_run"]
 MARKER = "estimate.json"
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Run(Shown):
     """What a run's folder holds, as far as prediction needs it.
 
@@ -69,7 +69,7 @@ class Run(Shown):
             ("terms", ", ".join(dict.fromkeys(term.name for term in self.model.terms))),
             ("method", self.estimate.method),
             ("parameters", str(len(fit.names))),
-            ("verdict on unseen motion", self.verdict),
+            ("verdict on held-out motion", self.verdict),
         )
         return Summary(f"run {self.folder}", ("", ""), rows, "values: run.estimate; bodies of the links: run.links")
 

@@ -22,6 +22,7 @@ from armid.measurement.reading import Reading
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import TERMS, Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.robot import Robot, builtin_arms, load_robot
+from armid.study.outline import Outlined
 
 __all__ = [
     "EstimationChoice",
@@ -163,8 +164,8 @@ class EstimationChoice:
             _require(getattr(self, key) in (True, False), key, "true or false", getattr(self, key))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Study:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Study(Outlined):
     """Everything that an identification is made from.
 
     Attributes:

@@ -82,7 +82,7 @@ class Score:
             return self.rms / self.spread
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Validation(Shown):
     """Scores on recordings that no parameter has seen, and the verdict.
 
@@ -107,7 +107,7 @@ class Validation(Shown):
         )
         failed = ", ".join(check.name for check in self.checks if not check.ok)
         note = f"does not hold: {failed}" if failed else "N·m or N, in the study's band"
-        return Summary(f"verdict on unseen motion: {self.verdict}", columns, rows, note)
+        return Summary(f"verdict on held-out motion: {self.verdict}", columns, rows, note)
 
 
 def score(
