@@ -36,7 +36,9 @@ __all__ = [
 RobotName = Annotated[
     str,
     typer.Argument(
-        metavar="ROBOT", help="Built-in name or path to a URDF, xacro, MJCF or DH table.", autocompletion=known_arms
+        metavar="ROBOT",
+        help="Built-in name or path to a URDF, xacro, MJCF or a DH table in TOML (docs/dh.md).",
+        autocompletion=known_arms,
     ),
 ]
 Gravity = Annotated[

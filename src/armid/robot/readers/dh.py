@@ -12,7 +12,7 @@ A file reads so::
     rpy = [0, 0, "pi/2"]              # Rz(yaw) Ry(pitch) Rx(roll)
 
     [[joint]]                         # from the base outwards
-    name = "A1"
+    name = "A1"                       # joint_1, joint_2, … where left out
     kind = "revolute"                 # revolute (default), continuous or prismatic
     alpha = 0                         # the row; what is left out is 0
     a = 0.0
@@ -57,11 +57,12 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
 
-from armid.errors import Finding, RobotError
+from armid.errors import Finding, RobotError, did_you_mean
 from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotation
 from armid.robot.markup import check_locked
 from armid.robot.outline import Named, Outline
@@ -113,12 +114,13 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     convention = top.choice("convention", tuple(ROWS))
     degrees = top.choice("units", ("rad", "deg"), "rad") == "deg"
     rows = [
-        _Table(row, f"{source}, joint {k}", degrees) for k, row in enumerate(_tables(document, "joint", source), 1)
+        _Table(row, f"{source}, joint {k}", degrees, f"joint_{k}")
+        for k, row in enumerate(_tables(document, "joint", source), 1)
     ]
     if not rows:
         raise RobotError(f"{source} has no [[joint]].", remedy="give one for every joint, from the base outwards.")
     table = [_row(row, convention) for row in rows]
-    check_locked(locked, (row.text("name") for row in rows), source)
+    check_locked(locked, (_name(row) for row in rows), source)
 
     joints: list[Joint] = []
     links: list[Link] = []
@@ -134,7 +136,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     last = reached @ _pose(document, "tip", source, degrees)
     own = Frame(_Table(document.get("tip", {}), f"{source}, [tip]").text("name", "tip"), len(joints) - 1, last)
     return Robot(
-        top.text("name", source),
+        top.text("name", Path(source).stem),
         tuple(joints),
         tuple(links),
         _tip(own, links, tip, source),
@@ -182,11 +184,16 @@ def _row(row: _Table, convention: str) -> tuple[Array, Array]:
     return (along_z, along_x) if convention == "standard" else (along_x @ along_z, np.eye(4))
 
 
+def _name(row: _Table) -> str:
+    """Name of a row's joint, by default after its place."""
+    return row.text("name", row.default_name)
+
+
 def _joint(row: _Table, parent: int, placement: Array) -> Joint:
     kind = cast("Literal['revolute', 'continuous', 'prismatic']", row.choice("kind", KINDS, "revolute"))
     turns = kind != "prismatic"
     position = row.vector("position", 2, (-math.inf, math.inf), angle=turns)
-    name = row.text("name")
+    name = _name(row)
     if position[0] >= position[1]:
         raise RobotError(
             f"{row.where}: the limits {row.data['position']} of {name!r} leave no room.",
@@ -212,6 +219,7 @@ def _capsules(data: dict[str, Any], where: str, name: str, link: int, to_end: Ar
     for number, given in enumerate(_tables(data, "capsule", where)):
         table = _Table(given, f"{where}, capsule {number + 1}")
         table.only(("from", "to", "radius"))
+        table.require(("from", "to", "radius"))
         label = name if number == 0 else f"{name} ({number + 1})"
         body = capsule_between(label, link, table.vector("from", 3), table.vector("to", 3), table.number("radius"))
         result.append(body.on(link, to_end))
@@ -226,16 +234,18 @@ def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialPa
     where = f"{row.where}, inertial"
     table = _Table(data, where)
     table.only(("mass", "com", "inertia"))
+    table.require(("mass", "com"))
     com = np.array(table.vector("com", 3))
     tensor = np.zeros((3, 3))
     if "inertia" in table.data:
         entries = _Table(table.data["inertia"], f"{where}, inertia")
         entries.only(INERTIA)
+        entries.require(INERTIA)
         xx, xy, xz, yy, yz, zz = (entries.number(key) for key in INERTIA)
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
         findings.append(
-            Finding("inertia-missing", "info", row.text("name"), "no inertia is given; the link is a point mass")
+            Finding("inertia-missing", "info", _name(row), "no inertia is given; the link is a point mass")
         )
     body = InertialParameters.from_com(table.number("mass"), com, tensor)
     # Untouched where the frames agree, so that the numbers stay those of the file.
@@ -267,6 +277,7 @@ class _Table:
     data: Any
     where: str
     degrees: bool = False
+    default_name: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.data, dict):
@@ -286,10 +297,16 @@ class _Table:
                     f"{self.where}: unknown key {key!r}.", possible=", ".join(known), remedy=f"{remedy}."
                 )
 
+    def require(self, keys: tuple[str, ...]) -> None:
+        """Refuse a table without these keys; all that are missing are named."""
+        missing = [key for key in keys if key not in self.data]
+        if missing:
+            verb, written = "is" if len(missing) == 1 else "are", ", ".join(f"{key} = …" for key in missing)
+            raise RobotError(f"{self.where}: {', '.join(missing)} {verb} missing.", remedy=f"write {written}")
+
     def need(self, key: str) -> Any:
         """The entry, refused where missing."""
-        if key not in self.data:
-            raise RobotError(f"{self.where}: {key} is missing.", possible=", ".join(self.data) or "nothing is given")
+        self.require((key,))
         return self.data[key]
 
     def text(self, key: str, default: str | None = None) -> str:
@@ -301,9 +318,13 @@ class _Table:
 
     def choice(self, key: str, possible: tuple[str, ...], default: str | None = None) -> str:
         """One of several words."""
+        if default is None and key not in self.data:
+            remedy = f'write {key} = "{possible[0]}" or another.'
+            raise RobotError(f"{self.where}: {key} is missing.", possible=", ".join(possible), remedy=remedy)
         value = self.text(key, default)
         if value not in possible:
-            raise RobotError(f"{self.where}: {key} is {value!r}.", possible=", ".join(possible))
+            remedy = did_you_mean(value, possible) or f"write one of these for {key}."
+            raise RobotError(f"{self.where}: {key} is {value!r}.", possible=", ".join(possible), remedy=remedy)
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
