@@ -18,7 +18,6 @@ from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.study.labels import labels, together
-from armid.study.plausibility import gravity_finding
 from armid.study.remedies import tables_of
 from armid.study.study import RecordingChoice, Study, build_model, load_choice
 from armid.threads import one_blas_thread
@@ -27,6 +26,7 @@ from armid.validation.doctor.channel_delay import explain as explain_delay
 from armid.validation.doctor.contact import explain as explain_contact
 from armid.validation.doctor.motor_side import explain as explain_scale
 from armid.validation.doctor.state import State
+from armid.validation.gravity_sign import gravity_finding
 
 __all__ = ["Diagnosis", "diagnose", "diagnose_recording", "diagnosis_record", "findings_on", "is_ill", "watch"]
 

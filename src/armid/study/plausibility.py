@@ -19,6 +19,7 @@ from armid.maths.linalg import inverse_of, unit_columns
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.validation.doctor.excitation_weak import WEAK_CONDITION, excitation_severity, hardly_told
+from armid.validation.gravity_sign import gravity_finding
 from armid.values import Array
 
 __all__ = [
@@ -33,9 +34,6 @@ __all__ = [
     "negative_finding",
     "weak_finding",
 ]
-
-STRONGEST_GRAVITY = 15.0
-"""Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
 
 FAR = 20.0
 """Factor between the mass of a link and the described one from which on they have nothing to do with each other."""
@@ -149,20 +147,6 @@ def chosen_finding(ladder: Ladder, method: str) -> Finding:
         "for speeds and poses like those recorded."
     )
     return Finding("friction-chosen", "info", "", evidence, "validate on another recording.")
-
-
-def gravity_finding(robot: Robot) -> Finding | None:
-    """A gravity that no arm stands in, or `None`."""
-    strength = float(np.linalg.norm(robot.gravity))
-    if strength <= STRONGEST_GRAVITY:
-        return None
-    return Finding(
-        "gravity-direction",
-        "warning",
-        "",
-        f"Gravity is {strength:.4g} m/s².",
-        "correct gravity: it is in m/s², for instance [0, 0, -9.81]",
-    )
 
 
 def few_blocks_finding(fit: Fit) -> Finding | None:

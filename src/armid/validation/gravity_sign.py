@@ -13,9 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import Finding
 from armid.model.base import BaseParameters
+from armid.robot import Robot
 from armid.values import array
 
-__all__ = ["gravity_sign_finding"]
+__all__ = ["gravity_finding", "gravity_sign_finding"]
+
+STRONGEST_GRAVITY = 15.0
+"""Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
 
 WEIGHTY = 0.1
 """Share of the largest of these moments below which one says nothing: the own moments of a wrist outweigh its
@@ -23,6 +27,20 @@ lengths."""
 
 MOMENTS = ("MX", "MY", "MZ")
 FRICTION = ("FV", "FS")
+
+
+def gravity_finding(robot: Robot) -> Finding | None:
+    """A gravity that no arm stands in, or `None`."""
+    strength = float(np.linalg.norm(robot.gravity))
+    if strength <= STRONGEST_GRAVITY:
+        return None
+    return Finding(
+        "gravity-direction",
+        "warning",
+        "",
+        f"Gravity is {strength:.4g} m/s².",
+        "correct gravity: it is in m/s², for instance [0, 0, -9.81]",
+    )
 
 
 def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | None:

@@ -221,28 +221,28 @@ def solved(
     """
     n, b = rows.n, rows.count
     sign = np.ones(n) if sign is None else sign
-    x = np.zeros(b)
-    size = np.sqrt(np.array([P[-1, -1] for P in pairs]) / counted)
+    # Products of all parameters and torque, those that a joint does not have zero.
+    whole = np.zeros((n, b + 1, b + 1))
+    for P, own, each in zip(pairs, rows.parameters, whole, strict=True):
+        places = np.append(own, b)
+        each[places[:, None], places] = P
+    size = np.sqrt(whole[:, b, b] / counted)
     size = np.where(size > 0.0, size, 1.0)
-    sigma = size
+    sigma, x = size, np.zeros(b)
     for _ in range(PASSES):
-        G, side = np.zeros((b, b)), np.zeros(b)
-        for j, P in enumerate(pairs):
-            own = rows.parameters[j]
-            G[np.ix_(own, own)] += P[:-1, :-1] / sigma[j] ** 2
-            side[own] += sign[j] * P[:-1, -1] / sigma[j] ** 2
+        weight = 1.0 / sigma**2
+        G, side = np.tensordot(weight, whole[:, :b, :b], 1), (weight * sign) @ whole[:, :b, b]
         scale = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
-        G = G / np.outer(scale, scale)
-        x = np.linalg.solve(G + ridge * np.eye(b), side / scale) / scale
-        left = np.array([_remaining(P, np.append(-x[rows.parameters[j]], sign[j])) for j, P in enumerate(pairs)])
+        G /= scale[:, None]
+        G /= scale
+        np.fill_diagonal(G, G.diagonal() + ridge)
+        x = np.linalg.solve(G, side / scale) / scale
+        both = np.concatenate([np.broadcast_to(-x, (n, b)), sign[:, None]], axis=1)
+        left = ((whole @ both[:, :, None])[:, :, 0] * both).sum(axis=1)
         before, sigma = sigma, np.maximum(np.sqrt(np.maximum(left, 0.0) / counted), COARSE_FLOOR * size)
         if (np.abs(sigma - before) < SETTLED * sigma).all():
             break
     return x, sigma
-
-
-def _remaining(P: Array, x: Array) -> float:
-    return float(x @ P @ x)
 
 
 def _left(table: Array, own: NDArray[np.int32], x: Array, count: int) -> Array:

@@ -38,6 +38,9 @@ SEPARATE = 1000
 """Rows that are kept, or up to twice as many, where they do not follow each other: what the band keeps of half a
 minute. What a model lacks makes neighbours alike, and where their order is lost nobody sees by how much."""
 
+COARSE = 400
+"""Rows, or up to twice as many, by which geometries are compared quickly: some times the parameters of a joint."""
+
 LONGEST = 60.0
 """Seconds of a log that are looked at, half of them from its beginning and half from its end."""
 
@@ -74,14 +77,16 @@ class Thin:
         return np.concatenate([run.mask for run in self.runs])
 
     def coarse(self) -> Thin:
-        """The rows alone, their torque filtered and their columns not: quick, to compare geometries."""
+        """Some rows alone, their torque filtered and their columns not: quick, to compare geometries."""
+        every = max(1, sum(len(run.rows) for run in self.runs) // COARSE)
 
         def changed(run: ObservedRun) -> ObservedRun:
             raw = self.band.is_open or not run.consecutive
             tau = run.torque if raw else in_band(run.torque, run.rate, self.band)
-            rows, m = run.rows, run.motion
+            rows, m = run.rows[::every], run.motion
             few = Motion(m.time[rows], m.q[rows], m.dq[rows], m.ddq[rows])
-            return replace(run, motion=few, torque=tau[rows], rate=run.rate / run.step, step=1, offset=0)
+            rate, mask, block = run.rate / (run.step * every), run.mask[::every], run.block[::every]
+            return replace(run, motion=few, torque=tau[rows], rate=rate, step=1, offset=0, mask=mask, block=block)
 
         return replace(self, runs=tuple(changed(run) for run in self.runs), band=Band())
 
