@@ -31,7 +31,7 @@ import numpy as np
 from armid.errors import ArmidError, Finding
 from armid.excitation.fourier import Excitation
 from armid.lab.options import LabOptions
-from armid.lab.sensors import Sensing
+from armid.lab.sensors import Channel, Sensing
 from armid.lab.simulate import simulate
 from armid.lab.trace import inverse_dynamics
 from armid.lab.truths import truth_of
@@ -64,13 +64,13 @@ ARMS: dict[str, tuple[str, str]] = {
     "tiago": (f"{DATA}/tiago_description/robots/tiago_no_hand.urdf", "torso_lift|arm_"),
     "baxter": (f"{DATA}/baxter_description/urdf/baxter.urdf", "left_[sew]"),
     "romeo": (f"{DATA}/romeo_description/urdf/romeo_small.urdf", "L(Shoulder|Elbow|Wrist)"),
-    "icub": (f"{DATA}/icub_description/robots/icub.urdf", "l_(shoulder|elbow|wrist)"),
+    "pendulum": (f"{DATA}/double_pendulum_description/urdf/double_pendulum_simple.urdf", ""),
     "g1": (f"{DATA}/g1_description/urdf/g1_29dof_rev_1_0.urdf", "left_(shoulder|elbow|wrist)"),
     "pr2": (
         f"{DATA}/pr2_description/urdf/pr2.urdf",
         "torso_lift|l_(shoulder|upper_arm|elbow|forearm|wrist)_.*joint$",
     ),
-    "human": (f"{DATA}/human_description/robots/human.urdf", "left_(shoulder|elbow|wrist)"),
+    "hextilt": (f"{DATA}/hextilt_description/urdf/hextilt_flying_arm_5.urdf", ""),
     "humanoid": (f"{DATA}/simple_humanoid_description/urdf/simple_humanoid.urdf", "LARM|larm"),
     "double-pendulum": (f"{DATA}/double_pendulum_description/urdf/double_pendulum.urdf", ""),
     "two-dofs": (f"{DATA}/asr_twodof_description/urdf/TwoDofs.urdf", ""),
@@ -91,6 +91,9 @@ PERIOD, HARMONICS, REPETITIONS, RATE = 10.0, 5, 2, 250.0
 
 HALF, SPEED, SLIDE = np.pi / 2, 1.0, 0.3
 """Half the range and the speed of joints without limits [rad, rad/s], and the same in metres."""
+
+NOISE = 0.005
+"""Noise of the torque in limits of the weakest joint."""
 
 SHARE = 0.7
 """Share of the limits of torque that a motion may need."""
@@ -164,7 +167,10 @@ def motion(robot: Robot, seed: int) -> Excitation:
 
 def examined(name: str, robot: Robot, mode: Literal["inverse-dynamics", "closed-loop"], seed: int) -> Told:
     """One log, as the doctor sees it alone and inside an identification."""
-    options = LabOptions(mode=mode, repetitions=REPETITIONS, sensing=Sensing(rate=RATE))
+    effort = np.array([joint.effort_limit for joint in robot.joints])
+    noise = NOISE * min((limit for limit in effort if 0.0 < limit < np.inf), default=60.0)
+    sensing = Sensing(rate=RATE, effort=Channel(noise=noise))
+    options = LabOptions(mode=mode, repetitions=REPETITIONS, sensing=sensing)
     log = simulate(truth_of(robot), motion(robot, seed), options, seed=seed).recording
     began = time.process_time()
     found = diagnose_recording(robot, log, Reading())

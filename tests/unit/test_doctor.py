@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding
+from armid.excitation.fourier import Excitation
+from armid.lab.options import LabOptions
+from armid.lab.sensors import Channel, Sensing
+from armid.lab.simulate import simulate
+from armid.lab.truths import truth_of
 from armid.maths.sampling import resample
 from armid.measurement.interpret import interpret
 from armid.measurement.reading import Reading
@@ -17,6 +22,7 @@ from armid.measurement.remedy import BY_HAND
 from armid.robot import load_robot
 from armid.study.doctor import diagnose_recording
 from armid.validation.doctor import CHECKS, EFFECTS, EXPLAINS, Evidence, joint_order, velocity_mismatch
+from armid.validation.doctor.channel_delay import delay_of
 from armid.validation.doctor.excitation_weak import hardly_told
 from armid.validation.doctor.gravity_direction import explain as explain_gravity
 from armid.validation.doctor.position_offset import offsets_of
@@ -334,3 +340,26 @@ def test_rows_that_are_left_out_judge_and_rows_that_are_fitted_do_not():
     )
     assert solve(more).cost < solve(rows).cost
     assert left_out(more) > left_out(rows)
+
+
+PENDULUM = "".join(
+    f"""<link name="{child}"><inertial><origin xyz="0 0 0.05"/><mass value="0.2"/>
+  <inertia ixx="2e-4" iyy="2e-4" izz="2e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+  <origin xyz="0 0 0.1"/><axis xyz="0 1 0"/></joint>"""
+    for name, parent, child in (("first", "stand", "upper"), ("second", "upper", "lower"))
+)
+"""Two light links with the friction of heavy ones: in closed loop it gives way before it slides."""
+
+
+def test_friction_that_gives_way_is_no_delay(tmp_path: Path):
+    path = tmp_path / "pendulum.urdf"
+    path.write_text(f'<robot name="pendulum"><link name="stand"/>{PENDULUM}</robot>')
+    robot = load_robot(path)
+    a, b = 0.2 * np.random.default_rng(8).normal(size=(2, 2, 5))
+    sensing = Sensing(rate=250.0, effort=Channel(noise=0.03))
+    plan = Excitation(2 * np.pi / 10.0, a, b, np.zeros(2))
+    log = simulate(truth_of(robot), plan, LabOptions(repetitions=2, sensing=sensing), seed=1).recording
+    state = Evidence(robot, log, Reading(), interpret(log, Reading(), robot).recording).state
+    assert state is not None and state.fit.cost - delay_of(state)[2].fit.cost > 0.5
+    assert codes(diagnose_recording(robot, log, Reading()), "error", "warning") == set()

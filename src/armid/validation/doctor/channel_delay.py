@@ -48,6 +48,10 @@ SHARP = 15.0
 """Band in which a delay is measured once it is known that there is one [Hz]: reversals of friction say the more of it
 the wider the band, up to where noise of the positions takes over."""
 
+SAME = 0.5
+"""Share of a delay by which it may differ between the two bands: true ones do by some percent, and what friction
+feigns by three to five times, in closed loop on light arms."""
+
 RISE = 0.1
 """Speed from which on friction is what it is in motion [rad/s]: what friction has more near rest must not look like
 a delay where friction is most of the torque."""
@@ -76,7 +80,7 @@ def check(evidence: Evidence) -> list[Finding]:
 def _sharper(evidence: Evidence) -> State | None:
     """The log in a wider band, beside a model whose friction may rise near rest; `None` where it is too short."""
     state, recording = evidence.state, evidence.recording
-    assert state is not None and recording is not None  # it was explained
+    assert state is not None and recording is not None  # it was compared with a model
     log = thin(without_stuck(recording, evidence.stuck), SHARP)
     if not log.runs:
         return None
@@ -105,7 +109,14 @@ def explain(state: State) -> Explanation | None:
         _told(delay, deviation, gain, state.log.rate),
         lambda evidence: lines("s", delay=_besides(evidence, delay)),
         after,
+        lambda evidence: _is_in_every_band(evidence, delay),
     )
+
+
+def _is_in_every_band(evidence: Evidence, delay: float) -> bool:
+    """Whether a wider band shows the same delay: friction that gives way before it slides lags by another one."""
+    sharp = _sharper(evidence)
+    return sharp is None or abs(delay_of(sharp)[0] - delay) < SAME * abs(delay)
 
 
 def _told(delay: float, deviation: float, gain: float, rate: float) -> str:

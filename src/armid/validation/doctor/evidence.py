@@ -18,7 +18,7 @@ from armid.robot import Robot
 from armid.validation.doctor.state import Explanation, State
 from armid.validation.doctor.stuck import stuck_stretches, without_stuck
 from armid.validation.doctor.thin import thin
-from armid.validation.doctor.trial import Trial, try_out
+from armid.validation.doctor.trial import BY_ERROR_ALONE, Trial, try_out
 
 __all__ = ["Evidence", "Explain"]
 
@@ -91,24 +91,37 @@ class Evidence:
         assert self.recording is not None
         return without_stuck(self.recording, self.stuck)
 
-    @cached_property
+    @property
     def explanations(self) -> tuple[Explanation, ...]:
         """Faults that together explain what the log contradicts, the strongest first."""
-        state = self.state
-        found: list[Explanation] = []
+        return tuple(each for _, each in self._contest)
+
+    @cached_property
+    def _contest(self) -> tuple[tuple[State, Explanation], ...]:
+        """What the log was taken for before each explanation, and the explanation.
+
+        Where the log does not confirm the strongest, it is not told; but what it takes out is no other fault's.
+        """
+        state, codes = self.state, set[str]()
+        found: list[tuple[State, Explanation]] = []
         for _ in range(ROUNDS):
             if state is None:
                 break
-            codes = {each.code for each in found}
             tried = [each for explain in self.explains if (each := explain(state)) is not None]
-            tried = [each for each in tried if each.code not in codes]
-            tried.sort(key=lambda each: -each.gain)
-            best = next((each for each in tried if not self._trial(state, each.after).harms), None)
+            tried = sorted((each for each in tried if each.code not in codes), key=lambda each: -each.gain)
+            best = next((each for each in tried if self._holds(state, each)), None)
             if best is None:
                 break
-            found.append(best)
+            if found or best.confirmed is None or best.confirmed(self):
+                found.append((state, best))
+            codes.add(best.code)
             state = best.after
         return tuple(found)
+
+    def _holds(self, before: State, each: Explanation) -> bool:
+        """Whether left-out motion bears an explanation out, or at least does not contradict it."""
+        trial = self._trial(before, each.after)
+        return trial.helps if each.code in BY_ERROR_ALONE else not trial.harms
 
     def _trial(self, before: State, after: State) -> Trial:
         """Errors on left-out motion, each computed once."""
@@ -128,12 +141,11 @@ class Evidence:
 
     def explained(self, code: str) -> list[Finding]:
         """Findings of the explanations of one code."""
-        state, found = self.state, list[Finding]()
-        for each in self.explanations:
-            if each.code == code and state is not None:
-                told = f"{each.evidence} {self._trial(state, each.after)}"
+        found: list[Finding] = []
+        for before, each in self._contest:
+            if each.code == code:
+                told = f"{each.evidence} {self._trial(before, each.after)}"
                 found.append(Finding(code, each.severity, each.channel, told, each.remedy(self)))
-            state = each.after
         return found
 
     @cached_property

@@ -222,6 +222,7 @@ class Explanation:
         evidence: What was seen, with numbers.
         remedy: As a line of a study, on top of what the evidence says of the reading.
         after: The log as it is understood then.
+        confirmed: Whether the log says so in another way, too, where there is one; asked of the first fault alone.
     """
 
     code: str
@@ -231,3 +232,4 @@ class Explanation:
     evidence: str
     remedy: Callable[[Evidence], str]
     after: State
+    confirmed: Callable[[Evidence], bool] | None = None

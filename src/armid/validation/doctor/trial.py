@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armid.measurement.remedy import BY_HAND
 from armid.validation.doctor.rows import Rows, solved, tables
 
-__all__ = ["UNTRIED", "Trial", "left_out", "needs_reason", "try_out"]
+__all__ = ["BY_ERROR_ALONE", "UNTRIED", "Trial", "left_out", "needs_reason", "try_out"]
 
 FOLDS = 5
 """Parts of a log, each left out once."""
@@ -46,6 +46,11 @@ UNTRIED: Mapping[str, str] = {
     "rows-not-consecutive": "rows that do not follow each other leave no motion out",
 }
 """By code: why left-out motion does not judge the remedy."""
+
+
+BY_ERROR_ALONE = frozenset({"channel-delay", "degrees", "joint-order", "position-sign"})
+"""Explanations that nothing but the error speaks for: left-out motion must show it, too. Signs of torques, zeros and
+gravity also show in friction, inertias and weights."""
 
 
 @dataclass(frozen=True, slots=True)
