@@ -94,6 +94,16 @@ def test_what_is_written(small, tmp_path, capsys):
     assert "collisions not checked: the description has no bodies" in (out / "preflight.txt").read_text()
 
 
+def test_the_page_of_a_plan_folds_what_is_long_and_names_joints(small, tmp_path, capsys):
+    pytest.importorskip("plotly")
+    run([small, *QUICK, "--out", tmp_path / "plan"], capsys)
+    html = (tmp_path / "plan" / "preflight.html").read_text(encoding="utf-8")
+    assert "Pre-flight check" in html and "efore the flight" not in html
+    folded = html.split('<details class="fold"')[1].split("</details>")[0]
+    assert 'id="table-expected-parameters"' in folded and "Predicted standard deviation" in folded
+    assert folded.index("joint 1 · first") < folded.index("FV_1") < folded.index("joint 2 · second")
+
+
 PAGE = Path(__file__).parents[2] / "docs" / "excitation.md"
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armid.estimation.links import QUANTITIES, link_table
+from armid.excitation.closest import Approach
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Hysteresis, Ripple, Viscous
 from armid.report.friction_laws import law_text
@@ -22,6 +24,8 @@ from armid.report.names import by_joint, heading_of, label_of, number_of
 from armid.report.page import render
 from armid.report.picture import skeleton
 from armid.report.plots import Sight
+from armid.report.preflight import links_of, nearest_of_links
+from armid.report.sections.bodies import show_bodies
 from armid.report.sections.links import show_links
 from armid.report.sections.parameters import show_parameters
 from armid.report.sections.residuals import show_residuals
@@ -294,3 +298,46 @@ def test_the_page_speaks_the_words_of_the_field(html: str, bodies: Material):
     for prose in (Page(html).prose, Page(render(bodies)).prose):
         assert [word for word in BANNED if word in prose] == []
     assert "root of the sum over joints" in Page(html).prose and "(median)" in Page(html).prose
+
+
+def test_links_of_several_bodies_are_one_pair_and_the_worst_of_it_is_shown():
+    found = nearest_of_links(
+        [
+            Approach("base_link (2) - gripper_link (3)", 0.030, 1.0, 0.02),
+            Approach("base_link - gripper_link", 0.040, 2.0, 0.05),
+            Approach("upper_arm - gripper_link (2)", 0.010, 3.0, 0.02),
+        ]
+    )
+    # One that comes too close is not hidden behind a nearer one that may.
+    assert [(links_of(each.pair), each.distance) for each in found] == [
+        ("upper_arm - gripper_link", 0.010),
+        ("base_link - gripper_link", 0.040),
+    ]
+
+
+# Bodies ---------------------------------------------------------------------------------------------------------
+
+
+def test_links_show_their_bodies_as_described_and_as_identified(bodies: Material):
+    section, table = show_bodies(bodies), link_table(bodies.run.model, bodies.run.estimate)
+    assert section is not None
+    (shown,) = section.tables
+    rows = list(csv.reader(io.StringIO(shown.csv())))
+    column = {title.split(" [")[0]: k for k, title in enumerate(rows[0])}
+    assert {"mass", "com x", "com y", "com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"} <= set(column)
+    for j, body in enumerate(table.links):
+        old, new = (row for row in rows[1:] if row[0] == f"{j + 1} · {body.link}")
+        assert (old[1], new[1]) == ("CAD/URDF", "identified")
+        for k, name in enumerate(QUANTITIES):
+            assert float(old[column[name]]) == body.description[k]
+            assert float(new[column[name]]) == body.estimate[k]
+    cells = [cell for row in shown.rows if row[1].text == "identified" for cell in row[2:]]
+    known = np.isfinite([body.intervals for body in table.links]).all(axis=2)
+    assert sum("±" in cell.text for cell in cells) == int(known.sum()) > 0
+    assert all(("±" in cell.text) is (cell.kind != "guessed") for cell in cells)
+
+
+def test_base_parameters_have_the_bodies_of_the_description_and_the_way_to_others(material: Material):
+    section = show_bodies(material)
+    assert section is not None and "--method physical" in section.content["note"]
+    assert {row[1].text for row in section.tables[0].rows} == {"CAD/URDF"}

@@ -8,7 +8,7 @@ from itertools import groupby
 
 from armid.robot import Joint
 
-__all__ = ["MOST_NAMES", "by_joint", "heading_of", "label_of", "number_of", "residual_title"]
+__all__ = ["MOST_NAMES", "by_joint", "groups_of", "heading_of", "label_of", "number_of", "residual_title"]
 
 MOST_NAMES = 6
 """Names of a list that are written out; a few more are counted."""
@@ -46,3 +46,14 @@ def by_joint(parameters: Iterable[str], joints: Sequence[Joint]) -> str:
         whose = f" ({joints[number - 1].name})" if 0 < number <= len(joints) else ""
         parts.append(", ".join(names) + whose)
     return "; ".join(parts) + (f" and {len(every) - len(shown)} more" if len(every) > len(shown) else "")
+
+
+def groups_of(parameters: Sequence[str], joints: Sequence[Joint]) -> tuple[list[int], dict[int, str]]:
+    """Order of parameters joint by joint, and the heading of each joint by the place of its first parameter."""
+    order = sorted(range(len(parameters)), key=lambda k: number_of(parameters[k]))
+    groups: dict[int, str] = {}
+    for place, k in enumerate(order):
+        number = number_of(parameters[k])
+        if place == 0 or number != number_of(parameters[order[place - 1]]):
+            groups[place] = heading_of(joints, number - 1) if 0 < number <= len(joints) else "of no joint"
+    return order, groups

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from armid.excitation.closest import Approach
 from armid.excitation.finish import Margin
 from armid.excitation.limits import Limits
 from armid.excitation.places import SCALE
@@ -15,7 +17,7 @@ from armid.excitation.plan import Plan
 from armid.excitation.preflight import worst
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
-from armid.report.names import heading_of
+from armid.report.names import groups_of, heading_of, label_of
 from armid.report.numbers import fixed, share, short
 from armid.report.page import assemble
 from armid.report.plots import Plot, Trace, line
@@ -27,7 +29,7 @@ from armid.study.excite import Designed
 from armid.study.preflight_text import findings_of
 from armid.values import Array, replace_file
 
-__all__ = ["PREFLIGHT", "motion_section", "render_preflight", "write_preflight"]
+__all__ = ["PREFLIGHT", "links_of", "motion_section", "nearest_of_links", "render_preflight", "write_preflight"]
 
 DRAWN = 100.0
 """Samples a second of the pictures [Hz]; forty a period of the highest harmonics that arms follow."""
@@ -38,6 +40,9 @@ DISTANCES = (COLLISION, "tip")
 
 CLOSE = 0.99
 """Share of a limit from which a plan is said to use all of it."""
+
+MANY = 12
+"""Rows from which a table is folded."""
 
 
 def write_preflight(designed: Designed, path: Path | str) -> Path:
@@ -134,7 +139,7 @@ def show_approaches(designed: Designed) -> Section | None:
         return None
     asked = {margin.label: margin for margin in report.margins if margin.limit == COLLISION}
     rows: list[tuple[Cell, ...]] = []
-    for each in report.approaches:
+    for each in nearest_of_links(report.approaches):
         capsules, distance = asked.get(each.pair), 1000.0 * each.distance
         nothing = Cell("–", "")
         around, between = nothing, nothing
@@ -145,7 +150,7 @@ def show_approaches(designed: Designed) -> Section | None:
         mark = "" if each.kept else " ▲"
         rows.append(
             (
-                Cell(each.pair, kind="name"),
+                Cell(links_of(each.pair), kind="name"),
                 Cell(fixed(distance, 0) + mark, distance),
                 Cell(fixed(each.time, 2), each.time),
                 around,
@@ -154,7 +159,7 @@ def show_approaches(designed: Designed) -> Section | None:
             )
         )
     columns = (
-        Column("pair", words=True),
+        Column("links", words=True),
         Column("closest", "mm"),
         Column("at", "s"),
         Column("as capsules", "mm"),
@@ -167,33 +172,49 @@ def show_approaches(designed: Designed) -> Section | None:
         "1 kHz; certified is what they keep between its points as well. Asked: less than the clearance where links "
         "are built closer than that. ▲ marks pairs that come too close."
     )
-    table = Table("approaches", "Closest approach of each pair", columns, rows, note)
+    title = f"Closest approach of each of {len(rows)} pairs of links, the nearest first"
+    table = Table("approaches", title, columns, rows, note, folded=len(rows) > MANY)
     skipped = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped]
     return Section("Closest approaches", {"skipped": skipped}, (table,))
+
+
+def links_of(pair: str) -> str:
+    """A pair of bodies by the links that have them, without the number of the body on its link."""
+    return re.sub(r" \(\d+\)", "", pair)
+
+
+def nearest_of_links(approaches: Sequence[Approach]) -> list[Approach]:
+    """The worst approach of each pair of links, which may have several bodies each; the nearest first."""
+    nearest: dict[str, Approach] = {}
+    for each in sorted(approaches, key=lambda approach: (approach.kept, approach.distance)):
+        nearest.setdefault(links_of(each.pair), each)
+    return sorted(nearest.values(), key=lambda approach: approach.distance)
 
 
 def show_expected(designed: Designed) -> Section:
     """Deviations that the recording will give."""
     expected, goal = designed.preflight.expected, designed.problem.goal
     robot = goal.model.robot
-    order = np.argsort(-expected.deviation)
+    order, groups = groups_of(expected.names, robot.joints)
     parameters = Table(
         "expected-parameters",
-        "Expected standard deviation of every base parameter, largest first",
-        (Column("parameter", words=True), Column("deviation"), Column("unit", words=True)),
+        f"Predicted standard deviation of each of {len(order)} base parameters, joint by joint",
+        (Column("parameter", words=True), Column("standard deviation"), Column("unit", words=True)),
         [
             (Cell(expected.names[k], kind="name"), _cell(float(expected.deviation[k])), Cell(expected.units[k]))
             for k in order
         ],
+        folded=True,
+        groups=groups,
     )
     unit = one_of([joint.effort_unit for joint in robot.joints])
     torque = Table(
         "expected-torque",
-        "Expected deviation of the predicted torque along this plan",
-        (Column("joint", words=True), Column("noise taken", unit), Column("deviation", unit)),
+        "Predicted standard deviation of the model's torque along this plan",
+        (Column("joint", words=True), Column("noise taken", unit), Column("standard deviation", unit)),
         [
-            (Cell(joint.name, kind="name"), _cell(float(noise)), _cell(float(x)))
-            for joint, noise, x in zip(robot.joints, goal.noise, expected.torque, strict=True)
+            (Cell(label_of(robot.joints, j), kind="name"), _cell(float(noise)), _cell(float(x)))
+            for j, (noise, x) in enumerate(zip(goal.noise, expected.torque, strict=True))
         ],
     )
     content = {

@@ -89,7 +89,7 @@ class Cell:
         text: What the page shows.
         value: What CSV gets, at full precision; the text where there is none.
         latex: What LaTeX gets; the text, made safe, where there is none.
-        kind: How it is shown: `name`, `formula`, `good`, `poor` or nothing.
+        kind: How it is shown: `name`, `formula`, `guessed`, `good`, `poor` or nothing.
     """
 
     text: str

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 
 from armid.report.material import Material
 from armid.report.section import Section
+from armid.report.sections.bodies import show_bodies
 from armid.report.sections.consistency import show_consistency
 from armid.report.sections.excitation import show_excitation
 from armid.report.sections.friction import show_friction
@@ -26,6 +27,7 @@ __all__ = ["SECTIONS"]
 
 SECTIONS: Mapping[str, Callable[[Material], Section | None]] = {
     "verdict": show_verdict,
+    "bodies": show_bodies,
     "torque": show_torque,
     "residuals": show_residuals,
     "friction": show_friction,

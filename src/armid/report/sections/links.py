@@ -6,9 +6,10 @@ import numpy as np
 
 from armid.estimation.standard_fit import StandardFit
 from armid.report.material import Material
+from armid.report.names import groups_of
 from armid.report.numbers import decimals_of, fixed, share, short
 from armid.report.section import Section
-from armid.report.sections.parameters import groups_of, plain_name
+from armid.report.sections.parameters import plain_name
 from armid.report.tables import Cell, Column, Table
 
 __all__ = ["show_links"]
@@ -50,7 +51,7 @@ def _table(material: Material, fit: StandardFit) -> Table:
         Column("status", words=True),
     )
     rows: list[list[Cell]] = []
-    order, groups = groups_of(fit.names, material)
+    order, groups = groups_of(fit.names, material.joints)
     for k in order:
         name, known = fit.names[k], fit.status[k] != "not identifiable"
         value, (low, high) = float(fit.values[k]), (float(end) for end in fit.intervals[k])

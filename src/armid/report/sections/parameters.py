@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from armid.model.formulas import base_formulas
 from armid.report.material import Material
-from armid.report.names import heading_of, number_of
+from armid.report.names import groups_of
 from armid.report.numbers import decimals_of, fixed, percent
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
 
-__all__ = ["groups_of", "plain_name", "show_parameters"]
+__all__ = ["plain_name", "show_parameters"]
 
 
 def show_parameters(material: Material) -> Section:
@@ -27,18 +25,6 @@ def show_parameters(material: Material) -> Section:
         "kinds": _kinds(material),
     }
     return Section("Parameters", content, (_table(material),))
-
-
-def groups_of(names: Sequence[str], material: Material) -> tuple[list[int], dict[int, str]]:
-    """Order of parameters joint by joint, and the heading of each joint by the place of its first."""
-    order = sorted(range(len(names)), key=lambda k: number_of(names[k]))
-    groups: dict[int, str] = {}
-    for place, k in enumerate(order):
-        number = number_of(names[k])
-        if place == 0 or number != number_of(names[order[place - 1]]):
-            known = 0 < number <= len(material.joints)
-            groups[place] = heading_of(material.joints, number - 1) if known else "of no joint"
-    return order, groups
 
 
 def _kinds(material: Material) -> str:
@@ -79,7 +65,7 @@ def _table(material: Material) -> Table:
         Column("stands for", words=True),
     )
     rows: list[list[Cell]] = []
-    order, groups = groups_of(fit.names, material)
+    order, groups = groups_of(fit.names, material.joints)
     for k in order:
         name, (low, high) = fit.names[k], estimate.intervals[k]
         which, decimals = number[plain_name(name)], decimals_of(0.5 * float(high - low))

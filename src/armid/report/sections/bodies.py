@@ -1,0 +1,77 @@
+"""Mass, centre of mass and inertia about it of each link, as described and as identified."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.estimation.links import QUANTITIES, UNITS, LinkBody, LinkTable, link_table
+from armid.report.material import Material
+from armid.report.numbers import decimals_of, fixed, short
+from armid.report.section import Section
+from armid.report.tables import Cell, Column, Table
+from armid.values import Array
+
+__all__ = ["show_bodies"]
+
+ORDER = (0, 1, 2, 3, 4, 6, 9, 5, 7, 8)
+"""Quantities in the order of the columns: the moments of inertia before the products."""
+
+GUESSED = "guessed"
+"""How values look that the data do not determine."""
+
+
+def show_bodies(material: Material) -> Section | None:
+    """The bodies of the links; nothing where neither the description nor the estimate has any."""
+    found = link_table(material.run.model, material.run.estimate)
+    if not any(np.isfinite([body.description, body.estimate]).any() for body in found.links):
+        return None
+    note = found.note[:1].upper() + found.note[1:]
+    return Section("Links", {"note": note}, (_table(found),))
+
+
+def _table(found: LinkTable) -> Table:
+    columns = (
+        Column("link", words=True),
+        Column("", words=True),
+        *(Column(QUANTITIES[k], UNITS[k]) for k in ORDER),
+    )
+    rows: list[list[Cell]] = []
+    for j, body in enumerate(found.links):
+        label = f"{j + 1} · {body.link}"
+        for source, cells in _values(body):
+            first = source == "CAD/URDF" or not np.isfinite(body.description).any()
+            rows.append([Cell(label if first else "", label, kind="name"), Cell(source), *cells])
+    estimated = any(np.isfinite(body.estimate).any() for body in found.links)
+    note = (
+        "By the number of the joint that moves the link. Centre of mass (com) and inertia about it with the axes of "
+        "the link's frame; bodies on fixed and locked joints count to the link that carries them."
+    )
+    if estimated:
+        note += (
+            " ± half of the 95 % interval, where the data determine a value; others, in grey, are one choice of many."
+        )
+    title = "Mass, centre of mass and inertia about it of each link"
+    return Table("bodies-of-links", title, columns, rows, note)
+
+
+def _values(body: LinkBody) -> list[tuple[str, list[Cell]]]:
+    """What a link's row or two rows say, by their source."""
+    found: list[tuple[str, list[Cell]]] = []
+    if np.isfinite(body.description).any():
+        found.append(("CAD/URDF", [_plain(float(body.description[k])) for k in ORDER]))
+    if np.isfinite(body.estimate).any():
+        found.append(("identified", [_estimated(float(body.estimate[k]), body.intervals[k]) for k in ORDER]))
+    return found
+
+
+def _plain(value: float, kind: str = "") -> Cell:
+    return Cell(short(value), value if np.isfinite(value) else "", kind=kind)
+
+
+def _estimated(value: float, ends: Array) -> Cell:
+    """A value with half its interval, or the value alone where nothing is known of it."""
+    if not np.isfinite(ends).all():
+        return _plain(value, GUESSED)
+    half = 0.5 * float(np.ptp(ends))
+    decimals = decimals_of(half)
+    return Cell(f"{fixed(value, decimals)} ± {fixed(half, decimals)}", value)
