@@ -244,6 +244,18 @@ def test_a_damaged_run_is_refused(result: Result, tmp_path: Path, name: str, dam
         load_run(tmp_path / "run")
 
 
+def test_a_run_of_a_version_with_other_fields_is_refused(result: Result, tmp_path: Path):
+    path = save_run(result, tmp_path / "run") / "estimate.npz"
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    header = json.loads(bytes(arrays["value.json"]))
+    header["value"]["grounds"] = header["value"].pop("fit")
+    arrays["value.json"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    np.savez(path, **arrays)
+    with pytest.raises(ArmidError, match="another version of armid"):
+        load_run(tmp_path / "run")
+
+
 def test_what_is_no_run_is_refused(tmp_path: Path):
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(ArmidError, match="is no run of armid"):

@@ -115,8 +115,14 @@ def load_run(folder: Path | str) -> Run:
     folder = Path(folder)
     if not (folder / MARKER).is_file():
         raise ArmidError(f"{folder} is no run of armid.", remedy="give the folder that armid identify made.")
-    robot = load(Robot, folder / "robot.npz")
-    estimate = load(Estimate, folder / "estimate.npz")
+    try:
+        robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
+    except (KeyError, TypeError) as error:  # fields that this version has and the other had not
+        raise ArmidError(
+            f"{folder} was made by another version of armid: its robot.npz or estimate.npz has other fields "
+            f"({type(error).__name__}: {error}).",
+            remedy="identify again.",
+        ) from error
     try:
         kept: dict[str, Any] = json.loads((folder / "model.json").read_text(encoding="utf-8"))
         return Run(
