@@ -14,7 +14,7 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Shown", "Summary", "html_of", "names_apart", "percent", "spans", "text_of"]
+__all__ = ["Shown", "Summary", "html_of", "names_apart", "percent", "plural", "spans", "text_of"]
 
 MOST_ROWS = 200
 """Rows that are shown; a notebook becomes slow with more, and nobody reads them."""
@@ -101,7 +101,7 @@ def html_of(summary: Summary) -> str:
 
     rows = "".join(line("td", row) for row in summary.rows[:MOST_ROWS])
     left = len(summary.rows) - MOST_ROWS
-    more = f"<p>and {left} rows more</p>" if left > 0 else ""
+    more = f"<p>and {plural(left, 'row')} more</p>" if left > 0 else ""
     note = f"<p>{escape(summary.note)}</p>" if summary.note else ""
     table = f"<thead>{line('th', summary.columns)}</thead><tbody>{rows}</tbody>"
     return f"<table><caption>{escape(summary.title)}</caption>{table}</table>{more}{note}"
@@ -132,3 +132,8 @@ def text_of(kind: str, summary: Summary) -> str:
 def percent(value: float) -> str:
     """A share in percent with two digits that say something: `0.034 %`, `5.1 %`, `510 %`."""
     return f"{value:.2g} %" if not 99.5 <= value < float("inf") else f"{value:.0f} %"
+
+
+def plural(count: int, noun: str) -> str:
+    """A number with its noun, `1 joint` and `2 joints`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

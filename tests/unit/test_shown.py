@@ -11,7 +11,7 @@ import pytest
 from armid import find_base_parameters, identify, load_robot, load_run, load_study, save_run
 from armid.excitation.objective import Goal
 from armid.excitation.plan import Plan
-from armid.shown import MOST_ROWS, Shown, Summary, html_of, names_apart, percent, text_of
+from armid.shown import MOST_ROWS, Shown, Summary, html_of, names_apart, percent, plural, text_of
 from armid.study.certify import certify_run
 from armid.study.excite import Effort, Rules, Wish, design_plan
 from labs import small_model, small_plan, small_recording, write_recordings, write_study
@@ -129,6 +129,11 @@ def test_a_study_shows_what_it_says_beyond_the_defaults(tmp_path: Path):
     assert rows["arm"] == ("small.urdf", "") and rows["train"] == ("run1.csv", "")
     assert rows["validate"] == ("run2.csv", "rate = 50.0") and rows["method"] == ("ridge", "")
     assert rows["processing"] == ("cut-off 3.0 Hz", "slow = 0.1")
+
+
+def test_one_of_a_kind_is_no_plural():
+    assert [plural(count, "joint") for count in (0, 1, 2)] == ["0 joints", "1 joint", "2 joints"]
+    assert "1 row more" in html_of(Summary("long", ("k",), tuple((str(k),) for k in range(MOST_ROWS + 1))))
 
 
 def test_deviations_in_percent_have_no_powers_of_ten():

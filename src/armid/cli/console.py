@@ -138,8 +138,8 @@ def _legend(training: Sequence[Score], held: Sequence[Score], before: Sequence[S
         numbered = [f"{SHORT.get(title, title)} {k + 1}: {name}" for k, name in enumerate(listed)]
         if len(listed) > 1:
             parts.append(", ".join(numbered) if len(listed) <= MOST_COLUMNS else f"{title}: root mean square of all")
-        elif listed and title == "validation":
-            parts.append(f"validation: {listed[0]}")
+        elif listed:
+            parts.append(f"{title}: {listed[0]}")
     judged, kind = (held, "validation") if held else (training, "training")
     of = f"the {len(judged)} {kind} recordings" if len(judged) > 1 else f"{kind}"
     worst = ", the worst of each joint" if len(judged) > 1 else ""

@@ -135,6 +135,7 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
     """
     from armid.cli.console import progress
     from armid.excitation.design import single_threaded_pool
+    from armid.shown import plural
 
     workers = options["workers"]
     budget = max(float(options["budget"]), 1e-3)
@@ -146,7 +147,7 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
 
         def report(best: Candidate, seconds: float, descents: int) -> None:
             value = math.exp(best.value) if "condition" in named else best.value
-            tell(f"{named} {value:.4g}, {descents} descents", min(seconds / budget, 1.0))
+            tell(f"{named} {value:.4g}, {plural(descents, 'descent')}", min(seconds / budget, 1.0))
 
         yield pool, report
 

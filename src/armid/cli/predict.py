@@ -42,6 +42,7 @@ def predict(
     import numpy as np
 
     from armid.cli.console import print_findings
+    from armid.shown import plural
     from armid.study import apply
     from armid.study.beyond import speed_finding
     from armid.study.records import to_json
@@ -60,7 +61,9 @@ def predict(
             record["band95"] = np.median(width, axis=0)
         sys.stdout.write(to_json(record) + "\n")
     else:
-        sys.stdout.write(f"{along.samples} samples of {loaded.robot.n} joints written to {path}\n")
+        sys.stdout.write(
+            f"{plural(along.samples, 'sample')} of {plural(loaded.robot.n, 'joint')} written to {path}\n"
+        )
     asked = np.max(np.abs(along.dq), axis=0, initial=0.0)
     beyond = speed_finding(loaded.robot, loaded.estimate.speeds, asked, Path(motion).name)
     print_findings([] if beyond is None else [beyond])

@@ -75,6 +75,7 @@ def _report(found: Recalibration, recordings: int) -> None:
     from rich.table import Table
 
     from armid.cli.console import output_console, print_verdict, validation_table
+    from armid.shown import plural
 
     console, result = output_console(), found.result
     base = result.estimate.base
@@ -89,7 +90,7 @@ def _report(found: Recalibration, recordings: int) -> None:
         )
     console.print(table)
     console.print(
-        f"{len(found.changes) - len(beyond)} of {len(found.changes)} parameters have not changed beyond them"
+        f"not changed beyond them: {len(found.changes) - len(beyond)} of {plural(len(found.changes), 'parameter')}"
     )
     of_joints = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training[:recordings], of_joints, found.before))

@@ -107,6 +107,7 @@ def _report(done: Written, *, json: bool) -> None:
     """What was written and how far the arm was from its plan."""
     import numpy as np
 
+    from armid.shown import plural
     from armid.study.records import to_json
 
     recording, truth = done.simulated.recording, done.simulated.truth
@@ -126,6 +127,6 @@ def _report(done: Written, *, json: bool) -> None:
         return
     written = [done.recording, done.truth, *([done.noise_free] if done.noise_free else [])]
     sys.stdout.write(
-        f"{recording.samples} rows of {truth.robot.n} joints; peak torque "
+        f"{plural(recording.samples, 'row')} of {plural(truth.robot.n, 'joint')}; peak torque "
         f"{', '.join(f'{x:.1f}' for x in peak)}\nwritten: {', '.join(map(str, written))}\n"
     )

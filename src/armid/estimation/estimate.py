@@ -13,7 +13,7 @@ from armid.errors import Finding
 from armid.estimation.fit import Fit
 from armid.estimation.standard_fit import StandardFit, Status
 from armid.model.base import BaseParameters
-from armid.shown import Shown, Summary, percent
+from armid.shown import Shown, Summary, percent, plural
 from armid.values import Array
 
 __all__ = ["Estimate", "Status", "TermUse", "averaged", "standard_parameters", "torque_parameters"]
@@ -78,8 +78,7 @@ class Estimate(Shown):
             )
         )
         columns = ("parameter", "value", "unit", "σ", "95 % interval")
-        count = len(self.findings)
-        note = f"condition number {self.fit.condition:.4g}; {count} finding{'' if count == 1 else 's'}"
+        note = f"condition number {self.fit.condition:.4g}; {plural(len(self.findings), 'finding')}"
         return Summary(f"{self.robot}: {len(rows)} base parameters, {self.method}", columns, rows, note)
 
     @property

@@ -18,7 +18,7 @@ from armid.estimation.estimate import Estimate
 from armid.estimation.standard_fit import StandardFit
 from armid.maths.inertia import INERTIA_INDEX, about_com, about_com_slope
 from armid.model.dynamics import DynamicsModel
-from armid.shown import Shown, Summary
+from armid.shown import Shown, Summary, plural
 from armid.values import Array, array
 
 __all__ = ["ENTERING", "QUANTITIES", "UNITS", "LinkBody", "LinkTable", "link_record", "link_table"]
@@ -101,7 +101,7 @@ class LinkTable(Shown):
             )
         )
         columns = ("link", "quantity", "unit", "description", "estimate", "95 % interval, or why there is none")
-        return Summary(f"{self.robot}: bodies of {len(self.links)} links", columns, rows, self.note)
+        return Summary(f"{self.robot}: {plural(len(self.links), 'link')}", columns, rows, self.note)
 
 
 def link_table(model: DynamicsModel, estimate: Estimate) -> LinkTable:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.kernel import factor_columns
-from armid.shown import Shown, Summary
+from armid.shown import Shown, Summary, plural
 from armid.values import Array, array
 
 __all__ = ["Information", "JointFactors", "merge", "restrict", "select", "stack", "total"]
@@ -85,7 +85,7 @@ class Information(Shown):
             (str(j + 1), str(int(self.rows[:, j].sum())), str(len(joint.parameters)))
             for j, joint in enumerate(self.joints)
         )
-        title = f"{self.count} base parameters, {self.blocks} blocks of rows"
+        title = f"{self.count} base parameters, {plural(self.blocks, 'block')} of rows"
         return Summary(title, ("joint", "rows", "parameters"), rows, self.made_by)
 
     @property

@@ -24,7 +24,7 @@ from armid.model.motion import Motion
 from armid.model.terms import Law, RigidBody, Term
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
 from armid.robot.robot import Robot
-from armid.shown import Shown, Summary
+from armid.shown import Shown, Summary, plural
 from armid.values import Array, array
 
 __all__ = ["DynamicsModel", "Parameter", "TermColumns"]
@@ -107,7 +107,7 @@ class DynamicsModel(Shown):
         counts = Counter(parameter.kind for parameter in self.parameters)
         laws = {name: f"{law.symbol} · {text(law.expression)}" for name, law in reversed(self.laws)}
         rows = tuple((name, str(count), laws.get(name, "links as rigid bodies")) for name, count in counts.items())
-        title = f"{self.robot.name}: {len(self.parameters)} parameters of {self.n} joints"
+        title = f"{self.robot.name}: {plural(len(self.parameters), 'parameter')} of {plural(self.n, 'joint')}"
         return Summary(title, ("term", "parameters", "law of the first joint"), rows)
 
     @property

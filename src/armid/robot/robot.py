@@ -15,7 +15,7 @@ from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
 from armid.maths.spatial import axis_rotation, homogeneous
 from armid.robot.shapes import Shape
-from armid.shown import Shown, Summary
+from armid.shown import Shown, Summary, plural
 from armid.values import Array, array
 
 __all__ = ["EARTH_GRAVITY", "Frame", "Held", "InertialParameters", "Joint", "Link", "Robot"]
@@ -302,7 +302,7 @@ class Robot(Shown):
         )
         gravity = ", ".join(f"{x:g}" for x in self.gravity)
         columns = ("joint", "kind", "lower", "upper", "velocity", "effort")
-        return Summary(f"{self.name}: {self.n} joints", columns, rows, f"gravity {gravity} m/s²; SI units")
+        return Summary(f"{self.name}: {plural(self.n, 'joint')}", columns, rows, f"gravity {gravity} m/s²; SI units")
 
     def joint_index(self, name: str) -> int:
         """Index of a joint by name.
