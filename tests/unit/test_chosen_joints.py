@@ -168,6 +168,26 @@ def test_a_loop_stands_in_nobodys_way_where_nothing_of_it_moves(tmp_path, kind):
     assert load_robot(path, tip="two").joint_names == ("turn", "bend")
 
 
+def test_what_drags_the_hand_of_a_simulation_is_no_loop(tmp_path):
+    path = mjcf(tmp_path, '<weld body1="handle" body2="two"/>')
+    path.write_text(path.read_text().replace("<worldbody>", '<worldbody><body name="handle" mocap="true"/>'))
+    robot = load_robot(path, lock=["free"])
+    assert robot.joint_names == ("turn", "bend", "l", "r")
+    assert [f.channel for f in robot.findings if f.code == "description-ignored"] == ["handle - two"]
+    path.write_text(path.read_text().replace(' mocap="true"', ""))
+    with pytest.raises(RobotError, match="closes a loop over bend, turn"):
+        load_robot(path, lock=["free"])
+
+
+def test_a_tendon_couples_only_joints_that_move(tmp_path):
+    path = mjcf(tmp_path, '<tendon tendon1="pull"/>')
+    tendon = '<tendon><fixed name="pull"><joint joint="l" coef="1"/><joint joint="r" coef="-1"/></fixed></tendon>'
+    path.write_text(path.read_text().replace("<equality>", f"{tendon}<equality>"))
+    with pytest.raises(RobotError, match="'tendon', which couples l, r"):
+        load_robot(path, lock=["free"])
+    assert load_robot(path, tip="two").joint_names == ("turn", "bend")
+
+
 @pytest.mark.parametrize(
     ("chosen", "message"),
     [

@@ -6,14 +6,14 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 
-from armid.errors import RobotError
+from armid.errors import Finding, RobotError
 from armid.robot.markup import numbers
 from armid.robot.outline import Follows, Named, Outline
 from armid.robot.pinocchio_model import Limits
 
 __all__ = ["check_equalities", "joint_names", "joints_of", "outline_of"]
 
-COUPLINGS = ("tendon", "flex", "flexvert", "flexstrain")
+COUPLINGS = ("flex", "flexvert", "flexstrain")
 LOOPS = ("connect", "weld")
 IDENTITY = (0.0, 1.0, 0.0, 0.0, 0.0)
 """The polynomial of an equality of joints that gives none."""
@@ -89,13 +89,18 @@ def _active(root: ET.Element) -> list[ET.Element]:
     return [tie for section in root.findall("equality") for tie in section if tie.get("active") != "false"]
 
 
-def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> None:
+def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> list[Finding]:
     """Refuse what closes a loop over joints that move, and what ties joints that are not locked to others.
+
+    Returns:
+        What was passed over.
 
     Raises:
         RobotError: Such an equality.
     """
+    found: list[Finding] = []
     above = _joints_above(root)
+    dragged = {body.get("name", "") for body in root.iter("body") if body.get("mocap") == "true"}
     for tie in _active(root):
         follower = tie.get("joint1")
         if tie.tag in COUPLINGS:
@@ -104,20 +109,37 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
                 possible="open chains and trees",
                 remedy='remove it, or give it active="false".',
             )
-        if tie.tag in LOOPS:
-            one, other = (above.get(end, set[str]()) for end in _ends(tie))
-            moving = sorted((one ^ other) - set(locked))
-            if moving:
-                raise RobotError(
-                    f"{source} has an equality of kind {tie.tag!r}, which closes a loop over {', '.join(moving)}.",
-                    possible="open chains and trees",
-                    remedy="lock these joints (--lock), or choose an arm without them (--tip LINK, --only PATTERN).",
-                )
+        tied = _tied(root, tie, above)
+        moving = sorted(tied - set(locked))
+        # What hangs on a mocap body is dragged by a simulation, and no part of the arm.
+        if tie.tag in LOOPS and dragged & set(_ends(tie)):
+            what = f"{tie.tag} to a mocap body, by which a simulation drags it, is passed over"
+            found.append(Finding("description-ignored", "info", " - ".join(_ends(tie)), what))
+        elif tie.tag in (*LOOPS, "tendon") and moving:
+            what = "closes a loop over" if tie.tag in LOOPS else "couples"
+            raise RobotError(
+                f"{source} has an equality of kind {tie.tag!r}, which {what} {', '.join(moving)}.",
+                possible="open chains and trees",
+                remedy="lock these joints (--lock), or choose an arm without them (--tip LINK, --only PATTERN).",
+            )
         if tie.tag == "joint" and follower not in locked:
             raise RobotError(
                 f"{source}: joint {follower!r} is of kind mimic: an equality ties it to {tie.get('joint2')!r}.",
                 remedy=f"lock {follower!r}, or remove the equality.",
             )
+    return found
+
+
+def _tied(root: ET.Element, tie: ET.Element, above: Mapping[str, set[str]]) -> set[str]:
+    """Joints that an equality of bodies, sites or tendons ties to each other."""
+    if tie.tag in LOOPS:
+        one, other = (above.get(end, set[str]()) for end in _ends(tie))
+        return one ^ other
+    names = {tie.get("tendon1"), tie.get("tendon2")}
+    tendons = [each for section in root.findall("tendon") for each in section if each.get("name") in names]
+    joints = {joint.get("joint", "") for tendon in tendons for joint in tendon.iter("joint")}
+    sites = {site.get("site", "") for tendon in tendons for site in tendon.iter("site")}
+    return joints.union(*(above.get(site, set[str]()) for site in sites))
 
 
 def _ends(tie: ET.Element) -> tuple[str, str]:

@@ -113,8 +113,9 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
                 f"{source} uses <{element.tag}>, which armid does not read.",
                 remedy="let MuJoCo compile the file, save it (mj_saveLastXML) and give the result.",
             )
-    check_equalities(root, source, locked)
+    passed_over = check_equalities(root, source, locked)
     writer = _Writer(root, source, locked)
+    writer.findings += passed_over
     plain = ET.Element("mujoco", model=root.get("model") or "robot")
     ET.SubElement(plain, "compiler", angle="radian")
     world = ET.SubElement(ET.SubElement(plain, "worldbody"), "body", name="world")
