@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from armid.cli.certify import _report
 from armid.errors import EstimationError, ModelError
 from armid.robot import load_robot
 from armid.robot.readers.urdf import read
-from armid.study.certify import Verdict, certify_named, certify_run, described_values
+from armid.study.certify import Verdict, certify_named, certify_run, described_values, verdict_record
 from armid.study.run import Run
 from labs import URDF
 from reports import make_run
@@ -95,3 +96,36 @@ def test_a_limit_that_leaves_no_body_is_refused(heaviest: float):
     robot = read(URDF, source="small", locked={}, tip=None)
     with pytest.raises(EstimationError, match="no body"):
         certify_named(robot, described_values(robot), heaviest=heaviest)
+
+
+GANTRY = """<robot name="gantry"><link name="base"/>
+<joint name="x" type="prismatic"><parent link="base"/><child link="bridge"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="2" velocity="1" effort="500"/></joint>
+<link name="bridge"><inertial><mass value="40"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="y" type="KIND"><parent link="bridge"/><child link="trolley"/><axis xyz="0 1 0"/>
+<limit lower="0" upper="1" velocity="1" effort="100"/></joint>
+<link name="trolley"><inertial><mass value="8"/><origin xyz="0.1 0 0"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link></robot>"""
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("prismatic", "kg"), ("revolute", "kg·m² or kg, SI units of the joints")])
+def test_a_heavy_gantry_has_its_own_units_and_masses(tmp_path: Path, kind: str, unit: str, capsys):
+    """The limit of ten kilograms is that of an arm; a bridge of forty lies far from every body under it."""
+    path = tmp_path / "gantry.urdf"
+    path.write_text(GANTRY.replace("KIND", kind))
+    robot = load_robot(path)
+    verdict = certify_named(robot, described_values(robot))
+    assert verdict.heaviest == 80.0 and verdict.limited.distance < 1e-6
+    assert verdict.pose.unit == unit and verdict_record(verdict)["mass_matrix"]["unit"] == unit
+    _report(verdict, None)
+    out = " ".join(capsys.readouterr().out.split())
+    assert "every mass at most 80 kg: distance" in out
+    assert f"{verdict.pose.min_eigenvalue:.5g} {unit} at q" in out
+    if kind == "prismatic":
+        assert verdict.pose.min_eigenvalue == pytest.approx(8.0)
+    assert certify_named(robot, described_values(robot), heaviest=10.0).limited.distance > 1.0
+
+
+def test_arms_of_usual_size_keep_the_usual_limit(run: Run):
+    assert certify_run(run).heaviest == 10.0 and certify_run(run).pose.unit == "kg·m²"

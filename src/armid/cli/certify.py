@@ -29,7 +29,14 @@ def certify(
         ),
     ] = None,
     motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Look at the mass matrix along it too.")] = None,
-    heaviest: Annotated[float, typer.Option(min=0.0, help="Largest mass of a link in the second answer, kg.")] = 10.0,
+    heaviest: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Largest mass of a link in the second answer, kg; 10, or twice the heaviest link where the "
+            "description has heavier ones.",
+        ),
+    ] = None,
     gravity: Gravity = None,
     lock: Lock = None,
     only: Only = None,
@@ -83,10 +90,12 @@ def _report(verdict: Verdict, motion: str | None) -> None:
         f"  with every mass at most {verdict.heaviest:g} kg: distance {verdict.limited.distance:.4g}, masses "
         f"{_list(verdict.limited.masses)}"
     )
-    console.print(f"mass matrix, worst pose in the joint limits: {verdict.pose.min_eigenvalue:.5g} kg·m²")
+    console.print(
+        f"mass matrix, worst pose in the joint limits: {verdict.pose.min_eigenvalue:.5g} {verdict.pose.unit}"
+    )
     console.print(f"  at q = {_list(verdict.pose.q)}")
     if verdict.along is not None:
-        console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} kg·m²")
+        console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}")
     for each in verdict.constraints:
         if not each.ok:
             note = " (within rounding)" if each.rounding else ""

@@ -37,11 +37,15 @@ __all__ = [
     "described_values",
     "read_plan",
     "read_values",
+    "usual_heaviest",
     "verdict_record",
 ]
 
 HEAVIEST = 10.0
 """Mass of a link above which a nearest body is no answer about a robot arm of this size [kg]."""
+
+HEAVIER = 2.0
+"""The same over the heaviest link of a description that has heavier ones."""
 
 TERM_OF_SYMBOL: Mapping[str, type[Term]] = {"FV": Viscous, "FS": Coulomb, "FO": Offset, "IA": RotorInertia}
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -78,7 +82,7 @@ class Verdict(Shown):
         rows = (
             ("distance to the nearest real body", f"{nearest.distance:.4g} ({nearest.relative_distance:.3%})"),
             ("masses of that body", ", ".join(f"{mass:.4g}" for mass in nearest.masses) + " kg"),
-            ("mass matrix, worst pose", f"{self.pose.min_eigenvalue:.5g} kg·m²"),
+            ("mass matrix, worst pose", f"{self.pose.min_eigenvalue:.5g} {self.pose.unit}"),
         )
         said = "feasible" if nearest.feasible else "infeasible"
         note = " ".join(part for each in self.findings for part in (each.evidence, each.remedy) if part)
@@ -99,6 +103,12 @@ def described_values(robot: Robot) -> dict[str, float]:
             remedy="give a VALUES.json after it, or the folder of a run.",
         )
     return {parameter.name: float(value) for parameter, value in zip(model.parameters, theta, strict=True)}
+
+
+def usual_heaviest(robot: Robot) -> float:
+    """Mass [kg] that no link of such an arm exceeds: of a description with heavy links, twice the heaviest."""
+    heaviest = max((link.inertial.mass for link in robot.links if link.inertial is not None), default=0.0)
+    return HEAVIEST if heaviest <= HEAVIEST else HEAVIER * heaviest
 
 
 def read_values(path: Path | str) -> dict[str, float]:
@@ -125,7 +135,7 @@ def read_plan(name: str) -> Motion:
 
 
 def certify_named(
-    robot: Robot, values: Mapping[str, float], *, motion: Motion | None = None, heaviest: float = HEAVIEST
+    robot: Robot, values: Mapping[str, float], *, motion: Motion | None = None, heaviest: float | None = None
 ) -> Verdict:
     """Certify parameters by name; the torque terms follow from the names.
 
@@ -133,7 +143,7 @@ def certify_named(
         robot: The arm.
         values: Base parameters (`ZZR_1`), standard ones (`ZZ_1`) or physical ones (`m_1`, `rx_1`, `Ixx_1`, …).
         motion: Along which the mass matrix is looked at too.
-        heaviest: Largest mass of a link in the second of the two certificates [kg].
+        heaviest: Largest mass of a link in the second of the two certificates [kg]; `usual_heaviest` where left out.
 
     Raises:
         ModelError: Names that are of none of these sets, or a set that is not complete.
@@ -177,7 +187,7 @@ def _incomplete(
     )
 
 
-def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float = HEAVIEST) -> Verdict:
+def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float | None = None) -> Verdict:
     """Certify the base parameters of a run; where no real body has them, a finding says what that means here."""
     base = run.estimate.base
     values = collapse(base.names, run.estimate.fit)
@@ -222,7 +232,7 @@ def verdict_record(verdict: Verdict) -> dict[str, Any]:
     certificate = verdict.certificate
 
     def pose(of: Pose) -> dict[str, Any]:
-        return {"min_eigenvalue": of.min_eigenvalue, "q": of.q}
+        return {"min_eigenvalue": of.min_eigenvalue, "unit": of.unit, "q": of.q}
 
     matrix = pose(verdict.pose)
     if verdict.along is not None:
@@ -266,7 +276,7 @@ def _model_of(robot: Robot, values: Mapping[str, float]) -> DynamicsModel:
     return DynamicsModel(robot, tuple(terms))
 
 
-def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, heaviest: float) -> Verdict:
+def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, heaviest: float | None) -> Verdict:
     """Physical parameters become standard ones about the link frames."""
     friction = {name.upper(): value for name, value in values.items() if name.split("_")[0] not in PHYSICAL}
     wanted = [f"{symbol}_{k + 1}" for k in range(robot.n) for symbol in PHYSICAL]
@@ -300,9 +310,10 @@ def _verdict(
     linear: Array,
     theta: Array,
     motion: Motion | None,
-    heaviest: float,
+    heaviest: float | None,
     about_com: tuple[Array, Array] | None = None,
 ) -> Verdict:
+    heaviest = usual_heaviest(model.robot) if heaviest is None else heaviest
     certificate = certify_values(model, names, values, linear)
     limited = certify_values(model, names, values, linear, heaviest=heaviest)
     pose = worst_pose(model, theta)

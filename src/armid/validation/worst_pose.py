@@ -37,12 +37,14 @@ class Pose:
     """The worst pose found.
 
     Attributes:
-        min_eigenvalue: Smallest eigenvalue of the mass matrix there [kg·m²].
+        min_eigenvalue: Smallest eigenvalue of the mass matrix there.
         q: The pose, shape (n,) [rad or m].
+        unit: Of the eigenvalue: kg·m² where all joints turn, kg where all slide, of both where there are both.
     """
 
     min_eigenvalue: float
     q: Array
+    unit: str = "kg·m²"
 
 
 def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
@@ -57,7 +59,7 @@ def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
     low, high = _box(model)
     poses = np.random.default_rng(seed).uniform(low, high, (POSES, model.n))
     smallest = np.linalg.eigvalsh(model.mass_matrix(poses, standard))[:, 0]
-    best = Pose(float("inf"), poses[0])
+    best = Pose(float("inf"), poses[0], _unit(model))
     for start in poses[np.argsort(smallest)[:STARTS]]:
         found = optimize.minimize(
             _eigenvalue,
@@ -69,7 +71,7 @@ def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
             options={"ftol": 1e-14, "gtol": 1e-10},
         )
         if found.fun < best.min_eigenvalue:
-            best = Pose(float(found.fun), np.asarray(found.x, dtype=np.float64))
+            best = Pose(float(found.fun), np.asarray(found.x, dtype=np.float64), best.unit)
     return best
 
 
@@ -77,7 +79,13 @@ def worst_along(model: DynamicsModel, standard: Array, motion: Motion) -> Pose:
     """The same along a motion, sample by sample."""
     smallest = np.linalg.eigvalsh(model.mass_matrix(motion.q, standard))[:, 0]
     k = int(np.argmin(smallest))
-    return Pose(float(smallest[k]), motion.q[k])
+    return Pose(float(smallest[k]), motion.q[k], _unit(model))
+
+
+def _unit(model: DynamicsModel) -> str:
+    """Unit of the mass matrix's eigenvalues."""
+    kinds = {joint.is_prismatic for joint in model.robot.joints}
+    return "kg·m² or kg, SI units of the joints" if len(kinds) > 1 else "kg" if kinds == {True} else "kg·m²"
 
 
 def _box(model: DynamicsModel) -> tuple[Array, Array]:

@@ -30,6 +30,7 @@ def show_consistency(material: Material) -> Section | None:
         "beyond": beyond_intervals(material),
         "mass": short(float(certificate.masses.sum())),
         "eigenvalue": short(verdict.pose.min_eigenvalue),
+        "unit": verdict.pose.unit,
         "positive": verdict.pose.min_eigenvalue > 0.0,
         "heaviest": f"{verdict.heaviest:g}",
         "limited": short(verdict.limited.distance),
