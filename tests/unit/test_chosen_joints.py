@@ -173,7 +173,7 @@ def test_what_drags_the_hand_of_a_simulation_is_no_loop(tmp_path):
     path.write_text(path.read_text().replace("<worldbody>", '<worldbody><body name="handle" mocap="true"/>'))
     robot = load_robot(path, lock=["free"])
     assert robot.joint_names == ("turn", "bend", "l", "r")
-    assert [f.channel for f in robot.findings if f.code == "description-ignored"] == ["handle - two"]
+    assert [f.channel for f in robot.findings if f.code == "mocap-ignored"] == ["handle - two"]
     path.write_text(path.read_text().replace(' mocap="true"', ""))
     with pytest.raises(RobotError, match="closes a loop over bend, turn"):
         load_robot(path, lock=["free"])

@@ -114,7 +114,7 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
         # What hangs on a mocap body is dragged by a simulation, and no part of the arm.
         if tie.tag in LOOPS and dragged & set(_ends(tie)):
             what = f"{tie.tag} to a mocap body, by which a simulation drags it, is passed over"
-            found.append(Finding("description-ignored", "info", " - ".join(_ends(tie)), what))
+            found.append(Finding("mocap-ignored", "info", " - ".join(_ends(tie)), what))
         elif tie.tag in (*LOOPS, "tendon") and moving:
             what = "closes a loop over" if tie.tag in LOOPS else "couples"
             raise RobotError(
