@@ -222,3 +222,26 @@ def test_a_start_pose_that_the_joints_can_hold_is_found(tmp_path, capsys):
 def test_a_start_of_another_length_names_the_joints_in_order(arm, tmp_path, capsys):
     code, _, err = run(["excite", arm, *QUICK, "--start", "0,1", "--out", tmp_path / "plan"], capsys)
     assert code == 2 and "lift, bend, tilt" in err
+
+
+def test_a_preview_without_its_meshes_shows_the_axes_and_says_so(tmp_path, capsys):
+    path = tmp_path / "folding.urdf"
+    path.write_text(folding(last='<mesh filename="package://folding/hand.stl"/>'))
+    code, _, _ = run(["preview", path, "--out", tmp_path / "page.html"], capsys)
+    assert code == 0
+    said = prose(tmp_path / "page.html")
+    assert "Parts of the arm are missing" in said and "package://folding/hand.stl" in said
+    assert "Collisions are not checked" in said
+    page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    (axes,) = [found for _, found in page.elements if found.get("data-layer") == "skeleton"]
+    assert "checked" in axes
+
+
+def test_looks_whose_meshes_are_not_there_are_bodies_too(tmp_path, capsys):
+    """A description that has nothing but them is not one without bodies."""
+    path = tmp_path / "folding.urdf"
+    rod = '<cylinder radius="0.05" length="0.3"/>'
+    mesh = '<mesh filename="package://folding/rod.stl"/>'
+    path.write_text(folding("visual", mesh).replace(rod, mesh).replace('<box size="0.3 0.3 0.1"/>', mesh))
+    code, _, err = run(["excite", path, *QUICK, "--out", tmp_path / "plan"], capsys)
+    assert code == 2 and "4 visual meshes are not there" in " ".join(err.split())

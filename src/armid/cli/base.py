@@ -15,6 +15,7 @@ from armid.cli.options import (
     Json,
     Lock,
     Only,
+    Package,
     RobotName,
     Terms,
     TipLink,
@@ -41,6 +42,7 @@ def base(
     lock: Lock = None,
     only: Only = None,
     tip: TipLink = None,
+    package: Package = None,
     terms: Terms = None,
     style: Annotated[Style, typer.Option(help="How formulas are written.")] = Style.text,
     columns: Annotated[
@@ -62,7 +64,7 @@ def base(
     from armid.study.records import to_json
     from armid.study.study import build_model, load_choice
 
-    arm = load_choice(robot_choice(robot, gravity, lock, only, tip))
+    arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package))
     found = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))
     if json:
         sys.stdout.write(to_json(base_record(found)) + "\n")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, Only, TipLink, robot_choice
+from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, robot_choice
 
 if TYPE_CHECKING:
     from armid.study.certify import Verdict
@@ -41,6 +41,7 @@ def certify(
     lock: Lock = None,
     only: Only = None,
     tip: TipLink = None,
+    package: Package = None,
     json: Json = False,
 ) -> None:
     """Certify parameters: the nearest real body, the worst pose of the mass matrix, the thesis's constraints.
@@ -63,7 +64,7 @@ def certify(
     if values is None and Path(subject).is_dir():
         verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
     else:
-        robot = load_choice(robot_choice(subject, gravity, lock, only, tip))
+        robot = load_choice(robot_choice(subject, gravity, lock, only, tip, package))
         named = stage.described_values(robot) if values is None else stage.read_values(values)
         verdict = stage.certify_named(robot, named, motion=along, heaviest=heaviest)
     if json:

@@ -33,7 +33,7 @@ __all__ = [
 
 WIDTH_IN_A_PIPE = 120
 
-SHAPES = ("bodies-from-visuals", "mesh-missing", "visual-left-out")
+SHAPES = ("bodies-from-visuals", "mesh-missing", "visual-left-out", "visual-missing")
 """Findings about the shapes of an arm, which say nothing of its dynamics."""
 
 SHORT = {"validation": "valid.", "earlier run": "earlier"}

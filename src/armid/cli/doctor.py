@@ -13,6 +13,7 @@ from armid.cli.options import (
     Json,
     Lock,
     Only,
+    Package,
     Rate,
     Terms,
     TipLink,
@@ -46,6 +47,7 @@ def doctor(
     lock: Lock = None,
     only: Only = None,
     tip: TipLink = None,
+    package: Package = None,
     terms: Terms = None,
     json: Json = False,
 ) -> None:
@@ -73,7 +75,7 @@ def doctor(
     else:
         reading = Reading(**said)
         choices = tuple(RecordingChoice(path, reading=reading) for path in recordings)
-        study = Study(robot_choice(subject, gravity, lock, only, tip), model_choice(terms), choices)
+        study = Study(robot_choice(subject, gravity, lock, only, tip, package), model_choice(terms), choices)
     found = diagnose(study)
     if json:
         sys.stdout.write(to_json(diagnosis_record(found)) + "\n")

@@ -20,6 +20,7 @@ from armid.cli.options import (
     Lock,
     Only,
     Out,
+    Package,
     RobotName,
     Terms,
     TipLink,
@@ -55,6 +56,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "lock": (Lock, None),
     "only": (Only, None),
     "tip": (TipLink, None),
+    "package": (Package, None),
     "terms": (Terms, None),
     "experiment": _option(
         str, "series", "series: the Fourier series; poses: static poses for gravity; sweeps: constant velocities, "
@@ -178,7 +180,7 @@ def excite(robot: str, **options: Any) -> None:
     from armid.study.study import build_model, load_choice
 
     formats = choose_formats(options["formats"])
-    arm = load_choice(robot_choice(robot, *(options[key] for key in ("gravity", "lock", "only", "tip"))))
+    arm = load_choice(robot_choice(robot, *(options[key] for key in ("gravity", "lock", "only", "tip", "package"))))
     usual = run_folder(None, arm.name)
     folder = options["out"] or usual.with_name(f"{usual.name}-plan")
     refuse_plan_folder(folder)

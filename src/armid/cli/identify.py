@@ -18,6 +18,7 @@ from armid.cli.options import (
     Lock,
     Only,
     Out,
+    Package,
     Rate,
     Terms,
     Threads,
@@ -83,6 +84,7 @@ def identify(
     lock: Lock = None,
     only: Only = None,
     tip: TipLink = None,
+    package: Package = None,
     terms: Terms = None,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -119,7 +121,7 @@ def identify(
     if out is not None:
         refuse_folder(out)
     said = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
-    study = _study(inputs, validate or [], said, (gravity, lock, only, tip), terms)
+    study = _study(inputs, validate or [], said, (gravity, lock, only, tip, package), terms)
     study = _overridden(study, preset, cutoff, edges, method)
     prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
     folder, replaced = _save(result, table, out)

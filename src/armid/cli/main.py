@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from contextvars import copy_context
 from functools import wraps
 from io import TextIOWrapper
 from typing import Annotated, Any
@@ -118,7 +119,7 @@ def main(arguments: list[str] | None = None) -> None:
         if isinstance(stream, TextIOWrapper):  # a terminal without Greek letters gets their numbers
             stream.reconfigure(errors="backslashreplace")
     try:
-        app(_repeated("--validate", _joined(given)), prog_name="armid", standalone_mode=True)
+        copy_context().run(app, _repeated("--validate", _joined(given)), prog_name="armid", standalone_mode=True)
     except ArmidError as error:
         from armid.cli.console import print_error
 

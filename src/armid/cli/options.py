@@ -21,6 +21,7 @@ __all__ = [
     "Lock",
     "Only",
     "Out",
+    "Package",
     "RobotName",
     "Terms",
     "Threads",
@@ -76,6 +77,10 @@ TipLink = Annotated[
         autocompletion=links,
     ),
 ]
+Package = Annotated[
+    list[str] | None,
+    typer.Option("--package", metavar="NAME=DIR", help="Where a ROS package is, for meshes and xacro; repeatable."),
+]
 Terms = Annotated[
     str | None,
     typer.Option(
@@ -99,13 +104,29 @@ def robot_choice(
     lock: list[str] | None,
     only: list[str] | None = None,
     tip: str | None = None,
+    package: list[str] | None = None,
 ) -> RobotChoice:
     """The robot that the command line names, and which of its joints move."""
     from armid.study.study import RobotChoice
 
     if tip is not None and BOX.fullmatch(tip):
         raise ArmidError(f"--tip {tip}: this is no link.", remedy="the box that the tip keeps to is --tip-box.")
+    if package:
+        from armid.robot.packages import give_packages
+
+        give_packages(_packages(package))
     return RobotChoice(description, gravity, _separate(lock), tip, _separate(only))
+
+
+def _packages(given: list[str] | None) -> dict[str, str]:
+    """Folders by package, of `NAME=DIR`."""
+    result: dict[str, str] = {}
+    for each in given or ():
+        name, _, folder = each.partition("=")
+        if not name or not folder:
+            raise ArmidError(f"--package {each}: no package and folder.", remedy="write --package NAME=DIR.")
+        result[name] = str(Path(folder).resolve())
+    return result
 
 
 BOX = re.compile(r"[-+.\deE]+(,[-+.\deE]+){5}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, Only, TipLink, known_arms, robot_choice
+from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, known_arms, robot_choice
 
 if TYPE_CHECKING:
     from armid.measurement.reading import Reading
@@ -51,6 +51,7 @@ def preview(
     lock: Lock = None,
     only: Only = None,
     tip: TipLink = None,
+    package: Package = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to write the page.")] = None,
     json: Json = False,
 ) -> None:
@@ -74,8 +75,7 @@ def preview(
 
     require_extra("jinja2")
     run, other = _run(robot), None if motion is None else _run(motion)
-    arm = load_choice(robot_choice(robot, gravity, lock, only, tip)) if run is None else run.robot
-    folder = Path() if run is None or motion is not None else Path(robot)
+    arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package)) if run is None else run.robot
     known = other or run
     made = preview_of(
         arm,
@@ -85,7 +85,7 @@ def preview(
         surroundings=_surroundings(arm, floor, environment),
         estimate=None if known is None else _estimate(known, arm),
     )
-    path = write_preview(made, out or folder / PAGE)
+    path = write_preview(made, out or (Path() if run is None or motion is not None else Path(robot)) / PAGE)
     if json:
         sys.stdout.write(to_json({"preview": str(path), "bytes": path.stat().st_size}) + "\n")
     else:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.options import Gravity, Json, Lock, Only, Out, RobotName, TipLink, robot_choice, run_folder
+from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, RobotName, TipLink, robot_choice, run_folder
 
 if TYPE_CHECKING:
     from armid.lab.options import LabOptions
@@ -51,6 +51,7 @@ def simulate(
     lock: Lock = None,
     only: Only = None,
     tip: TipLink = None,
+    package: Package = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -67,7 +68,7 @@ def simulate(
     from armid.study.study import load_choice
 
     refuse_format(kind)
-    arm = load_choice(robot_choice(robot, gravity, lock, only, tip))
+    arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package))
     told = _told(options, mode, controller, effects, repetitions, rate)
     motion = the_plan(plan, period)
     with progress(quiet=json) as tell:

@@ -15,6 +15,7 @@ from armid.excitation.hulls import Hulls
 from armid.excitation.keeping import BY_CAPSULES, CONSTRUCTION, LEFT_OUT, MEASURED, Keeping, everything, settled
 from armid.excitation.limits import Limits
 from armid.excitation.pairs import pairs_of_bodies
+from armid.robot.bodies import missing_bodies
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
@@ -166,7 +167,7 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
     Raises:
         ArmidError: The description has no shapes, or the margin is negative.
     """
-    missing = [finding for finding in robot.findings if finding.code == "mesh-missing"]
+    missing = missing_bodies(robot)
     if missing:
         raise ArmidError(
             f"Collisions of {robot.name} cannot be checked: {missing[0].evidence}.",

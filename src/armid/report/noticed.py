@@ -9,7 +9,7 @@ from armid.errors import Finding
 
 __all__ = ["evidence_words", "remedy_words", "serious"]
 
-BESIDE = ("bodies-from-visuals", "mesh-missing")
+BESIDE = ("bodies-from-visuals", "mesh-missing", "visual-missing")
 """Findings that say nothing of the model; the provenance lists them all."""
 
 

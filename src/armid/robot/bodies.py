@@ -7,7 +7,16 @@ from dataclasses import replace
 from armid.errors import Finding
 from armid.robot.robot import Robot
 
-__all__ = ["with_bodies"]
+__all__ = ["missing_bodies", "with_bodies"]
+
+
+def missing_bodies(robot: Robot) -> list[Finding]:
+    """Findings about bodies that the description has, but whose files are not there.
+
+    What links look like counts where no link has another body.
+    """
+    codes = ("mesh-missing",) if robot.shapes else ("mesh-missing", "visual-missing")
+    return [finding for finding in robot.findings if finding.code in codes]
 
 
 def with_bodies(robot: Robot) -> Robot:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from armid.errors import RobotError
 from armid.robot.bodies import with_bodies
 from armid.robot.outline import held_joints
+from armid.robot.packages import forget, give_packages
 from armid.robot.readers import READERS, Reader, urdf, xacro
 from armid.robot.robot import Robot
 from armid.robot.rounding import rounded
@@ -37,6 +38,7 @@ def load_robot(
     only: str | Sequence[str] = (),
     tip: str | None = None,
     locked: Locked | None = None,
+    packages: Mapping[str, str] | None = None,
 ) -> Robot:
     """The robot of a description.
 
@@ -53,16 +55,21 @@ def load_robot(
         tip: Name of the frame that stands for the tool flange: the joints between the base and it move, all others
             are held still, unless `only` says which. Found if left out, and nothing is held for it.
         locked: Former name of `lock`.
+        packages: Folders of ROS packages by name, beside those that `armid.robot.packages` finds.
 
     Raises:
         RobotError: No such arm or file, or one that cannot be read, or a pattern that fits no joint; the message says
             what is possible.
         MissingExtraError: A format whose package is not installed.
     """
-    text, source, reader = _expanded(description)
     asked = _values(lock if locked is None else locked)
-    held = held_joints(reader.outline(text, source=source), source, asked, _names(only), tip)
-    robot = with_bodies(reader.read(text, source=source, locked=held.at, tip=tip))
+    given = give_packages(packages or {})
+    try:
+        text, source, reader = _expanded(description)
+        held = held_joints(reader.outline(text, source=source), source, asked, _names(only), tip)
+        robot = with_bodies(reader.read(text, source=source, locked=held.at, tip=tip))
+    finally:
+        forget(given)
     sha256 = robot.sha256 or hashlib.sha256(text.encode()).hexdigest()
     robot, _ = rounded(replace(robot, sha256=sha256, findings=(*robot.findings, *held.findings)))
     robot = robot.lock({name: value for name, value in held.at.items() if name in robot.joint_names})

@@ -18,7 +18,7 @@ from armid.maths.spatial import homogeneous
 from armid.robot.markup import numbers
 from armid.robot.mjcf_plain import Plain
 from armid.robot.pinocchio_model import pinocchio
-from armid.robot.shapes import Kind, Shape, capsule_between, meshes_missing, rotation_with_z
+from armid.robot.shapes import Kind, Shape, capsule_between, looks_missing, meshes_missing, rotation_with_z
 from armid.values import Array
 
 __all__ = ["add_sites", "carriers_of", "shapes_of_mjcf"]
@@ -62,6 +62,7 @@ def shapes_of_mjcf(
     shapes: list[Shape] = []
     visuals: list[Shape] = []
     missing: dict[str, str] = {}
+    unseen: dict[str, str] = {}
     count: dict[str, int] = {}
     for body, geom in plain.geoms:
         link, placement = carriers.get(body, (-1, np.eye(4)))
@@ -70,15 +71,14 @@ def shapes_of_mjcf(
         touches = (geom.get("contype", "1"), geom.get("conaffinity", "1")) != ("0", "0")
         shape = _shape(name, geom, meshes)
         if shape is None:
-            if touches:
-                missing[name] = geom.get("mesh", "")
+            (missing if touches else unseen)[name] = geom.get("mesh", "")
             continue
         shape = shape.on(link, placement)
         if touches:
             shapes.append(shape)
         if float(geom.get("group", "0")) < FIRST_HIDDEN:
             visuals.append(shape)
-    return tuple(shapes), tuple(visuals), meshes_missing(missing)
+    return tuple(shapes), tuple(visuals), (*meshes_missing(missing), *looks_missing(unseen))
 
 
 def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:

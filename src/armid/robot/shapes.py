@@ -13,7 +13,7 @@ from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous
 from armid.values import Array, array
 
-__all__ = ["Shape", "capsule_between", "meshes_missing", "rotation_with_z"]
+__all__ = ["Shape", "capsule_between", "looks_missing", "meshes_missing", "rotation_with_z"]
 
 Kind = Literal["capsule", "sphere", "cylinder", "box", "mesh", "half-space"]
 
@@ -83,8 +83,24 @@ def meshes_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
     bodies, (first, file) = ", ".join(files), next(iter(files.items()))
     what = f"the collision mesh {file} is" if len(files) == 1 else f"{len(files)} collision meshes ({file}, …) are"
     evidence = f"{what} not there; {bodies} will take no space in a check of collisions"
-    remedy = "put the meshes beside the description if collisions matter; an identification does not need them."
+    remedy = (
+        "where collisions matter, say with --package NAME=DIR where the package is, or put the meshes beside the "
+        "description; an identification does not need them."
+    )
     return (Finding("mesh-missing", "warning", first if len(files) == 1 else "", evidence, remedy),)
+
+
+def looks_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
+    """One finding for all visual meshes that are not there; none where none is missing.
+
+    Args:
+        files: The file by the body that it is of.
+    """
+    if not files:
+        return ()
+    said = f"{len(files)} visual meshes are not there, as {next(iter(files.values()))}: {', '.join(files)}"
+    remedy = "say where the package is with --package NAME=DIR, or put the meshes beside the description."
+    return (Finding("visual-missing", "info", "", said, remedy),)
 
 
 def rotation_with_z(direction: Array) -> Array:

@@ -14,8 +14,9 @@ import numpy as np
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous, rpy_rotation
 from armid.robot.markup import numbers
+from armid.robot.packages import file_of
 from armid.robot.robot import Robot
-from armid.robot.shapes import Kind, Shape, meshes_missing
+from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing
 from armid.values import Array
 
 __all__ = ["shapes_of_urdf"]
@@ -61,7 +62,7 @@ def shapes_of_urdf(
                 findings.append(
                     Finding("visual-left-out", "info", label, error.problem, "correct it to see the link.")
                 )
-    return tuple(shapes), (*findings, *(meshes_missing(missing) if kind == "collision" else ()))
+    return tuple(shapes), (*findings, *(meshes_missing if kind == "collision" else looks_missing)(missing))
 
 
 def _carrier(
@@ -119,10 +120,7 @@ def _mesh_path(filename: str, source: str) -> str:
     folder = Path(source).resolve().parent
     for scheme in ("package://", "model://"):
         if filename.startswith(scheme):
-            inside = Path(filename.removeprefix(scheme))
-            places = [up / inside for up in (folder, *folder.parents)]
-            places += [up / Path(*inside.parts[1:]) for up in (folder, *folder.parents)]
-            break
-    else:
-        places = [folder / filename.removeprefix("file://")]
-    return next((str(place) for place in places if place.is_file()), "")
+            package, _, inside = filename.removeprefix(scheme).partition("/")
+            return file_of(package, Path(inside), source)
+    place = folder / filename.removeprefix("file://")
+    return str(place) if place.is_file() else ""

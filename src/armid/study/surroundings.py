@@ -12,6 +12,7 @@ from armid.excitation.capsules import box_triangles, covering
 from armid.excitation.clearance import floor
 from armid.excitation.coal import mesh_faces
 from armid.excitation.environment import load_environment
+from armid.robot.bodies import missing_bodies
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
@@ -71,7 +72,7 @@ def assumed_floor(robot: Robot, options: Mapping[str, Any]) -> AssumedFloor | No
 
 def meshes_are_missing(robot: Robot) -> bool:
     """Whether the description has bodies that could not be read."""
-    return any(finding.code == "mesh-missing" for finding in robot.findings)
+    return bool(missing_bodies(robot))
 
 
 def _lowest(shape: Shape) -> float:

@@ -76,6 +76,7 @@ def render_preview(preview: Preview) -> str:
             said=preview.said,
             has_bodies=bool(record["bodies"]),
             missing=missing,
+            bare=not record["bodies"] or bool(missing),
             version=version("armid"),
             style=text_of("theme.css") + text_of("preview/preview.css"),
             script=text_of("unpack.js") + text_of("preview/view.js") + text_of("preview/preview.js"),

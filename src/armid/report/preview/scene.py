@@ -17,6 +17,9 @@ from armid.values import Array
 
 __all__ = ["Bodies", "bodies_of", "joint_records", "reach_of", "surroundings_of"]
 
+NOT_DRAWN = ("mesh-missing", "visual-left-out", "visual-missing")
+"""Findings about bodies that a picture lacks."""
+
 FEWEST_TRIANGLES = 300
 """Triangles that a mesh may keep, however large the others are."""
 
@@ -47,7 +50,11 @@ def bodies_of(robot: Robot) -> Bodies:
     seen = {shape.link for shape in robot.visuals}
     shapes = (*robot.visuals, *(shape for shape in robot.shapes if shape.link not in seen))
     drawn: list[dict[str, Any]] = []
-    missing = [f"{each.channel}: {each.evidence}" for each in robot.findings if each.code == "visual-left-out"]
+    missing = [
+        f"{each.channel}: {each.evidence}" if each.channel else each.evidence
+        for each in robot.findings
+        if each.code in NOT_DRAWN
+    ]
     loaded: dict[tuple[str, tuple[float, ...]], Any] = {}
     for shape in shapes:
         if shape.kind == "half-space":

@@ -6,6 +6,7 @@ The digest is that of the expanded text, since included files shape the robot to
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from xml.parsers.expat import ExpatError
 from armid.errors import MissingExtraError, RobotError
 from armid.robot.markup import parse_xml, root_tag
 from armid.robot.outline import Outline
+from armid.robot.packages import REMEDY, given_packages, package_folders
 from armid.robot.readers import urdf
 from armid.robot.robot import Robot
 
@@ -78,13 +80,36 @@ def expand(text: str, source: str) -> str:
         ValueError,
         ExpatError,
     )
-    try:
-        # xacro resolves relative includes against the file at the bottom of a stack that it keeps in a global.
-        xacro.init_stacks(str(Path(source).resolve()))
-        document = xacrodoc.XacroDoc.from_string(text, resolve_packages=False)
-        return document.dom.toxml()
-    except faults as error:
-        raise RobotError(
-            f"{source} cannot be expanded by xacro: {' '.join(str(error).split())}",
-            remedy="expand it where its packages are found and give the URDF.",
-        ) from error
+    xacrodoc.packages.update_package_cache(dict(given_packages()))
+    asked: set[str] = set()
+    while True:
+        try:
+            # xacro resolves relative includes against the file at the bottom of a stack that it keeps in a global.
+            xacro.init_stacks(str(Path(source).resolve()))
+            document = xacrodoc.XacroDoc.from_string(text, resolve_packages=False)
+            return document.dom.toxml()
+        except faults as error:
+            lacking = LACKING.search(str(error))
+            name = "" if lacking is None else lacking[1]
+            places = package_folders(name, source) if name and name not in asked else []
+            if not places:
+                raise _unexpanded(source, error, name) from error
+            asked.add(name)
+            xacrodoc.packages.update_package_cache({name: str(places[0])})
+
+
+LACKING = re.compile(r"Package not found: (\S+)")
+"""What xacrodoc says of a package that it does not find."""
+
+
+def _unexpanded(source: str, error: Exception, package: str) -> RobotError:
+    """Why it cannot be expanded."""
+    if package:
+        return RobotError(
+            f"{source} cannot be expanded by xacro: the package {package} is not found.",
+            remedy=f"{REMEDY.replace('NAME', package)}; or expand it there and give the URDF.",
+        )
+    return RobotError(
+        f"{source} cannot be expanded by xacro: {' '.join(str(error).split())}",
+        remedy="expand it where its packages are found and give the URDF.",
+    )

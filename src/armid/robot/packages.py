@@ -1,0 +1,84 @@
+"""Folders of ROS packages: those given, above the description, in ROS_PACKAGE_PATH and in AMENT_PREFIX_PATH.
+
+A description names meshes as package://NAME/… and xacro files as $(find NAME)/…; where NAME is, is the workspace's
+secret. Nothing of ROS needs to be installed.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextvars import ContextVar, Token
+from pathlib import Path
+
+from armid.errors import RobotError
+
+__all__ = ["REMEDY", "file_of", "forget", "give_packages", "given_packages", "package_folders"]
+
+REMEDY = "say where the package is with --package NAME=DIR, ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
+
+_given: ContextVar[Mapping[str, str]] = ContextVar("_given", default={})  # noqa: B039  (nobody writes to it)
+
+
+def give_packages(packages: Mapping[str, str]) -> Token[Mapping[str, str]]:
+    """Packages that stand in some folders, from here on in this context; `forget` takes them back.
+
+    Raises:
+        RobotError: A folder is not there.
+    """
+    for name, folder in packages.items():
+        if not Path(folder).is_dir():
+            raise RobotError(
+                f"The package {name} is to be in {folder}, which is no folder.", remedy="correct the path."
+            )
+    return _given.set({**_given.get(), **packages})
+
+
+def forget(token: Token[Mapping[str, str]]) -> None:
+    """Take back what was given."""
+    _given.reset(token)
+
+
+def given_packages() -> Mapping[str, str]:
+    """Packages whose folders were given."""
+    return _given.get()
+
+
+def package_folders(name: str, source: str) -> list[Path]:
+    """Folders that a package may be, the likeliest first; those there are.
+
+    Args:
+        name: The package.
+        source: Path of the description that names it.
+    """
+    above = Path(source).resolve().parent
+    found = [Path(_given.get()[name])] if name in _given.get() else []
+    found += [up if up.name == name else up / name for up in (above, *above.parents)]
+    for entry in _entries("ROS_PACKAGE_PATH"):
+        found += [entry] if entry.name == name else []
+        found += [entry / name, *_below(entry, name)]
+    found += [entry / "share" / name for entry in _entries("AMENT_PREFIX_PATH")]
+    return [folder for folder in dict.fromkeys(found) if folder.is_dir()]
+
+
+def file_of(name: str, inside: Path, source: str) -> str:
+    """A file of a package; empty where it is not found.
+
+    Folders above the description that hold the path without the package's name will do, as in a folder of meshes that
+    was copied by itself, but only where no folder has the package's name.
+    """
+    above = Path(source).resolve().parent
+    places = [folder / inside for folder in package_folders(name, source)]
+    places += [up / inside for up in (above, *above.parents)]
+    return next((str(place) for place in places if place.is_file()), "")
+
+
+def _entries(variable: str) -> list[Path]:
+    """The folders of a variable of the environment."""
+    return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+
+
+def _below(folder: Path, name: str) -> list[Path]:
+    """Folders of a name with a package's description, up to three folders below another one."""
+    found = [path for deep in ("*", "*/*", "*/*/*") for path in sorted(folder.glob(f"{deep}/{name}/package.xml"))]
+    return [path.parent for path in found]
