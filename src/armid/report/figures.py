@@ -67,7 +67,7 @@ def plot_torque(
 def plot_residuals(
     run: Run, *, joint: str | None = None, data: Path | str | None = None, theme: Theme = "light"
 ) -> Figure:
-    """What the model leaves over time, over velocity and in frequency."""
+    """Residuals over time, over velocity and in frequency."""
     return _of_run(run, show_residuals, joint, data, theme)
 
 

@@ -1,4 +1,4 @@
-"""What the model leaves: over time, over velocity, and in frequency."""
+"""Residuals of the model: over time, over velocity, and in frequency."""
 
 from __future__ import annotations
 
