@@ -12,11 +12,15 @@ from armid.cli.main import app
 from armid.cli.options import robot_choice
 from armid.errors import ArmidError, RobotError
 from armid.excitation.limits import limits_of
+from armid.export.source import find_source
+from armid.export.write import export_run
 from armid.maths.inertia import vector_to_com_inertia
 from armid.robot import load_robot
 from armid.robot.load import held_of
+from armid.robot.readers.urdf import outline
 from armid.study.study import load_choice, parse_robot
 from armid.toml import to_toml
+from exports import run_of
 
 INERTIAL = '<inertial><mass value="{}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
 
@@ -223,6 +227,33 @@ def test_a_study_and_the_command_line_say_the_same(two):
     assert result.exit_code == 0, result.output
     names = json.loads(result.stdout)["removed"] + json.loads(result.stdout)["zero_columns"]
     assert {name.rpartition("_")[2] for name in names} == {"1", "2"}
+
+
+@pytest.mark.parametrize("chosen", [{"only": ["left_[12]"]}, {"tip": "left_fore", "lock": ["torso"]}], ids=str)
+def test_a_run_remembers_the_choice(two, tmp_path, chosen):
+    """What a study chose is found again in the run's record, for an export, say, without a word."""
+    run = run_of(tmp_path / "run", two, locked=held_of(two, **chosen))
+    record = tmp_path / "run" / "study.json"
+    robot = {"description": str(two), "gravity": None, "lock": [], "tip": None, "only": [], **chosen}
+    record.write_text(json.dumps({"robot": robot, "folder": ".", "recordings": []}))
+    assert set(find_source(run).locked) == set(load_outline(two)) - set(LEFT)
+    exported = export_run(run, "urdf", tmp_path / "out.urdf")
+    assert exported.edited and all(check.ok for check in exported.checks)
+    again = load_robot(tmp_path / "out.urdf", **chosen)
+    wanted = run.estimate.fit.standard.values[run.model.inertial_columns].reshape(-1, 10)
+    assert again.inertial_vector == pytest.approx(wanted, abs=1e-9)
+
+
+def load_outline(path):
+    return outline(path.read_text(), source=str(path)).names
+
+
+def test_many_held_joints_are_counted(tmp_path):
+    path = tmp_path / "many.urdf"
+    chain = "".join(joint(f"j{k}", f"l{k}", f"l{k + 1}", lower=0.2 if k == 30 else -1.0) for k in range(40))
+    path.write_text(f'<robot name="many"><link name="l0"/>{chain}</robot>')
+    (found,) = [f for f in load_robot(path, only="j1").findings if f.code == "joints-held"]
+    assert "39 of 40" in found.evidence and "j30 at 0.2" in found.evidence and found.evidence.endswith("and 26 more")
 
 
 def test_commas_and_repeated_options(two):

@@ -202,8 +202,14 @@ def _followers(outline: Outline, at: Mapping[str, float]) -> tuple[dict[str, flo
     return led, tuple(findings)
 
 
-def _said(free: Iterable[Named], outline: Outline) -> Finding:
+MANY = 12
+"""Held joints that a finding lists; of more it lists the first, and all that are not at zero."""
+
+
+def _said(free: Sequence[Named], outline: Outline) -> Finding:
     """Joints that were held because others were chosen to move."""
-    names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in free]
-    what = f"{len(names)} of {len(outline.joints)} joints are held still, at zero where nothing else is said: "
-    return Finding("joints-held", "info", "", what + ", ".join(names))
+    listed = [joint for k, joint in enumerate(free) if joint.rest or k < MANY]
+    names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in listed]
+    more = f" and {len(free) - len(listed)} more" if len(listed) < len(free) else ""
+    what = f"{len(free)} of {len(outline.joints)} joints are held still, at zero where nothing else is said: "
+    return Finding("joints-held", "info", "", f"{what}{', '.join(names)}{more}")
