@@ -106,7 +106,11 @@ def test_bodies_keep_apart_by_default(arm, tmp_path, capsys):
     assert {"hand - base", "middle - base", "hand - assumed floor"} <= pairs
     assert "floor-assumed" in {each["code"] for each in report["findings"]}
     assert "✓ every limit holds, and bodies keep apart" in text
-    assert "✓ every limit holds, and bodies keep apart" in prose(tmp_path / "plan" / "preflight.html")
+    page = prose(tmp_path / "plan" / "preflight.html")
+    assert "✓ every limit holds, and bodies keep apart" in page
+    assert page.index("Motion") < page.index("What to expect")
+    assert "1 times" not in text and "with the ways" not in text and "…3.0000 rad" in text
+    assert "; move it with --floor HEIGHT" in text
 
 
 def test_the_preview_and_the_report_say_the_same_distance(arm, tmp_path, capsys):

@@ -289,7 +289,7 @@ def _both(limit: float) -> tuple[float, float]:
 PREFLIGHT: Mapping[str, Callable[[Designed], Section | None]] = {
     "limits": show_limits,
     "approaches": show_approaches,
-    "expected": show_expected,
     "motion": show_motion,
+    "expected": show_expected,
 }
 """Sections of the page, in order; each has a template of its name."""
