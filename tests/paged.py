@@ -3,8 +3,8 @@
 - A block of toml or xml whose first line is a comment with a file's name is written to that file; of the others, toml
   has to be valid.
 - A block of python is executed; names live on until the page ends.
-- A block of bash is run command by command, `armid` in this process. `|| true` behind a command says that it may also
-  end with a failed verdict.
+- A block of bash is run command by command, `armid` in this process, and has to end with 0. `# exit code 1` behind a
+  command says that it ends with a failed verdict, and that is what it has to do; `|| true`, that it may.
 - A block after a line that begins with `*Not run by the tests` is left alone; readers see that line, too.
 """
 
@@ -52,7 +52,9 @@ def blocks(page: str) -> list[Block]:
 
 def commands(text: str) -> list[str]:
     """The commands of a block of bash, without comments and with continued lines joined."""
-    lines = (re.sub(r"(^|\s)# .*", "", line).strip() for line in text.replace("\\\n", " ").splitlines())
+    lines = (
+        re.sub(r"(^|\s)# (?!exit code 1$).*", "", line).strip() for line in text.replace("\\\n", " ").splitlines()
+    )
     return [line for line in lines if line]
 
 
@@ -77,9 +79,13 @@ def follow(page: str) -> int:
     return done
 
 
+FAILS = "# exit code 1"
+
+
 def _run(command: str) -> None:
-    """Run one command of armid; its exit code has to be 0, or 1 where the page says that it may be."""
-    words = shlex.split(command)
+    """Run one command of armid; its exit code has to be the one that the page says."""
+    expected = 1 if command.endswith(FAILS) else 0
+    words = shlex.split(command.removesuffix(FAILS))
     tolerated = words[-2:] == ["||", "true"]
     words = words[:-2] if tolerated else words
     assert words[0] == "armid", f"not a command of armid: {command}"
@@ -88,12 +94,12 @@ def _run(command: str) -> None:
         cli.main(words[1:])
     except SystemExit as ended:
         code = ended.code or 0
-    assert code == 0 or (tolerated and code == 1), f"{command} ended with {code}"
+    assert code == expected or (tolerated and code == 1), f"{command} ended with {code}"
 
 
 def understood(command: str) -> None:
     """Parse a command of armid without running it; an unknown command, option or a missing argument is an error."""
-    words = shlex.split(command.removesuffix("|| true"))
+    words = shlex.split(command.removesuffix("|| true").removesuffix(FAILS))
     group = get_command(cli.app)
     assert isinstance(group, TyperGroup) and words[1] in group.commands, f"no such command: {command}"
     arguments = cli._repeated("--validate", cli._joined(words[2:]))  # as `main` does before it parses

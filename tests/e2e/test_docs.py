@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ast
+import json
+import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from paged import DOCS, blocks, commands, follow, mentioned, pages, understood
@@ -19,7 +22,7 @@ PAGES = pages()
 LARGEST = 6_000_000
 """Bytes of the page of a run from five periods of 27 s at 8 kHz, as the demo's: what can still be mailed."""
 
-AFTER = {"tutorials/ros_bag.md": "arm", "tutorials/payload.md": "arm", "tutorials/recalibration.md": "arm"}
+AFTER = {"tutorials/ros_bag.md": "arm", "tutorials/payload.md": "arm"}
 """Pages that go on where another ended, with the folder that this one leaves."""
 
 
@@ -38,6 +41,36 @@ def test_the_first_tutorial(arm: Path):
     for name in ("arm", "study"):
         assert (arm / "runs" / name / "report.html").is_file()
     assert (arm / "arm_identified.urdf").read_text() != (arm / "arm.urdf").read_text()
+
+
+def test_the_first_tutorial_ends_in_a_model_that_is_right(arm: Path):
+    """Its intervals hold the truth of the lab, and its error on training motion is that on unseen motion."""
+    truth = json.loads((arm / "train" / "truth.json").read_text())["base_parameters"]
+    estimate = json.loads((arm / "runs" / "arm" / "estimate.json").read_text())
+    ends = [(truth.get(each["name"], 0.0), *each["interval95"]) for each in estimate["base_parameters"]]
+    held = [low <= true <= high for true, low, high in ends]
+    assert len(held) == 24 and sum(held) >= 21  # of 24 at 95 %, one draw in a hundred has more than three outside
+    (unseen,) = json.loads((arm / "runs" / "arm" / "validation.json").read_text())["recordings"]
+    ratio = np.linalg.norm(unseen["rms"]) / np.linalg.norm(estimate["residual"]["rms"])
+    assert 0.7 < ratio < 1.5
+    assert "period-found" in {each["code"] for each in estimate["warnings"]}
+
+
+def test_recalibration_finds_the_friction_that_changed(
+    arm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """The page says that the old model fails with exit code 1, and what has changed."""
+    page = PAGES["tutorials/recalibration.md"]
+    assert "armid validate runs/arm later/recording.csv  # exit code 1" in page
+    shutil.copytree(arm, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    assert follow(page) >= 3
+    out = capsys.readouterr().out
+    assert out.count("verdict on unseen motion: fail") == 1 and out.count("verdict on unseen motion: pass") == 1
+    table = out.split("changed beyond their 95 % intervals")[1].split("have not changed")[0]
+    listed = set(re.findall(r"│ (\w+) +│", table))
+    friction = {f"{name}_{j}" for name in ("FV", "FS") for j in (1, 2, 3)}
+    assert friction <= listed and len(listed - friction) <= 3
 
 
 @pytest.mark.parametrize("page", AFTER)

@@ -18,9 +18,9 @@ from armid.estimation.payload import LOAD_NAMES
 from armid.lab.virtual import record
 from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
-from armid.study.identify import identify
+from armid.study.identify import identify, read_recording, score_recordings
 from armid.study.run import load_run, save_run
-from armid.study.study import load_study
+from armid.study.study import RecordingChoice, load_study
 from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 GAIN = np.array([10.0, 12.0, 8.0])
@@ -241,6 +241,15 @@ def test_friction_is_recalibrated(armid: Armid, tmp_path: Path):
             assert each["before"] == pytest.approx(value, rel=0.05)
     assert sum(each["beyond"] for each in record["changes"]) <= 6 + 2
     run, old = load_run(out), load_run("run")
+    bound = next(each["bound"] for each in record["validation"]["checks"] if "training" in each["name"])
+    read = [
+        (choice := RecordingChoice(path), read_recording(choice, ".", run.robot)[0])
+        for path in ("warm.npz", "later.npz")
+    ]
+    train, unseen = score_recordings(run.model, run.estimate, read, run.processing)[0]
+    # One number: the column on the screen, the record, and what the bound is made of.
+    np.testing.assert_allclose(record["residual"]["rms"], train.rms, rtol=1e-9)
+    assert bound == pytest.approx(max(3.0 * np.linalg.norm(train.rms), 0.02 * np.linalg.norm(unseen.spread)))
     assert set(old.trained_on) < set(run.trained_on) and len(run.trained_on) == 2
     code, text, _ = armid("validate", out, "later.npz", "--json")
     new_rms = json.loads(text)["recordings"][0]["rms"]

@@ -14,7 +14,7 @@ from armid.lab.sensors import Channel, Sensing
 from armid.lab.simulate import Simulated, simulate
 from armid.measurement.process import THESIS, Processing
 from armid.measurement.reading import Reading
-from armid.measurement.standstill import position_noise, standing
+from armid.measurement.standstill import BESIDE, SLIDING, position_noise, standing
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.validation.doctor import EXPLAINS, examine
@@ -72,11 +72,37 @@ def test_a_joint_that_never_moves_and_one_hidden_by_noise_have_no_standstill():
 
 def test_an_arm_that_rests_between_motion_does_not_stick():
     """All joints at once, each on its own path; one that stands longer than the others is still seen."""
-    q = stuck(12.0, 0.4) * np.array([1.0, -0.7, 1.3])
+    q = stuck(24.0, 1.4) * np.array([1.0, -0.7, 1.3])
     assert standing(q[:, :1], RATE).any()
     assert not standing(q, RATE).any()
-    q[:, 2:] = stuck(12.0, 0.15)
+    q[:, 2:] = stuck(24.0, 0.15)
     assert standing(q, RATE).any(axis=0).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_all_joints_at_rest_for_a_moment_between_motions_stand(noise: float):
+    """Friction goes through all of its range there, and shows no weight that the motion beside it does not show."""
+    q = stuck(12.0, 0.4) * np.array([1.0, -0.7, 1.3]) + noise * np.random.default_rng(1).normal(size=(12000, 3))
+    found, right = standing(q, RATE), truly(12.0, 0.4)
+    inner = right & (np.arange(12000) < 11000)  # the last rest may be the end of all motion
+    assert found[inner].mean() > 0.98
+    reach = round(BESIDE * RATE)
+    near = np.convolve(right, np.ones(2 * reach + 1), "same") > 0
+    assert not found[~near].any()
+
+
+def test_a_motion_that_begins_and_ends_at_rest_stands_where_it_begins_anew():
+    """Velocities and accelerations are zero there and no joint stays: each is left out until it slides for sure."""
+    period, t = 8.0, clock(24.0, RATE)
+    x = 2.0 * np.pi * t / period
+    q = np.column_stack([np.sin(x) ** 3 + c * (1.0 - np.cos(x)) ** 2 for c in (0.3, -0.4, 0.5)])
+    dq = np.gradient(q, 1.0 / RATE, axis=0)
+    found = standing(q + NOISE * np.random.default_rng(1).normal(size=q.shape), RATE)
+    away = np.abs((t + period / 2.0) % period - period / 2.0)
+    inner = (t > 0.5 * period) & (t < 2.5 * period)
+    assert found[inner & (away < 0.05)].all()
+    assert not found[away > BESIDE + SLACK].any()
+    assert not found[np.abs(dq) > 1.5 * SLIDING * dq.std(axis=0)].any()
 
 
 def test_an_arm_that_rests_for_long_does_so_while_one_joint_creeps():

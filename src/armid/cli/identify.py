@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 __all__ = ["identify"]
 
 
+PERIOD_HELP = "Period of the motion, s; found in the positions where it is left out."
+
+
 class Preset(StrEnum):
     """Ways of processing and estimating under one name."""
 
@@ -91,7 +94,7 @@ def identify(
     units: Annotated[
         str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles; rad by default.")
     ] = None,
-    period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
+    period: Annotated[str | None, typer.Option(metavar="S|none", help=PERIOD_HELP)] = None,
     cutoff: Cutoff = None,
     edges: Annotated[
         str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording; drop by default.")
@@ -120,7 +123,7 @@ def identify(
 
     if out is not None:
         refuse_folder(out)
-    said = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
+    said = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": _period(period)}
     study = _study(inputs, validate or [], said, (gravity, lock, only, tip, package), terms)
     study = _overridden(study, preset, cutoff, edges, method)
     prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
@@ -203,6 +206,18 @@ def _study(
     model = model_choice(terms)
     robot = robot_choice(inputs[0], *arm)
     return Study(robot, model, recordings, estimation=default_estimation(model))
+
+
+def _period(text: str | None) -> float | str | None:
+    """What --period says."""
+    from armid.errors import StudyError
+
+    if text is None or text == "none":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise StudyError(f"--period {text} is no time.", possible="a number [s], none") from None
 
 
 ARM = ("gravity", "lock", "tip", "only")

@@ -212,10 +212,13 @@ def band_edges(lengths: list[tuple[int, float]]) -> Array:
 def repeats(run: ObservedRun) -> NDArray[np.int64] | None:
     """First rows of the periods of a motion that repeats, and the shortest one's number of rows at the end.
 
+    Blocks are the periods where repetitions are not known.
+
     Returns:
         `None` where the blocks are no periods of one motion.
     """
-    borders = np.flatnonzero(np.diff(run.block, prepend=-1, append=-1))
+    label = run.block if run.repetition is None else run.repetition
+    borders = np.flatnonzero(np.diff(label, prepend=-1, append=-1))
     begins, ends = borders[:-1], borders[1:]
     used = np.array([run.mask[a:b].any() for a, b in zip(begins, ends, strict=True)])
     begins, lengths = begins[used], (ends - begins)[used]

@@ -12,16 +12,22 @@ jackknife is the variance of the mean of the periods' own estimates.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.information.information import Information
+from armid.information.observations import ObservedRun
 from armid.values import Array
 
-__all__ = ["block_products", "correlation", "grouped", "jackknife", "periods"]
+__all__ = ["Repeated", "block_products", "correlation", "grouped", "jackknife", "periods"]
 
 RIDGE = 1e-12
 """Added to the diagonal of H, relative: a block that alone shows a direction then gives a huge variance."""
+
+Groups = NDArray[np.int64]
 
 TOGETHER = 32
 """Blocks solved for at a time: a few megabytes."""
@@ -30,7 +36,49 @@ SAME_MOTION = 0.2
 """Largest difference of two blocks' products, over their size, that still are periods of one motion. Noise of the
 positions and rows masked near an end make a few hundredths, other motion makes about one."""
 
-Groups = NDArray[np.int64]
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Repeated:
+    """Repetitions of motions.
+
+    Attributes:
+        groups: Repetition that each block is in, -1 for none, shape (blocks,).
+        motions: Motion that each repetition is of, shape (repetitions,).
+    """
+
+    groups: Groups
+    motions: Groups
+
+    @property
+    def free(self) -> int:
+        """Degrees of freedom of the scatter between repetitions of a motion."""
+        return len(self.motions) - len(np.unique(self.motions))
+
+    @classmethod
+    def of_blocks(cls, motions: Groups) -> Repeated:
+        """Blocks that are a repetition each, by the motion that they are of."""
+        used = np.flatnonzero(motions >= 0)
+        groups = np.full(len(motions), -1, dtype=np.int64)
+        groups[used] = np.arange(len(used))
+        return cls(groups, motions[used])
+
+    @classmethod
+    def of_runs(cls, runs: Sequence[ObservedRun], filled: NDArray[np.bool_]) -> Repeated:
+        """Repetitions of runs that know theirs; blocks without rows are in none.
+
+        Args:
+            runs: In the order of their blocks.
+            filled: Which blocks have rows, shape (blocks,).
+        """
+        labels: list[tuple[int, int]] = []
+        for k, run in enumerate(runs):
+            first = np.unique(run.block, return_index=True)[1]
+            repetition = run.block if run.repetition is None else run.repetition
+            labels += [(k, int(repetition[row])) for row in first]
+        used = sorted({label for label, any_row in zip(labels, filled, strict=True) if any_row})
+        number = {label: k for k, label in enumerate(used)}
+        groups = [number[label] if any_row else -1 for label, any_row in zip(labels, filled, strict=True)]
+        return cls(np.array(groups, dtype=np.int64), np.array([k for k, _ in used], dtype=np.int64))
 
 
 def grouped(information: Information, together: int = 1) -> Groups:

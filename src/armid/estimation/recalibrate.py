@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError
 from armid.estimation.beside import join
+from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimate import collapse
 from armid.estimation.fit import Fit
 from armid.estimation.jointly import Solved, solve_joined
@@ -92,7 +93,7 @@ def recalibrate_fit(
             f"The recordings do not determine what has become of {names}.",
             remedy="move every joint through wide angles, or let less change (without --tool or --all).",
         )
-    found = _fit(new.names, to_new, solved)
+    found = _fit(new, to_new, solved)
     moved = to_new - joined.before
     changes = _changes(new.names, fit, found, moved, solved)
     shifted = earlier if own.all() else _shifted(earlier, joined.information.names, found.values, solved.values)
@@ -102,13 +103,17 @@ def recalibrate_fit(
     return Recalibrated(found, new if own.all() else merge([shifted, latest]), changes)
 
 
-def _fit(names: tuple[str, ...], to_new: Array, solved: Solved) -> Fit:
-    """The new estimate in base parameters."""
+def _fit(new: Information, to_new: Array, solved: Solved) -> Fit:
+    """The new estimate in base parameters, with the residual of the new recordings: the arm is as they show it."""
     part = np.abs(to_new) / np.abs(to_new).sum(axis=1, keepdims=True)
+    values = to_new @ solved.values
+    rows = new.rows.sum(axis=0)
+    left = np.sqrt(held_out_squares(new, values) / np.maximum(rows, 1))
     return replace(
         solved.fit,
-        names=names,
-        values=to_new @ solved.values,
+        names=new.names,
+        values=values,
+        residual_rms=np.where(rows > 0, left, solved.fit.residual_rms),
         deviation=np.sqrt(np.diag(to_new @ solved.white @ to_new.T)),
         covariance=to_new @ solved.whole_covariance @ to_new.T,
         freedom=part @ solved.freedom[: len(solved.values)],

@@ -25,9 +25,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.bands import BandProducts, band_products
+from armid.estimation.bands import BandProducts, band_products, repeats
 from armid.estimation.fit import CovarianceReport, Fit
-from armid.estimation.jackknife import Groups, correlation, grouped, jackknife, periods
+from armid.estimation.jackknife import Repeated, correlation, grouped, jackknife, periods
 from armid.estimation.noise import LARGEST, NoiseModel, Scatter
 from armid.estimation.problem import Problem
 from armid.estimation.standard_fit import stated
@@ -129,12 +129,12 @@ class _Uncertainty:
 
     def covered(self) -> Fit:
         """The fit with the covariance that fits the case."""
-        motions = periods(self.information)
+        motions = self._motions()
         spectrum, hindrance = self._spectrum()
         if spectrum is None:
             return self._from_factors(motions, hindrance)
         scatter = spectrum.scatter
-        free = None if motions is None else _free(motions)
+        free = None if motions is None else motions.free
         kind, why = choose(spectrum.whiteness, free, spectrum.repeated)
         report = CovarianceReport(why, len(spectrum.model.basis), spectrum.whiteness, scatter.noise)
         if kind == "white":
@@ -143,10 +143,23 @@ class _Uncertainty:
             return self._periods(motions, report)
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
 
-    def _from_factors(self, motions: Groups | None, hindrance: str) -> Fit:
+    def _motions(self) -> Repeated | None:
+        """Which blocks are one repetition of which motion; `None` where motion does not repeat."""
+        runs = () if self.problem.observations is None else self.problem.observations.runs
+        known = [run.repetition is not None for run in runs]
+        if not any(known):
+            motions = periods(self.information)
+            return None if motions is None else Repeated.of_blocks(motions)
+        if not all(known) or any(repeats(run) is None for run in runs):
+            return None
+        if sum(len(np.unique(run.block)) for run in runs) != self.information.blocks:
+            return None
+        return Repeated.of_runs(runs, self.information.rows.sum(axis=1) > 0)
+
+    def _from_factors(self, motions: Repeated | None, hindrance: str) -> Fit:
         """The best that factors alone allow."""
         report = CovarianceReport(hindrance, noise=self._noise())
-        if motions is not None and _free(motions) >= FEWEST_PERIODS - 1:
+        if motions is not None and motions.free >= FEWEST_PERIODS - 1:
             return self._periods(motions, replace(report, why=f"{hindrance}; the motion repeats"))
         found = block_covariance(self.information, self.fit.values, self.fit.weights, self.inverse)
         if found is None:
@@ -155,16 +168,13 @@ class _Uncertainty:
         covariance, free = found
         return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))
 
-    def _periods(self, motions: Groups, report: CovarianceReport) -> Fit:
+    def _periods(self, found: Repeated, report: CovarianceReport) -> Fit:
         """The scatter between periods."""
-        used = np.flatnonzero(motions >= 0)
-        groups = np.full(len(motions), -1, dtype=np.int64)
-        groups[used] = np.arange(len(used))
         covariance = jackknife(
-            self.information, groups, motions[used], self.fit.values, self.fit.weights, self.inverse
+            self.information, found.groups, found.motions, self.fit.values, self.fit.weights, self.inverse
         )
-        fit = self._with(covariance, "period", float(_free(motions)))
-        return replace(fit, report=replace(report, parts=len(used)))
+        fit = self._with(covariance, "period", float(found.free))
+        return replace(fit, report=replace(report, parts=len(found.motions)))
 
     def _white(self) -> Fit:
         """The fit as the estimator gave it."""
@@ -272,12 +282,6 @@ def _same(problem: Problem, rows: NDArray[np.int64]) -> bool:
     known = {name.split("[", 1)[0] for name in problem.information.names}  # copies for each recording are FV_1[1], …
     counted = sum(remember(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
     return known == set(base.names) and bool(np.array_equal(counted, rows))
-
-
-def _free(motions: Groups) -> int:
-    """Degrees of freedom of the scatter between periods."""
-    used = motions[motions >= 0]
-    return len(used) - len(np.unique(used))
 
 
 def _repeated(bands: BandProducts, scatter: Scatter, rows: Array, weights: Array) -> float:

@@ -29,10 +29,12 @@ class ObservedRun:
         step: Samples from one row of the output grid to the next.
         offset: Sample of the first row.
         mask: Which rows count, for each joint, shape (M, n).
-        block: Block of each row, counted from 0 without gaps, shape (M,): a period where the motion repeats,
-            else about a second.
+        block: Block of each row, counted from 0 without gaps, shape (M,): a period where one is stated, else about
+            a second.
         consecutive: Whether the samples follow each other in time; if not, nothing may be filtered.
         recording: Index of the recording that it is part of.
+        repetition: Repetition of the motion that each row belongs to, where these were found, shape (M,): whole
+            blocks make a repetition, but for rows that do not count.
     """
 
     motion: Motion
@@ -44,6 +46,7 @@ class ObservedRun:
     block: NDArray[np.int64]
     consecutive: bool = True
     recording: int = 0
+    repetition: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         N, n = self.motion.q.shape
@@ -64,6 +67,12 @@ class ObservedRun:
         block.setflags(write=False)
         object.__setattr__(self, "mask", mask)
         object.__setattr__(self, "block", block)
+        if self.repetition is not None:
+            repetition = np.array(self.repetition, dtype=np.int64)
+            if repetition.shape != (rows,):
+                raise ArmidError(f"repetition must have shape {(rows,)}; found {repetition.shape}.")
+            repetition.setflags(write=False)
+            object.__setattr__(self, "repetition", repetition)
 
     @property
     def rows(self) -> NDArray[np.int64]:

@@ -52,7 +52,7 @@ def in_time(recording: Recording, reading: Reading) -> Recording:
     for seconds in np.unique(delay[delay != 0.0]):
         late = delay == seconds
         effort[:, late], valid[:, late] = _read_at(
-            time, time + seconds, effort[:, late], valid[:, late], reading.period
+            time, time + seconds, effort[:, late], valid[:, late], reading.stated_period
         )
     return replace(recording, effort=effort, valid=valid)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,7 @@ from armid.measurement.clock import Stretch, evened, gather, is_even, jitter, st
 from armid.measurement.movement import movement
 from armid.measurement.processing import THESIS, Processing
 from armid.measurement.recording import Recording
+from armid.measurement.repetition import found_period
 from armid.measurement.rows import MOST_STILL, edge_margin, moving, run_of, separate_rows
 from armid.measurement.standstill import position_noise, standing
 from armid.model.motion import Motion
@@ -35,7 +37,7 @@ def observe(
     recordings: Sequence[Recording],
     processing: Processing,
     *,
-    periods: Sequence[float | None] | None = None,
+    periods: Sequence[float | Literal["find"] | None] | None = None,
     starts: Sequence[float | None] | None = None,
     effort_limits: ArrayLike | None = None,
 ) -> tuple[Observations, tuple[Finding, ...]]:
@@ -44,7 +46,7 @@ def observe(
     Args:
         recordings: In robot order, SI units, joint side.
         processing: What to do; an automatic cut-off is found once, for all of them.
-        periods: Period of each recording's motion [s], `None` where it does not repeat.
+        periods: Period of each recording's motion [s], `None` where it does not repeat, or `find`.
         starts: Start of the first repetition on each recording's clock [s].
         effort_limits: Of each joint, shape (n,) [N·m or N]; needed for `saturation`.
 
@@ -75,7 +77,7 @@ def process(
     recording: Recording,
     processing: Processing,
     *,
-    period: float | None = None,
+    period: float | Literal["find"] | None = None,
     start: float | None = None,
     effort_limits: ArrayLike | None = None,
     index: int = 0,
@@ -86,7 +88,7 @@ def process(
         recording: In robot order, SI units, joint side; its rows follow each other in time unless it says
             otherwise.
         processing: What to do.
-        period: The motion repeats with this period [s].
+        period: The motion repeats with this period [s]; `find` looks for it in the positions.
         start: Time of the first repetition on the recording's clock [s]; its first sample, if not given. What
             lies before it, and after the last whole repetition, is approach and does not count.
         effort_limits: Of each joint, shape (n,) [N·m or N]; needed for `saturation`.
@@ -108,8 +110,10 @@ def process(
     pieces, gaps = stretches(recording, _highest_cutoff(processing))
     findings.extend(gaps)
     noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
-    if period is not None and start is None:
-        start = float(pieces[0].time[0])
+    found = period == "find"
+    if period == "find":
+        period, start = found_period(pieces, recording.source, findings)
+    start = float(pieces[0].time[0]) if period is not None and start is None else start
     pieces = _on_a_grid(pieces, processing, given, period, recording.source, findings)
     if processing.edges == "periodic":
         pieces = _circles(pieces, processing, period, start, recording.source, findings)
@@ -117,9 +121,10 @@ def process(
     runs: list[ObservedRun] = []
     still: list[NDArray[np.bool_]] = []
     for piece in pieces:
-        margin = edge_margin(processing, piece.rate)
-        enough = piece.samples >= max(SHORTEST, 2 * margin + 1)
-        run = run_of(piece, movement(piece, processing, given=given), processing, repeats, index) if enough else None
+        margin, run = edge_margin(processing, piece.rate), None
+        if piece.samples >= max(SHORTEST, 2 * margin + 1):
+            motion = movement(piece, processing, given=given)
+            run = run_of(piece, motion, processing, repeats, index, found=found)
         if run is None:
             findings.append(_nothing_left(piece, margin, recording.source))
         else:

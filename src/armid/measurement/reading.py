@@ -95,7 +95,8 @@ class Reading:
         topic: ROS topic; needed where a bag has several with joint states.
         preset: Columns of a well-known log, see `PRESETS`; `columns` overrides it.
         exclude: Intervals [t0, t1] on the recording's clock that must not count, for instance contact [s].
-        period: The motion repeats with this period [s].
+        period: The motion repeats with this period [s]; found in the positions where it is not given, and `none`
+            where nothing is to be found.
         start: Time of the first period on the recording's clock [s].
     """
 
@@ -115,12 +116,14 @@ class Reading:
     topic: str | None = None
     preset: str | None = None
     exclude: Sequence[Sequence[float]] = ()
-    period: float | None = None
+    period: float | Literal["none"] | None = None
     start: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("rate", "period", "time_unit"):
+        for name in ("rate", "time_unit"):
             _set(self, name, _positive(getattr(self, name), name))
+        if self.period != "none":
+            _set(self, "period", _positive(self.period, "period", "a number above 0, or none"))
         if self.start is not None:
             _set(self, "start", float(_numbers(self.start, (), "start")))
         if self.consecutive not in (None, True, False):
@@ -128,7 +131,7 @@ class Reading:
         _set(self, "units", _units(self.units))
         if self.preset is not None and self.preset not in PRESETS:
             raise _wrong("preset", self.preset, ", ".join(PRESETS))
-        if self.start is not None and self.period is None:
+        if self.start is not None and self.stated_period is None:
             raise RecordingError(
                 "start says where the first period begins, but no period is given.",
                 remedy="give period as well, or leave start out.",
@@ -142,6 +145,16 @@ class Reading:
     def joint_map(self) -> dict[str, str]:
         """Robot joint of each channel; channels without names are called 1, 2, …."""
         return _joints(self.joints)
+
+    @property
+    def stated_period(self) -> float | None:
+        """The period that is given [s]; `None` where it is to be found, or there is none."""
+        return None if self.period == "none" else self.period
+
+    @property
+    def repeats(self) -> float | Literal["find"] | None:
+        """The period [s], that it is to be found, or `None` where the motion does not repeat."""
+        return "find" if self.period is None else self.stated_period
 
     def degrees(self, n: int) -> NDArray[np.bool_]:
         """Which of n joints are logged in degrees, shape (n,)."""
@@ -204,12 +217,12 @@ def _numbers(value: object, shape: tuple[int | None, ...] | None, name: str) -> 
         raise RecordingError(error.problem) from error
 
 
-def _positive(value: float | None, name: str) -> float | None:
+def _positive(value: Any, name: str, possible: str = "a number above 0") -> float | None:
     if value is None:
         return None
     number = float(_numbers(value, (), name))
     if not 0 < number < math.inf or isinstance(value, bool):
-        raise _wrong(name, value, "a number above 0")
+        raise _wrong(name, value, possible)
     return number
 
 

@@ -49,6 +49,8 @@ def run_of(
     processing: Processing,
     repeats: tuple[float, float] | None = None,
     recording: int = 0,
+    *,
+    found: bool = False,
 ) -> ObservedRun | None:
     """A stretch and its motion with rows, mask and blocks; `None` if no row is left.
 
@@ -58,6 +60,8 @@ def run_of(
         processing: Resolved.
         repeats: Period and start of the first repetition [s], where the motion repeats.
         recording: Index of the recording.
+        found: Whether the repetitions were found and not stated: blocks then stay about a second long, since methods
+            that leave blocks out need more of them than a motion has repetitions.
     """
     samples, rate = stretch.samples, stretch.rate
     periodic = processing.edges == "periodic"
@@ -68,15 +72,17 @@ def run_of(
     margin = edge_margin(processing, rate)
     mask &= ((rows >= margin) & (rows < samples - margin))[:, None]
     mask &= np.abs(motion.dq[rows]) >= processing.slow
+    repetition = None
     if repeats is None:
         block = _blocks(rows, rate, samples)
     else:
         repetition, inside = _repetitions(stretch, rows, repeats)
         mask &= inside[:, None]
-        block = _gapless(repetition)
+        block = _gapless(_parts(stretch.time[rows], repetition, repeats) if found else repetition)
     if not mask.any():
         return None
-    return ObservedRun(motion, stretch.effort, rate, step, 0, mask, block, recording=recording)
+    which = repetition if found and repetition is not None else None
+    return ObservedRun(motion, stretch.effort, rate, step, 0, mask, block, recording=recording, repetition=which)
 
 
 def separate_rows(stretch: Stretch, motion: Motion, processing: Processing, recording: int = 0) -> ObservedRun:
@@ -181,6 +187,14 @@ def _repetitions(stretch: Stretch, rows: Rows, repeats: tuple[float, float]) -> 
     which = np.floor((stretch.time[rows] - start + tick) / period).astype(np.int64)
     whole = np.floor((float(stretch.time[-1]) - start + 3 * tick) / period)
     return which, (which >= 0) & (which < whole)
+
+
+def _parts(time: Array, repetition: Rows, repeats: tuple[float, float]) -> Rows:
+    """Number of a part of about a second of a repetition, the same parts of each, shape of the times (M,)."""
+    period, start = repeats
+    count = max(1, round(period / BLOCK_SECONDS))
+    inside = np.clip((time - start) / period - repetition, 0.0, 1.0 - 1e-9)
+    return repetition * count + np.floor(inside * count).astype(np.int64)
 
 
 def _blocks(rows: Rows, rate: float, samples: int) -> Rows:

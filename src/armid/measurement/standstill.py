@@ -5,12 +5,19 @@ that sticks stays there, and is fast soon after. So a stretch of slow samples is
 before or behind it holds a speed that no smooth passage leads to. A joint that is seen to stand in one place may do
 so wherever its velocity lingers about zero: passages that acceleration does not hurry through then count as well.
 
-Where all joints stand at once, the arm rests. It does so before and after a motion and between poses, not by
-sticking; what it was moved by says on which side friction holds it, and its weight is to be seen. Such stretches are
-no standstill, unless a single joint moves at all. In long ones a joint may creep meanwhile.
+Where all joints stand at once, the arm rests. For a second and more it does so before and after a motion and between
+poses, not by sticking; what it was moved by says on which side friction holds it, and its weight is to be seen. Such
+stretches are no standstill, unless a single joint moves at all. In long ones a joint may creep meanwhile.
+
+For less than a second it rests where one motion ends and the next begins, as a designed motion does that is run
+through again. Friction goes through all of its range there within a few samples, for every joint; what that adds to
+an estimate is bias by friction at rest, and no weight that the motion on both sides does not show. Such moments are
+standstill of all joints, with what lies next to them while a joint is too slow to be sure to slide.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,12 +61,26 @@ RESTING = 0.5
 """Share of a slow stretch in which all joints are slow, from which on it is the arm that rests."""
 
 LONG = 1.0
-"""Seconds of a slow stretch from which on joints that but linger rest, too. In shorter ones they do not: where a
-motion begins anew, joints that stick come to rest one after another, within a quarter of a second."""
+"""Seconds of a slow stretch from which on the arm rests for long, and joints that but linger rest, too. In shorter
+ones they do not: where a motion begins anew, joints that stick come to rest one after another, within a quarter of a
+second."""
+
+MOMENT = 0.02
+"""Share of their own RMS speeds below which all joints at once have come to rest between motions."""
+
+SLIDING = 0.1
+"""The same from which on a joint that comes from such a moment of rest, or goes to it, slides for sure."""
+
+PASSES, HURRIES = 5.0, 3.5
+"""A joint that just passes through zero is slower than so many times a speed for as many times as long; one that
+comes to rest, if only for an instant, for at most the root of that as long. What lies between tells them apart."""
+
+BESIDE = 0.5
+"""Seconds on each side of a moment of rest in which a joint may be slower."""
 
 
 def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bool_]:
-    """Samples at which a joint stands still among others that move, though it moves before or after.
+    """Samples at which a joint stands still among others that move, or all for a moment between motions.
 
     A joint that never moves has none, nor one whose noise hides whether it does.
 
@@ -91,6 +112,8 @@ def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bo
         if departure.max(initial=0.0) > STANDS:
             for begin, end in ends[departure > LINGERS]:
                 flags[max(0, begin - half) : end + half, j] = True
+    if several:
+        flags[:, seen] |= _moments(speed[:, seen] / usual[seen], limit[seen] / usual[seen], rate)
     return flags
 
 
@@ -115,6 +138,42 @@ def position_noise(q: Array, time: Array) -> Array:
     weight /= np.linalg.norm(weight, axis=0)
     third = sum((w[:, None] * x for w, x in zip(weight, values, strict=True)), start=np.zeros(()))
     return np.maximum(1.4826 * np.median(np.abs(third), axis=0), rounding)
+
+
+def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
+    """Samples of moments at which all joints rest between motions, and of what lies next to them, shape (N, m).
+
+    Args:
+        speed: Over the joints' RMS speeds, shape (N, m).
+        limit: Speed below which a joint is slow, in the same units, shape (m,).
+        rate: Samples a second [Hz].
+    """
+    flags = np.zeros(speed.shape, dtype=np.bool_)
+    reach, at_rest = round(BESIDE * rate), np.maximum(limit, MOMENT)
+    slow = np.concatenate([[False], (speed < at_rest).all(axis=1), [False]])
+    for begin, end in np.flatnonzero(np.diff(slow)).reshape(-1, 2):
+        if begin == 0 or end == len(speed) or end - begin >= LONG * rate:
+            continue
+        near = slice(max(0, begin - reach), end + reach)
+        ends = [_around(speed[near, j], begin - near.start, end - near.start) for j in range(speed.shape[1])]
+        lengths = [
+            [last - first for first, last in (of(v), of(PASSES * v))] for of, v in zip(ends, at_rest, strict=True)
+        ]
+        if all(wide <= HURRIES * narrow for narrow, wide in lengths):
+            for j, of in enumerate(ends):
+                first, last = of(max(SLIDING, float(limit[j])))
+                flags[near.start + first : near.start + last, j] = True
+    return flags
+
+
+def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, int]]:
+    """For a limit of speed, the first sample and the one after the last about a stretch that are all below it."""
+
+    def below(limit: float) -> tuple[int, int]:
+        before, after = np.flatnonzero(speed[:begin] >= limit), np.flatnonzero(speed[end:] >= limit)
+        return int(before[-1]) + 1 if len(before) else 0, end + int(after[0]) if len(after) else len(speed)
+
+    return below
 
 
 def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:

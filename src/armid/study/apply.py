@@ -89,7 +89,7 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     if recording.effort is None:
         recording = replace(recording, effort=np.zeros_like(recording.q))
     every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
-    observations, _ = observe([recording], every_row, periods=[how.period], starts=[how.start])
+    observations, _ = observe([recording], every_row, periods=[how.stated_period], starts=[how.start])
     # What the model remembers begins anew in each run.
     motions = [remember(run.model, observed, observations.band).motion for observed in observations.runs]
     names = ("time", "q", "dq", "ddq", *(["memory"] if run.model.nodes else []))

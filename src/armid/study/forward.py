@@ -89,7 +89,7 @@ def roll_out_run(
     for path in paths:
         recording, found = read_recording(RecordingChoice(path, "validate", how), ".", run.robot)
         findings += found
-        observations, found = observe([recording], every_row, periods=[how.period], starts=[how.start])
+        observations, found = observe([recording], every_row, periods=[how.stated_period], starts=[how.start])
         findings += found
         score = score_motion(
             run.model,

@@ -316,7 +316,7 @@ def observe_recordings(
     return observe(
         [recording for _, recording in recordings],
         processing,
-        periods=[reading.period for reading in readings],
+        periods=[reading.repeats for reading in readings],
         starts=[reading.start for reading in readings],
         effort_limits=limits,
     )

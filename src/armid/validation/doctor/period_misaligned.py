@@ -23,7 +23,7 @@ STEPS = 25
 
 def check(evidence: Evidence) -> list[Finding]:
     """One finding for the repetition that lies worst."""
-    recording, period = evidence.recording, evidence.reading.period
+    recording, period = evidence.recording, evidence.reading.stated_period
     if recording is None or period is None or recording.effort is None or recording.consecutive is False:
         return []
     piece = max(stretches(recording, 5.0)[0], key=lambda each: each.samples)
