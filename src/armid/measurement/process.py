@@ -118,8 +118,7 @@ def process(
     if processing.edges == "periodic":
         pieces = _circles(pieces, processing, period, start, recording.source, findings)
     repeats = None if period is None or start is None or processing.average else (period, start)
-    runs: list[ObservedRun] = []
-    still: list[NDArray[np.bool_]] = []
+    runs, still = list[ObservedRun](), list[NDArray[np.bool_]]()
     for piece in pieces:
         margin, run = edge_margin(processing, piece.rate), None
         if piece.samples >= max(SHORTEST, 2 * margin + 1):
