@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from armid import identify
+from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation
 from armid.excitation.objective import Goal
 from armid.lab.options import LabOptions
@@ -67,7 +68,7 @@ class Lab:
 def choice_of(text: str) -> RobotChoice:
     """The arm of an argument, and what is locked."""
     description, *locked = text.split(",")
-    return RobotChoice(description, locked=tuple(locked))
+    return RobotChoice(description, lock=tuple(locked))
 
 
 def planned(arm: RobotChoice, lab: Lab, folder: Path) -> Excitation:
@@ -82,7 +83,10 @@ def planned(arm: RobotChoice, lab: Lab, folder: Path) -> Excitation:
     margin = None if robot.inertial_vector is None else 0.1
     rules = Rules(given=given, torque_margin=margin)  # pyright: ignore[reportArgumentType]
     wish = Wish(goal, lab.seconds, lab.harmonics)
-    plan = design_plan(wish, rules, Effort(lab.budget, 1, 0)).plan.excitation
+    try:
+        plan = design_plan(wish, rules, Effort(lab.budget, 1, 0)).plan.excitation
+    except ArmidError:  # an arm that cannot be held still in its start pose; the lab's drives have no limit here
+        plan = design_plan(wish, replace(rules, torque_margin=None), Effort(lab.budget, 1, 0)).plan.excitation
     folder.mkdir(parents=True, exist_ok=True)
     save(plan, path)
     return plan

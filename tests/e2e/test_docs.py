@@ -66,7 +66,7 @@ def test_recalibration_finds_the_friction_that_changed(
     monkeypatch.chdir(tmp_path)
     assert follow(page) >= 3
     out = capsys.readouterr().out
-    assert out.count("verdict on unseen motion: fail") == 1 and out.count("verdict on unseen motion: pass") == 1
+    assert out.count("verdict on held-out motion: fail") == 1 and out.count("verdict on held-out motion: pass") == 1
     table = out.split("changed beyond their 95 % intervals")[1].split("have not changed")[0]
     listed = set(re.findall(r"│ (\w+) +│", table))
     friction = {f"{name}_{j}" for name in ("FV", "FS") for j in (1, 2, 3)}

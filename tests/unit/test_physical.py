@@ -442,6 +442,8 @@ def test_the_estimate_keeps_its_bodies(tmp_path: Path):
     records = {record["name"]: record for record in standard_parameters(kept)}
     assert list(records) == names()
     assert records["M_2"]["status"] == "not identifiable" and records["M_2"]["unit"] == "kg"
+    assert {each["interval95"] is None for each in records.values() if each["status"] == "not identifiable"} == {True}
+    assert all(each["interval95"] for each in records.values() if each["status"] != "not identifiable")
     low, high = records["FV_1"]["interval95"]
     assert low < 1.5 < high and records["FV_1"]["status"] == "identified"
 

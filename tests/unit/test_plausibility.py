@@ -45,7 +45,14 @@ def test_a_motion_that_tells_little_apart_is_remarked():
     assert any(name in found.evidence for name in base.names)
 
 
-def weak(seconds: float, prior: Literal["mass", "log-det"] | None, *, slowly: float = 1.0, chosen: bool = False):
+def weak(
+    seconds: float,
+    prior: Literal["mass", "log-det"] | None,
+    *,
+    slowly: float = 1.0,
+    chosen: bool = False,
+    weight: float | Literal["auto"] = "auto",
+):
     """What is remarked of so many seconds of the motion, with a prior or by plain least squares."""
     model, motion, _ = measured()
     part = motion[slice(100, 100 + int(50.0 * seconds))]
@@ -55,7 +62,7 @@ def weak(seconds: float, prior: Literal["mass", "log-det"] | None, *, slowly: fl
     base = find_base_parameters(model)
     observations = raw(one_run(part, torque, 50.0, block_rows=50))
     problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
-    method = WeightedLeastSquares() if prior is None else PhysicallyConsistent(prior=prior)
+    method = WeightedLeastSquares() if prior is None else PhysicallyConsistent(prior=prior, weight=weight)
     fit = method.estimate(problem)
     return weak_finding(problem.information, observations, fit, chosen=chosen)
 
@@ -78,10 +85,11 @@ def test_few_rows_are_remarked_with_what_to_record():
 
 def test_few_blocks_are_remarked_where_stretches_would_have_to_be_left_out():
     assert (found := weak(3.0, "log-det")) is not None
-    assert (
-        "3 blocks of rows" in found.evidence and "5 are the least" in found.evidence and "record 5 s" in found.remedy
-    )
-    assert (found := weak(3.0, None, chosen=True)) is not None
+    assert "3 blocks of rows" in found.evidence and "the prior's weight" in found.evidence
+    assert "5 are the least" in found.evidence and "record 5 s" in found.remedy
+    assert weak(3.0, "log-det", weight=1.0) is None  # nothing had to be judged
+    assert (found := weak(3.0, None, chosen=True)) is not None and found.severity == "warning"
+    assert "choose friction" in found.evidence
     assert "8 are the least" in found.evidence and "record 8 s" in found.remedy
     assert "rows are few" not in found.evidence
 
@@ -89,7 +97,7 @@ def test_few_blocks_are_remarked_where_stretches_would_have_to_be_left_out():
 def test_a_motion_that_hardly_moves_is_remarked_however_long_it_is():
     """Twenty seconds within a hundredth of the range: the prior decides, and a longer recording would not help."""
     found = weak(20.0, "log-det", slowly=0.01)
-    assert found is not None and "of prior and physics" in found.evidence
+    assert found is not None and "of the log-det prior and physics" in found.evidence
     assert "record" not in found.remedy and "fast and wide" in found.remedy
 
 

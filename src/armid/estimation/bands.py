@@ -21,11 +21,20 @@ from armid.estimation.problem import Problem
 from armid.information.memory import remember
 from armid.information.observations import ObservedRun
 from armid.information.rows import rows
-from armid.information.setup import column_source
+from armid.information.setup import ColumnSource, column_source
 from armid.maths.spectrum import frequencies, spectrum
 from armid.values import Array
 
-__all__ = ["BandProducts", "Gathered", "band_edges", "band_products", "gather", "repeats", "residual_moments"]
+__all__ = [
+    "BandProducts",
+    "Gathered",
+    "band_edges",
+    "band_products",
+    "gather",
+    "named_columns",
+    "repeats",
+    "residual_moments",
+]
 
 ENOUGH_RATE = 100.0
 """Rows a second that show all of a spectrum that an arm's motion reaches [Hz]; denser rows are averaged."""
@@ -122,7 +131,7 @@ def gather(problem: Problem, values: Array) -> Iterator[Gathered]:
     source = column_source(model, base)
     for given in observations.runs:
         run = remember(model, given, observations.band)
-        parameters = [_renamed(source.names, own, information.names, run) for own in source.layout.parameters]
+        parameters = named_columns(source, information.names, run)
         places = [np.searchsorted(j.parameters, own) for j, own in zip(information.joints, parameters, strict=True)]
         width = [len(joint.parameters) for joint in information.joints]
         collector = _Collector(run, places, width)
@@ -207,6 +216,13 @@ def band_edges(lengths: list[tuple[int, float]]) -> Array:
     if len(edges) > 2 and highest - edges[-1] < 0.5 * (edges[-1] - edges[-2]):
         edges.pop()  # hardly anything lies above it
     return np.array([0.0, *(np.array(edges[1:]) - step / 2.0)])
+
+
+def named_columns(source: ColumnSource, names: tuple[str, ...], run: ObservedRun) -> list[NDArray[np.int64]]:
+    """Numbers of each joint's columns among parameters, of which each recording may have its own copies."""
+    number, copy = {name: k for k, name in enumerate(names)}, f"[{run.recording + 1}]"
+    every = np.array([number.get(name, number.get(name + copy, -1)) for name in source.names], dtype=np.int64)
+    return [every[own] for own in source.layout.parameters]
 
 
 def repeats(run: ObservedRun) -> NDArray[np.int64] | None:
@@ -349,15 +365,6 @@ def _lengths(problem: Problem) -> list[tuple[int, float]]:
         parts, folded = _stretches(run, each)
         found += [(-(-length // each), run.rate / (run.step * each)) for _, length in parts[: 1 if folded else None]]
     return found
-
-
-def _renamed(
-    names: tuple[str, ...], own: NDArray[np.int32], into: tuple[str, ...], run: ObservedRun
-) -> NDArray[np.int64]:
-    """Numbers of a joint's parameters among others' names, where each recording may have its own copies."""
-    number = {name: k for k, name in enumerate(into)}
-    copy = f"[{run.recording + 1}]"
-    return np.array([number.get(names[k], number.get(names[k] + copy, -1)) for k in own], dtype=np.int64)
 
 
 def _labels(count: int, rate: float, edges: Array) -> tuple[NDArray[np.intp], Array]:

@@ -158,7 +158,14 @@ def standard_parameters(estimate: Estimate) -> list[dict[str, Any]]:
 def _estimated(fit: StandardFit) -> list[dict[str, Any]]:
     """Records of a method that estimates standard parameters."""
     return [
-        {"name": name, "value": float(value), "unit": unit, "interval95": ends.tolist(), "status": status}
+        {
+            "name": name,
+            "value": float(value),
+            "unit": unit,
+            # One choice of many is no knowledge, and a prior's own width no interval.
+            "interval95": None if status == "not identifiable" else ends.tolist(),
+            "status": status,
+        }
         for name, value, unit, ends, status in zip(
             fit.names, fit.values, fit.units, fit.intervals, fit.status, strict=True
         )

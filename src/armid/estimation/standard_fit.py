@@ -169,7 +169,7 @@ class StandardFit(Shown):
     def summary(self) -> Summary:
         """Parameters with intervals, and what the data say of each."""
         rows = tuple(
-            (name, f"{value:.5g}", unit, f"{low:.5g} … {high:.5g}", said)
+            (name, f"{value:.5g}", unit, "–" if said == "not identifiable" else f"{low:.5g} … {high:.5g}", said)
             for name, value, unit, (low, high), said in zip(
                 self.names, self.values, self.units, self.intervals, self.status, strict=True
             )

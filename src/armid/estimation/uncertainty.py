@@ -30,6 +30,7 @@ from armid.estimation.fit import CovarianceReport, Fit
 from armid.estimation.jackknife import Repeated, correlation, grouped, jackknife, periods
 from armid.estimation.noise import LARGEST, NoiseModel, Scatter
 from armid.estimation.problem import Problem
+from armid.estimation.reversals import moved_by_reversals
 from armid.estimation.standard_fit import stated
 from armid.estimation.whiteness import whiteness
 from armid.information.information import Information, stack, total
@@ -62,6 +63,14 @@ LEAST_SAID = 1e-6
 REPEATED = 1.5
 """What is left of the mean of all periods, as a variance over that which independent periods would leave, from which
 on the model lacks something that repeats. Chance makes it 1 within a tenth or two."""
+
+BY_CHANCE = 1.0
+"""RMS over the parameters of what reversals move them by, in deviations, that a right model is allowed: rows next to
+them are a quarter of all and move an estimate by half a deviation."""
+
+REACH = 0.65
+"""Share of that move that counts as a deviation: a 95 % interval then reaches a quarter beyond the move. On logs of twelve
+arms in closed loop intervals so made cover what they say, with half of it an arm stays below 88 %."""
 
 FEWEST_ROWS = 3
 """Rows of all joints for each parameter below which a spectrum cannot be told from the estimate."""
@@ -141,7 +150,27 @@ class _Uncertainty:
             return replace(self._white(), report=replace(report, parts=0))
         if kind == "period" and motions is not None:
             return self._periods(motions, report)
+        moved, share = self._moved(scatter.covariance)
+        self.apart = self.apart + np.outer(moved, moved)
+        if share:
+            said = f"rows next to reversals move a parameter by up to {share:.1f} deviations"
+            report = replace(report, why=f"{why}; {said}, and intervals reach as far")
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
+
+    def _moved(self, covariance: Array) -> tuple[Array, float]:
+        """What reversals move the estimate by beyond what chance does, (b,), and the largest share of a deviation."""
+        none = np.zeros(len(covariance))
+        if self.problem.base is None or self.information.names != self.problem.information.names:
+            return none, 0.0
+        found = moved_by_reversals(self.problem, self.fit.values, self.fit.weights, self.prior)
+        if found is None:
+            return none, 0.0
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        ratio = np.divide(found, deviation, out=np.zeros_like(found), where=deviation > 0.0)
+        size = float(np.sqrt(np.mean(ratio**2)))
+        if size <= BY_CHANCE:
+            return none, 0.0
+        return found * REACH * np.sqrt(1.0 - (BY_CHANCE / size) ** 2), float(np.abs(ratio).max())
 
     def _motions(self) -> Repeated | None:
         """Which blocks are one repetition of which motion; `None` where motion does not repeat."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
+from armid.estimation.estimators.physical import NOT_JUDGED
 from armid.estimation.fit import Fit
 from armid.estimation.friction import FEWEST, Ladder
 from armid.estimation.per_recording import offset_names
@@ -177,30 +178,34 @@ def weak_finding(information: Information, observations: Observations, fit: Fit,
         return None
     rows, parameters = int(information.rows.sum()), information.count
     blocks = int(np.count_nonzero(information.rows.any(axis=1)))
-    judged = fit.standard is not None and fit.standard.prior.kind in ("log-det", "euclidean")
-    needed = FEWEST if chosen else FOLDS if judged else 0
-    longer, said = 1.0, list[str]()
+    unjudged = fit.standard is not None and fit.standard.prior.how == NOT_JUDGED
+    needed = FEWEST if chosen else FOLDS if unjudged else 0
+    longer, said, weak = 1.0, list[str](), False
     if rows < FEWEST_ROWS * parameters:
         longer = FEWEST_ROWS * parameters / rows
         said.append(f"{rows} rows are few for {parameters} parameters, {FEWEST_ROWS} for each are the least")
+        weak = True
     if blocks < needed:
         longer = max(longer, needed / blocks)
-        said.append(
-            f"{blocks} blocks of rows are too few to leave some out and judge by them, {needed} are the least"
-        )
+        choice = "choose friction by what is left out" if chosen else "judge the prior's weight, which is one sample"
+        said.append(f"{blocks} blocks of rows are too few to {choice}; {needed} are the least")
+        weak = weak or chosen
     open_ = _decided_otherwise(information, fit)
     if 2 * open_ > parameters:
+        kind = "" if fit.standard is None else f"{fit.standard.prior.kind} "
         said.append(
-            f"{open_} of {parameters} base parameters have more of prior and physics in them than of the data"
+            f"{open_} of {parameters} base parameters have more of the {kind}prior and physics in them than of data"
         )
+        weak = True
     if not said:
         return None
     seconds = sum(float(run.mask.any(axis=1).sum()) * run.step / run.rate for run in observations.runs)
     remedy = "move all joints together, fast and wide"
     if longer > 1.0:
         remedy = f"record {np.ceil(longer * seconds):.0f} s or more instead of {seconds:.2g} s, and {remedy}"
-    meaning = "The estimate is an arm that could be, not this one; it may fail on other motion."
-    return Finding("weak-data", "warning", "", f"{'; '.join(said)}. {meaning}", f"{remedy}.")
+    told = "What the data tell is the same; a description that is wrong may be followed too far or too little."
+    meaning = "The estimate is an arm that could be, not this one; it may fail on other motion." if weak else told
+    return Finding("weak-data", "warning" if weak else "info", "", f"{'; '.join(said)}. {meaning}", f"{remedy}.")
 
 
 def _decided_otherwise(information: Information, fit: Fit) -> int:

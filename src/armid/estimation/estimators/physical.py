@@ -30,7 +30,7 @@ from armid.information.information import Information
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["PhysicallyConsistent"]
+__all__ = ["NOT_JUDGED", "PhysicallyConsistent"]
 
 RESOLUTIONS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """Smallest residual over torque that counts as noise. No model of an arm is right to more digits than the first says.
@@ -53,6 +53,10 @@ REMEDY = "look for a wrong sign of torque or gravity, a wrong unit, or a descrip
 """What to do about torques that no body explains."""
 
 PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
+
+
+NOT_JUDGED = "that of one sample, for want of blocks to leave out"
+"""How the weight of a prior was found that held-out blocks were to judge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +169,7 @@ class PhysicallyConsistent:
             return PriorUse(kind, float(self.weight), "given", correlation)
         parts = split(information, folds(information))
         if not parts:
-            return PriorUse(kind, 1.0, "that of one sample, for want of blocks to leave out", correlation)
+            return PriorUse(kind, 1.0, NOT_JUDGED, correlation)
         samples = float(weighted.whole.rows.max()) / correlation
         weights = WEIGHTS[WEIGHTS <= max(samples, WEIGHTS[-1])]  # no opinion outweighs all that was seen
         errors = np.full((len(weights), len(parts)), np.inf)
