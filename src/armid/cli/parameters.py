@@ -93,7 +93,7 @@ def print_links(console: Console, table: LinkTable) -> None:
         for name in names:
             shown.add_column(name, justify="right", no_wrap=True)
         for body in table.links:
-            known = np.isfinite(body.intervals).all(axis=1)
+            known = np.isfinite(body.intervals).sum(axis=1) == 2
             digits = _digits(body)
             new = [f"{_plain(body.estimate[k], digits[k])}{'*' if known[k] else ' '}" for k in columns]
             shown.add_row(escape(body.link), "new", *new)

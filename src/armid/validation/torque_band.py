@@ -88,7 +88,7 @@ def _parameter_variance(
     """Variance of the predicted torque that the parameters' covariance makes, on every k-th row, shape (M, n)."""
     source = column_source(model, base)
     sparse = [
-        replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every])
+        replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every], repetition=None)
         for run in observations.runs
     ]
     x = np.concatenate([all_rows(source, run, observations.band) for run in sparse], axis=1)
