@@ -142,8 +142,9 @@ def motion(robot: Robot, seed: int) -> Excitation:
     slides = np.array([joint.is_prismatic for joint in robot.joints])
     low, high = np.array([joint.position_limits for joint in robot.joints]).T
     known = np.isfinite(high - low) & (high > low)
-    middle = np.where(known, (low + high) / 2, 0.0)
-    half = np.minimum(np.where(known, (high - low) / 2, np.inf), np.where(slides, SLIDE, HALF))
+    low, high = np.where(known, low, -np.inf), np.where(known, high, np.inf)
+    middle = np.where(known, low, 0.0) / 2 + np.where(known, high, 0.0) / 2
+    half = np.minimum((high - low) / 2, np.where(slides, SLIDE, HALF))
     speed = np.array([joint.velocity_limit for joint in robot.joints])
     speed = np.minimum(
         np.where((speed > 0.0) & np.isfinite(speed), speed, np.inf), np.where(slides, SLIDE, 3 * SPEED)
