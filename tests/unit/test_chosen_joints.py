@@ -158,6 +158,23 @@ def test_mjcf_by_body_and_by_site(tmp_path):
     assert held == pytest.approx({"free": 0.0, "turn": 0.2, "l": 0.3, "r": 0.2 + 0.01 + 0.4 + 0.12})
 
 
+def test_all_joints_to_lock_are_named_at_once(tmp_path):
+    path = mjcf(tmp_path, TIED)
+    box = f'<body name="box"><freejoint name="loose"/>{BODY}</body>'
+    path.write_text(path.read_text().replace("</worldbody>", f"{box}</worldbody>"))
+    with pytest.raises(RobotError, match="'free', 'loose' have other than one") as caught:
+        load_robot(path)
+    assert "--lock free,loose" in caught.value.remedy
+    assert load_robot(path, lock=["free", "loose"]).n == load_robot(path, only=["turn", "bend", "l"]).n == 3
+
+
+def test_a_part_of_an_mjcf_says_that_it_is_one(tmp_path):
+    path = tmp_path / "part.xml"
+    path.write_text("<mujocoinclude><body/></mujocoinclude>")
+    with pytest.raises(RobotError, match="give the file that includes this one"):
+        load_robot(path)
+
+
 def test_a_joint_tied_to_a_constant(tmp_path):
     path = mjcf(tmp_path, '<joint joint1="r" polycoef="0.03"/>')
     assert held_of(path, lock=["free"]) == pytest.approx({"free": 0.0, "r": 0.23})

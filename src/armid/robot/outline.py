@@ -148,6 +148,12 @@ def held_joints(
             possible=", ".join(outline.names),
             remedy="choose otherwise with --only, --tip or --lock; joints that follow others are held in any case.",
         )
+    loose = [joint.name for joint in outline.joints if not joint.is_simple and joint.name not in at]
+    if len(loose) > 1:  # a single one is told by the reader, with its kind
+        raise RobotError(
+            f"{source}: {', '.join(map(repr, loose))} have other than one degree of freedom.",
+            remedy=f"lock them (--lock {','.join(loose)}), which fixes what they carry; --tip LINK chooses one arm.",
+        )
     if free:
         findings = (_said(free, outline), *findings)
     return Held(at, findings)

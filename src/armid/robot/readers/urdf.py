@@ -113,7 +113,9 @@ def _root(text: str, source: str) -> ET.Element:
     if root.tag != "robot":
         raise RobotError(
             f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.",
-            remedy="give a robot description, or the file the ending of its format.",
+            remedy="give the file that includes this one."
+            if root.tag.endswith("include")
+            else "give a robot description, or the file the ending of its format.",
         )
     return root
 
