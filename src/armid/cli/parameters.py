@@ -33,7 +33,7 @@ def folded_line(estimate: Estimate) -> str:
     """How many parameters there are and how well they are known, in one line."""
     names = estimate.fit.names
     poor = int(estimate.fit.poorly_identified.sum())
-    known = f"; {poor} poorly identified, σ % above ten times the smallest" if poor else ""
+    known = f"; {poor} with σ % above ten times the smallest" if poor else ""
     return f"{len(names)} base parameters, {counted(names)}, by {estimate.method}{known}"
 
 

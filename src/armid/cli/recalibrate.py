@@ -88,10 +88,12 @@ def _report(found: Recalibration, recordings: int) -> None:
         table.add_row(
             escape(each.name), f"{each.before:.4f}", f"{each.after:.4f}", units[each.name], f"{each.ratio:.1f}"
         )
-    console.print(table)
-    console.print(
-        f"not changed beyond them: {len(found.changes) - len(beyond)} of {plural(len(found.changes), 'parameter')}"
-    )
+    every = plural(len(found.changes), "parameter")
+    if beyond:
+        console.print(table)
+        console.print(f"not changed beyond them: {len(found.changes) - len(beyond)} of {every}")
+    else:
+        console.print(f"none of {every} has changed beyond its 95 % interval since {escape(found.earlier)}")
     of_joints = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training[:recordings], of_joints, found.before))
     print_verdict(console, result.validation)
