@@ -216,12 +216,14 @@ def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats:
     from armid.study.records import to_json
     from armid.study.surroundings import surroundings_of
 
-    moves = run_experiment(model, options)
+    moves, unchecked = run_experiment(model, options)
     rate, rehearsal = options["format_rate"], options["rehearsal"]
     record = save_moves(moves, model.robot, folder, formats=formats, rate=rate, rehearsal=rehearsal)
     if not options["no_report"]:
         around = surroundings_of(options, model.robot)
         attempt(PREVIEW, lambda: write_preview(preview_of_moves(moves, model.robot, around), folder / PREVIEW))
+    if unchecked:
+        sys.stderr.write(f"warning collisions not checked: {unchecked}; look at the preview and run the rehearsal\n")
     if options["json"]:
         sys.stdout.write(to_json({**record, "folder": str(folder)}) + "\n")
         return

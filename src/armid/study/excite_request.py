@@ -120,8 +120,11 @@ def _clearance(options: Mapping[str, Any], robot: Robot, surroundings: Sequence[
     return options["clearance"] if asked is not False and (asked or surroundings or bodies) else None
 
 
-def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
+def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> tuple[Moves, str]:
     """Static poses or constant velocities, as the options of `armid excite` ask for.
+
+    Returns:
+        The moves, and why collisions were not checked, empty where they were.
 
     Raises:
         ArmidError: There is no such experiment, or bodies come too close on the way.
@@ -156,7 +159,7 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> Moves:
             f"Bodies come too close {motion.time[bad[0]]:.1f} s into the {kind}.",
             remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
         )
-    return moves
+    return moves, placed.unchecked
 
 
 def _pose(options: Mapping[str, Any], name: str, robot: Robot) -> Array | None:
