@@ -59,6 +59,10 @@ class Trace:
 SEEN = 0.995
 """Share of the values that a plot of residuals shows: a few spikes would flatten all the others."""
 
+MOST, SPREAD = 0.95, 4.0
+"""Share of the values whose largest, so many times, is shown at most: spikes that come each period are more than the
+rest above."""
+
 ROOM = 1.1
 """Room above what is shown."""
 
@@ -124,11 +128,13 @@ class Sight:
 
     @classmethod
     def of(cls, values: Array) -> Sight:
-        """The sight of values of any shape: 99.5 % of them, all where the rest is not far beyond."""
+        """The sight of values of any shape: 99.5 % of them, fewer where spikes are many, all where none are."""
         size = np.abs(values[np.isfinite(values)])
         if not len(size):
             return cls(np.inf, 0.0, np.nan)
-        peak, limit = float(size.max()), ROOM * float(np.quantile(size, SEEN, method="lower"))
+        peak = float(size.max())
+        bulk, nearly_all = np.quantile(size, [MOST, SEEN], method="lower")
+        limit = ROOM * float(min(nearly_all, SPREAD * bulk))
         if not 0.0 < ROOM * limit < peak:
             return cls(np.inf, 0.0, peak)
         return cls(limit, float(np.mean(size > limit)), peak)

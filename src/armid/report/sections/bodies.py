@@ -20,13 +20,16 @@ GUESSED = "guessed"
 """How values look that the data do not determine."""
 
 
+ROUNDING = 1e-12
+"""Coordinates [m] and moments [kg·m²] below it are what is left of differences."""
+
+
 def show_bodies(material: Material) -> Section | None:
     """The bodies of the links; nothing where neither the description nor the estimate has any."""
     found = link_table(material.run.model, material.run.estimate)
     if not any(np.isfinite([body.description, body.estimate]).any() for body in found.links):
         return None
-    note = found.note[:1].upper() + found.note[1:]
-    return Section("Links", {"note": note}, (_table(found),))
+    return Section("Links", {"note": found.note}, (_table(found),))
 
 
 def _table(found: LinkTable) -> Table:
@@ -65,6 +68,7 @@ def _values(body: LinkBody) -> list[tuple[str, list[Cell]]]:
 
 
 def _plain(value: float, kind: str = "") -> Cell:
+    value = 0.0 if abs(value) < ROUNDING else value
     return Cell(short(value), value if np.isfinite(value) else "", kind=kind)
 
 
