@@ -43,6 +43,51 @@ def write_parquet(path, table=TABLE):
     return path
 
 
+def write_workbook(path, table=TABLE, notes=()):
+    """A workbook as spreadsheets write it: XML in an archive, texts and numbers in cells."""
+    import zipfile
+
+    def cell(value):
+        return (
+            f'<c t="inlineStr"><is><t>{value}</t></is></c>' if isinstance(value, str) else f"<c><v>{value!r}</v></c>"
+        )
+
+    def row(values):
+        return f"<row>{''.join(map(cell, values))}</row>"
+
+    numbers = zip(
+        *([float(x) if not isinstance(x, str) else x for x in column] for column in table.values()), strict=True
+    )
+    rows = "".join(map(row, [*([note] for note in notes), list(table), *numbers]))
+    main, office = (
+        "http://schemas.openxmlformats.org",
+        "http://schemas.openxmlformats.org/officeDocument/2006/relationships",
+    )
+    sheet, kind = f"{main}/spreadsheetml/2006/main", "application/vnd.openxmlformats-officedocument.spreadsheetml"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(
+            "[Content_Types].xml",
+            f'<Types xmlns="{main}/package/2006/content-types"><Default Extension="rels" '
+            'ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
+            f'<Override PartName="/xl/workbook.xml" ContentType="{kind}.sheet.main+xml"/>'
+            f'<Override PartName="/xl/worksheets/sheet1.xml" ContentType="{kind}.worksheet+xml"/></Types>',
+        )
+        relation = f'<Relationships xmlns="{main}/package/2006/relationships"><Relationship Id="rId1" Type="{office}/'
+        archive.writestr("_rels/.rels", relation + 'officeDocument" Target="xl/workbook.xml"/></Relationships>')
+        archive.writestr(
+            "xl/workbook.xml",
+            f'<workbook xmlns="{sheet}" xmlns:r="{office}"><sheets>'
+            '<sheet name="log" sheetId="1" r:id="rId1"/></sheets></workbook>',
+        )
+        archive.writestr(
+            "xl/_rels/workbook.xml.rels", relation + 'worksheet" Target="worksheets/sheet1.xml"/></Relationships>'
+        )
+        archive.writestr(
+            "xl/worksheets/sheet1.xml", f'<worksheet xmlns="{sheet}"><sheetData>{rows}</sheetData></worksheet>'
+        )
+    return path
+
+
 def write_v73(path, variables, names=()):
     """A MATLAB 7.3 file: HDF5 behind 512 bytes, matrices transposed, strings as UTF-16, cells as references."""
     import h5py

@@ -14,7 +14,7 @@ from armid.errors import ArmidError, MissingExtraError
 from armid.measurement.readers import READERS, load_recording
 from armid.measurement.recording import Recording
 from armid.values import sha256_of_file
-from recordings import SECONDS, TABLE, N, T, assert_same, message, write_bag, write_csv, write_parquet
+from recordings import SECONDS, TABLE, N, T, assert_same, message, write_bag, write_csv, write_parquet, write_workbook
 
 
 def write_npz(path: Path) -> Path:
@@ -35,6 +35,11 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
     ".csv": lambda folder: write_csv(folder / "run.csv"),
     ".tsv": lambda folder: write_csv(folder / "run.tsv", delimiter="\t"),
     ".txt": lambda folder: write_csv(folder / "run.txt", delimiter=" "),
+    ".dat": lambda folder: write_csv(folder / "run.dat", delimiter=";"),
+    ".asc": lambda folder: write_csv(folder / "run.asc", delimiter="\t"),
+    ".log": lambda folder: write_csv(folder / "run.log"),
+    ".xlsx": lambda folder: write_workbook(folder / "run.xlsx"),
+    ".xlsm": lambda folder: write_workbook(folder / "run.xlsm"),
     ".parquet": lambda folder: write_parquet(folder / "run.parquet"),
     ".pq": lambda folder: write_parquet(folder / "run.pq"),
     ".npz": lambda folder: write_npz(folder / "run.npz"),
@@ -48,7 +53,7 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
 BAGS = (".bag", ".db3", ".mcap")
 """Formats whose clock is absolute, so that a reader lets it begin at zero."""
 
-OPTIONAL = ("h5py", "pyarrow", "rosbags")
+OPTIONAL = ("h5py", "pyarrow", "python_calamine", "rosbags")
 """Packages that come with extras."""
 
 OWNERS = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}

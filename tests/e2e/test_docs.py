@@ -26,6 +26,10 @@ AFTER = {"tutorials/ros_bag.md": "arm", "tutorials/payload.md": "arm"}
 """Pages that go on where another ended, with the folder that this one leaves."""
 
 
+RUNS = ("bag", "from_bag")
+"""Runs of the page on bags."""
+
+
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the first tutorial leaves behind; to follow it is its test."""
@@ -78,6 +82,11 @@ def test_tutorials_that_go_on(page: str, arm: Path, tmp_path: Path, monkeypatch:
     shutil.copytree(arm, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     assert follow(PAGES[page]) >= 3
+    if page == "tutorials/ros_bag.md":
+        verdicts = [
+            json.loads((tmp_path / "runs" / name / "validation.json").read_text())["verdict"] for name in RUNS
+        ]
+        assert verdicts == ["pass", "pass"]
 
 
 def test_the_first_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):

@@ -140,3 +140,29 @@ def test_a_plan_that_was_written_is_a_log_of_positions(
     code, _, err = called(capsys, "doctor", tmp_path / "small.urdf", plan)
     assert code == 2 and "it is a plan of armid excite" in err
     assert small_model().robot.joint_names == JOINTS
+
+
+def test_what_the_page_on_bags_claims(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """The doctor's exit codes and findings on bags that lack something."""
+    arm, log = write_arm(tmp_path), small_recording(1)
+    assert log.time is not None and log.effort is not None
+    at = 1_700_000_000_000_000_000 + np.round(1e9 * log.time).astype(np.int64)
+    rows = list(zip(at, log.q, log.effort, strict=True))
+
+    def found(bag: Path, *options: str) -> tuple[int, dict[str, str]]:
+        code, out, _ = called(capsys, "doctor", arm, bag, "--json", *options)
+        return code, {f["code"]: f["severity"] for f in json.loads(out)["findings"]}
+
+    bag = write_bag_folder(
+        tmp_path / "unstamped", [joint_state(t, JOINTS, q, None, y, stamped=False) for t, q, y in rows]
+    )
+    code, codes = found(bag)
+    assert code == 0 and codes["clock-received"] == "warning"
+    code, codes = found(bag, "--lock", "joint_3")
+    assert codes["locked-joint"] == "warning"
+    bag = write_bag_folder(tmp_path / "no_effort", [joint_state(t, JOINTS, q) for t, q, _ in rows])
+    code, codes = found(bag)
+    assert code == 1 and codes["channel-dead"] == "error"
+    bag = write_bag_folder(tmp_path / "other", [joint_state(t, ("a", "b", "c"), q, None, y) for t, q, y in rows])
+    code, _, err = called(capsys, "doctor", arm, bag)
+    assert code == 2 and "a, b, c" in err and "joints = { file name = robot joint }" in err

@@ -25,3 +25,17 @@ def test_an_arm_then_a_log_then_a_study_then_runs(tmp_path: Path):
         estimate.touch()
         os.utime(estimate, (1e9 - age, 1e9 - age))
     assert "armid report runs/today" in next_step(tmp_path)
+
+
+def test_logs_are_what_readers_read_vague_names_last_and_bags_are_folders(tmp_path: Path):
+    (tmp_path / "arm.urdf").touch()
+    bag = tmp_path / "monday" / "metadata.yaml"
+    bag.parent.mkdir()
+    bag.touch()
+    assert "armid doctor arm.urdf monday" in next_step(tmp_path)
+    for name in ("notes.txt", "run.pq"):
+        (tmp_path / name).touch()
+    assert "armid doctor arm.urdf run.pq" in next_step(tmp_path)
+    for name in ("a.csv.gz", "b.tsv"):
+        (tmp_path / name).touch()
+        assert "armid doctor arm.urdf a.csv.gz" in next_step(tmp_path)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 __all__ = ["DESCRIPTIONS", "next_step"]
 
 DESCRIPTIONS = (".urdf", ".xacro", ".xml", ".mjcf")
-RECORDINGS = (".csv", ".parquet", ".npz", ".mat", ".mcap", ".db3", ".bag")
+VAGUE = (".txt", ".log", ".dat", ".asc")
+"""Endings that recordings have, and much else: files with another go first."""
 
 BEGIN = (
     ("armid demo", "the whole job on a virtual arm, half a minute"),
@@ -45,7 +47,7 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
     arms = [name for name in files if name.endswith(DESCRIPTIONS)]
     if "study.toml" in files:
         return ("armid doctor study.toml", "what is wrong with the logs"), ("armid identify study.toml", "a model")
-    logs = [name for name in files if name.endswith(RECORDINGS)]
+    logs = _logs(folder, files)
     if arms and logs:
         return (
             (f"armid doctor {arms[0]} {logs[0]}", "what is wrong with the log"),
@@ -57,3 +59,13 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
             (f"armid excite {arms[0]}", "the motion to record"),
         )
     return ()
+
+
+def _logs(folder: Path, files: Sequence[str]) -> list[str]:
+    """Recordings in a folder, those of which the name is sure first: files, and folders of ROS bags."""
+    from armid.measurement.bag_files import METADATA
+    from armid.measurement.readers import ENDINGS
+
+    known = [name for name in files if name.lower().endswith(ENDINGS)]
+    bags = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
+    return [*sorted(known, key=lambda name: name.lower().endswith(VAGUE)), *bags]

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-__all__ = ["Clock", "Named", "clock_of", "column_unit", "named", "split_unit", "words"]
+__all__ = ["Clock", "Named", "clock_of", "column_unit", "named", "split_unit", "unit_kind", "words"]
 
 UNITS: Mapping[str, tuple[str, float]] = {
     "rad": ("rad", 1.0),
@@ -226,6 +226,12 @@ def unit_of(unit: str) -> tuple[str, float] | None:
     text = re.sub(r"[\s_·*.⋅^\-]", "", unit.split("/")[0]).lower()
     per_second = PER_SECOND.fullmatch(text)
     return UNITS.get(per_second[1] if per_second else text)
+
+
+def unit_kind(unit: str) -> tuple[str, float] | None:
+    """What any unit measures, times among them, and how many of armid's it is; nothing where it is not known."""
+    seconds = SECONDS.get(unit.strip().lower())
+    return ("time", seconds) if seconds is not None else unit_of(unit)
 
 
 def column_unit(column: str) -> tuple[str, float] | None:

@@ -8,12 +8,12 @@ from typing import Protocol
 
 from armid.errors import RecordingError
 from armid.measurement.bag_files import sha256_of_recording
-from armid.measurement.readers import bag, csv, mat, npz, parquet
+from armid.measurement.readers import bag, csv, excel, mat, npz, parquet
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
-__all__ = ["READERS", "Reader", "load_recording"]
+__all__ = ["ENDINGS", "READERS", "Reader", "load_recording"]
 
 
 class Reader(Protocol):
@@ -28,8 +28,15 @@ class Reader(Protocol):
         ...
 
 
-READERS: tuple[Reader, ...] = (csv, parquet, npz, mat, bag)
+READERS: tuple[Reader, ...] = (csv, parquet, npz, mat, bag, excel)
 """The catalogue: a new format is a module here and a word in this line."""
+
+
+ENDINGS: tuple[str, ...] = (
+    *(suffix for reader in READERS for suffix in reader.SUFFIXES),
+    *(f"{suffix}{packed}" for suffix in csv.SUFFIXES for packed in csv.PACKED),
+)
+"""Endings of files that can be read; the folder of a ROS bag can be, too."""
 
 
 def load_recording(path: Path | str, reading: Reading | None = None, robot: Robot | None = None) -> Recording:
@@ -54,11 +61,12 @@ def _reader(path: Path) -> Reader:
     if path.is_dir():
         return bag
     known = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}
-    reader = known.get(path.suffix.lower())
+    packed = path.suffix.lower() in csv.PACKED and Path(path.stem).suffix.lower() in csv.SUFFIXES
+    reader = csv if packed else known.get(path.suffix.lower())
     if reader is None:
         raise RecordingError(
             f"{path} is of an unknown format.",
-            possible=f"{', '.join(known)}; the folder of a ROS bag",
+            possible=f"{', '.join(known)}; text packed as .csv.gz, .xz, .bz2 or .zst; the folder of a ROS bag",
             remedy="export it in one of these, or give the file the ending of what it is.",
         )
     if not path.is_file():

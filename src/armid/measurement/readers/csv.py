@@ -1,122 +1,76 @@
-"""Text tables: one header line, then one line a sample."""
+"""Text tables: names of columns, then one line a sample; also packed by gzip, xz, bzip2 or zstd."""
 
 from __future__ import annotations
 
-import csv
-import re
-from collections.abc import Sequence
+import bz2
+import gzip
+import lzma
+import zlib
 from pathlib import Path
 
-import numpy as np
-
-from armid.errors import RecordingError
+from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns import assemble, select
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
+from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_of
 from armid.robot.robot import Robot
-from armid.values import Array
 
-__all__ = ["SUFFIXES", "read"]
+__all__ = ["EXTRA", "PACKED", "SUFFIXES", "read"]
 
-SUFFIXES: tuple[str, ...] = (".csv", ".tsv", ".txt")
+SUFFIXES: tuple[str, ...] = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
+EXTRA = "io"
 
-DELIMITERS = (",", ";", "\t")
-"""Delimiters looked for in the header; a header with none of them is delimited by spaces."""
+PACKED: tuple[str, ...] = (".gz", ".xz", ".bz2", ".zst")
+"""Endings behind that of a text table that say how it is packed."""
 
 
 def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
-    """Read a text table; its delimiter is found in the header.
+    """Read a text table; its encoding, its delimiter and its decimal sign are found out.
 
-    Lines that begin with `#` may precede the table; the last of them may be the header.
+    Lines that begin with `#`, `%` or `//` may precede the table; the last of them may be the header, and a line of
+    units may follow it. Times may be numbers, dates as ISO 8601 has them, or times of a day.
 
     Raises:
         RecordingError: No header, a row with too few or too many fields, or a field that is no number; the message
             names the line.
+        MissingExtraError: It is packed by zstd, and pyarrow is not installed.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
+    table = table_of(decoded(_unpacked(path), path), path)
+    selection = select(table.names, reading, path, robot)
+    dates = seconds_of(table, selection.time[0], path) if len(selection.time) == 1 else None
+    if dates is not None and (reading.time_unit or selection.guessed.get("time_unit", 1.0)) != 1.0:
         raise RecordingError(
-            f"{path} is not a text file ({error.reason} at byte {error.start}).",
-            remedy="export the table as UTF-8 text, or give the file the ending of its format.",
-        ) from error
-    lines = text.splitlines()
-    head = _header_index(lines, path)
-    header = lines[head].lstrip("#").strip()
-    delimiter = max(DELIMITERS, key=header.count)
-    delimiter = delimiter if delimiter in header else " "
-    names = [name.strip() for name in _fields(header, delimiter)]
-    selection = select(names, reading, path, robot)
-    numbers = [i for i in range(head + 1, len(lines)) if lines[i].strip()]
-    rows = [lines[i] for i in numbers]
-    if not rows:
-        raise RecordingError(f"{path} has a header and no rows.", remedy="record again; nothing was written.")
-    _check_widths(rows, numbers, len(names), delimiter, path)
-    wanted = [names.index(name) for name in selection.names]
-    try:
-        plain = None if delimiter == " " else delimiter
-        table = np.loadtxt(rows, delimiter=plain, usecols=wanted, comments=None, quotechar='"', ndmin=2)
-    except ValueError:
-        table = _field_by_field(rows, numbers, dict(zip(wanted, selection.names, strict=True)), delimiter, path)
-    columns = dict(zip(selection.names, table.T, strict=True))
+            f"{path}: {selection.time[0]} holds dates, which have no unit.", remedy="leave time_unit out."
+        )
+    wanted = [name for name in selection.names if dates is None or name != selection.time[0]]
+    columns = numbers_of(table, wanted, path)
+    if dates is not None:
+        columns[selection.time[0]] = dates
     return assemble(selection, columns.__getitem__, reading, path)
 
 
-def _header_index(lines: Sequence[str], path: Path) -> int:
-    """Which line names the columns."""
-    first = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")), None)
-    if first is None:
-        raise RecordingError(f"{path} is empty.", remedy="record again; nothing was written.")
-    if not _is_number(re.split(r"[,;\t ]", lines[first].strip())[0].strip('"')):
-        return first
-    if first and lines[first - 1].startswith("#"):
-        return first - 1
-    raise RecordingError(
-        f"{path} has no header: line {first + 1} begins with the number {lines[first].strip()[:20]!r}….",
-        remedy="put a line with column names on top, for instance t,q1,q2,tau1,tau2.",
-    )
-
-
-def _is_number(text: str) -> bool:
+def _unpacked(path: Path) -> bytes:
+    """The bytes of the text."""
+    data = path.read_bytes()
+    suffix = path.suffix.lower()
     try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+        if suffix == ".gz":
+            return gzip.decompress(data)
+        if suffix == ".xz":
+            return lzma.decompress(data)
+        if suffix == ".bz2":
+            return bz2.decompress(data)
+        return _unpacked_zstd(data) if suffix == ".zst" else data
+    except (OSError, EOFError, ValueError, zlib.error, lzma.LZMAError) as error:
+        raise RecordingError(
+            f"{path} cannot be unpacked ({error}).", remedy="copy the file again; its end may be missing."
+        ) from error
 
 
-def _fields(line: str, delimiter: str) -> list[str]:
-    """Fields of one line; a delimiter may stand inside quotes."""
-    if '"' in line:
-        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
-    return line.split() if delimiter == " " else line.split(delimiter)
-
-
-def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delimiter: str, path: Path) -> None:
-    """Refuse a row that has another number of fields than the header."""
-    for row, number in zip(rows, numbers, strict=True):
-        plain = delimiter != " " and '"' not in row
-        found = row.count(delimiter) + 1 if plain else len(_fields(row, delimiter))
-        if found != width:
-            raise RecordingError(
-                f"{path}, line {number + 1}: {found} fields where the header has {width}: {row:.60}",
-                remedy="correct that line, or cut it; a last line is broken where the recorder was stopped.",
-            )
-
-
-def _field_by_field(
-    rows: Sequence[str], numbers: Sequence[int], wanted: dict[int, str], delimiter: str, path: Path
-) -> Array:
-    """The wanted columns, slowly: an empty field is NaN, and what is no number is named."""
-    table = np.empty((len(rows), len(wanted)))
-    for i, row in enumerate(rows):
-        fields = _fields(row, delimiter)
-        for k, (index, name) in enumerate(wanted.items()):
-            cell = fields[index].strip()
-            if cell and not _is_number(cell):
-                hint = "write decimal points, not commas" if "," in cell else "correct that line, or cut it"
-                raise RecordingError(
-                    f"{path}, line {numbers[i] + 1}: {name} is {cell!r}, not a number.", remedy=f"{hint}."
-                )
-            table[i, k] = float(cell) if cell else np.nan
-    return table
+def _unpacked_zstd(data: bytes) -> bytes:
+    try:
+        import pyarrow as pa
+    except ImportError as error:
+        raise MissingExtraError("pyarrow", "Unpacking zstd", EXTRA) from error
+    with pa.CompressedInputStream(pa.BufferReader(data), "zstd") as stream:
+        return stream.read()

@@ -1,0 +1,96 @@
+"""Workbooks of Excel: the first sheet that has names of columns in a row above numbers."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import MissingExtraError, RecordingError
+from armid.measurement.columns import assemble, select
+from armid.measurement.reading import Reading
+from armid.measurement.recording import Recording
+from armid.robot.robot import Robot
+from armid.values import Array
+
+__all__ = ["EXTRA", "SUFFIXES", "read"]
+
+SUFFIXES: tuple[str, ...] = (".xlsx", ".xlsm")
+EXTRA = "io"
+
+PACKAGE = "python_calamine"
+
+
+def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+    """Read the first sheet of a workbook that has a row of names above rows of numbers.
+
+    Raises:
+        RecordingError: No workbook, no table in it, or a cell that is no number.
+        MissingExtraError: python-calamine is not installed.
+    """
+    try:
+        # By name: it comes with an extra, and has no stubs.
+        calamine = importlib.import_module(PACKAGE)
+    except ImportError as error:
+        raise MissingExtraError("python-calamine", "Reading workbooks", EXTRA) from error
+    try:
+        with calamine.CalamineWorkbook.from_path(str(path)) as book:
+            sheets = [book.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in book.sheet_names]
+    except (calamine.CalamineError, OSError, ValueError) as error:
+        raise RecordingError(
+            f"{path} cannot be read as a workbook ({error}).",
+            remedy="copy the file again, or export the sheet as CSV.",
+        ) from error
+    for rows in sheets:
+        head = next((k for k, row in enumerate(rows) if _is_header(row)), None)
+        if head is not None and len(rows) > head + 1:
+            return _recording(rows, head, reading, robot, path)
+    raise RecordingError(
+        f"{path} has no sheet with a table.", remedy="put a row with names of columns above the rows of numbers."
+    )
+
+
+def _is_header(row: Sequence[Any]) -> bool:
+    """Whether a row names columns: two texts at least, and no number."""
+    texts = [cell for cell in row if isinstance(cell, str) and cell.strip()]
+    return len(texts) > 1 and all(isinstance(cell, str) for cell in row)
+
+
+def _recording(
+    rows: Sequence[Sequence[Any]], head: int, reading: Reading, robot: Robot | None, path: Path
+) -> Recording:
+    names = [str(cell).strip() for cell in rows[head]]
+    selection = select([name for name in names if name], reading, path, robot)
+    body = [row for row in rows[head + 1 :] if any(cell != "" for cell in row)]
+
+    def column(name: str) -> Array:
+        k = names.index(name)
+        return np.array([_number(row[k], f"{path}, row {i + head + 2}: {name}") for i, row in enumerate(body)])
+
+    return assemble(selection, column, reading, path)
+
+
+def _number(cell: Any, where: str) -> float:
+    """A cell as a number; a date is seconds since 1970, an empty cell NaN."""
+    if isinstance(cell, bool | int | float):
+        return float(cell)
+    if isinstance(cell, timedelta):
+        return cell.total_seconds()
+    if isinstance(cell, datetime):
+        return (cell.replace(tzinfo=None) - datetime(1970, 1, 1)).total_seconds()
+    if isinstance(cell, time):
+        return 3600.0 * cell.hour + 60.0 * cell.minute + cell.second + 1e-6 * cell.microsecond
+    if cell == "":
+        return float("nan")
+    if isinstance(cell, date):
+        raise RecordingError(f"{where} is a day without a time.", remedy="name another column of times.")
+    try:
+        return float(str(cell).replace(",", "."))
+    except ValueError:
+        raise RecordingError(
+            f"{where} is {cell!r}, not a number.", remedy="correct that cell, or cut the row."
+        ) from None

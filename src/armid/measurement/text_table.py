@@ -1,0 +1,265 @@
+"""Text tables: encoding, header, units below it, delimiter and rows; decimal commas and dates become numbers."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import RecordingError
+from armid.measurement.column_names import unit_kind
+from armid.values import Array
+
+__all__ = ["TextTable", "decoded", "numbers_of", "seconds_of", "table_of"]
+
+DELIMITERS = (",", ";", "\t")
+"""Delimiters looked for in the header; a header with none of them is delimited by spaces."""
+
+COMMENTS = ("#", "%", "//")
+"""How lines begin that are no rows; the last before the rows may be the header."""
+
+PREAMBLE = 50
+"""Lines of notes before a header that are passed over where none of them fits the rows."""
+
+DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|[+-]\d\d:?\d\d)?")
+OF_DAY = re.compile(r"(\d\d?):(\d\d):(\d\d)(?:[.,](\d+))?")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TextTable:
+    """Lines of a table.
+
+    Attributes:
+        names: Names of the columns.
+        rows: One line a row.
+        numbers: Number of each in the file, counted from 0.
+        delimiter: What stands between fields.
+    """
+
+    names: tuple[str, ...]
+    rows: Sequence[str]
+    numbers: Sequence[int]
+    delimiter: str
+
+    def fields(self, k: int) -> list[str]:
+        """Fields of a row."""
+        return split(self.rows[k], self.delimiter)
+
+
+def decoded(data: bytes, path: Path) -> str:
+    """The text of a file in UTF-8, UTF-16 or, where it is plain text otherwise, in Windows's code page.
+
+    Raises:
+        RecordingError: It is no text.
+    """
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        if not re.search(rb"[\x00-\x08\x0e-\x1f\x7f\x81\x8d\x8f\x90\x9d]", data):
+            return data.decode("cp1252")
+        raise RecordingError(
+            f"{path} is not a text file ({error.reason} at byte {error.start}).",
+            remedy="export the table as UTF-8 text, or give the file the ending of its format.",
+        ) from error
+
+
+def table_of(text: str, path: Path) -> TextTable:
+    """Header and rows of a text.
+
+    Raises:
+        RecordingError: No header, no rows, or a row with too few or too many fields; the message names the line.
+    """
+    lines = text.splitlines()
+    head = _header_index(lines, path)
+    header = lines[head].lstrip("#%/").strip("\r\n ") if lines[head].startswith(COMMENTS) else lines[head].strip(" ")
+    delimiter = max(DELIMITERS, key=header.count)
+    delimiter = delimiter if delimiter in header else " "
+    header = header if delimiter == "\t" else header.strip()
+    names = [name.strip() for name in split(header, delimiter)]
+    numbers = [i for i in range(head + 1, len(lines)) if lines[i].strip() and not lines[i].startswith(COMMENTS)]
+    if numbers and (units := _units(split(lines[numbers[0]], delimiter), len(names))):
+        names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+        numbers = numbers[1:]
+    rows = [lines[i] for i in numbers]
+    if not rows:
+        raise RecordingError(f"{path} has a header and no rows.", remedy="record again; nothing was written.")
+    names, rows = _without_ends(names, rows, delimiter)
+    _check_widths(rows, numbers, len(names), delimiter, path)
+    return TextTable(tuple(names), rows, numbers, delimiter)
+
+
+def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str, Array]:
+    """Columns as numbers; an empty field is NaN.
+
+    Raises:
+        RecordingError: A field that is no number, or a name that stands twice.
+    """
+    for name in wanted:
+        if table.names.count(name) > 1:
+            raise RecordingError(
+                f"{path}: {table.names.count(name)} columns are called {name!r}.",
+                remedy="give each a name of its own, or name other columns.",
+            )
+    if not wanted:
+        return {}
+    at = [table.names.index(name) for name in wanted]
+    rows, first = table.rows, table.fields(0)
+    if table.delimiter != "," and any(DECIMAL_COMMA.fullmatch(first[k]) for k in at):
+        rows = [row.replace(",", ".") for row in rows]
+    try:
+        plain = None if table.delimiter == " " else table.delimiter
+        values = np.loadtxt(rows, delimiter=plain, usecols=at, comments=None, quotechar='"', ndmin=2)
+    except ValueError:
+        values = _field_by_field(table, dict(zip(at, wanted, strict=True)), path)
+    return dict(zip(wanted, values.T, strict=True))
+
+
+def seconds_of(table: TextTable, name: str, path: Path) -> Array | None:
+    """Dates or times of a day in seconds since the first; nothing where times are numbers.
+
+    Raises:
+        RecordingError: A field that is no such time.
+    """
+    at = table.names.index(name)
+    if is_number(table.fields(0)[at]) or not table.fields(0)[at].strip(' "'):
+        return None
+    whole = np.empty(len(table.rows))
+    part = np.empty(len(table.rows))
+    for k in range(len(table.rows)):
+        cell = table.fields(k)[at].strip().strip('"')
+        try:
+            whole[k], part[k] = _moment(cell)
+        except ValueError:
+            raise RecordingError(
+                f"{path}, line {table.numbers[k] + 1}: {name} is {cell!r}, not a number and not a time.",
+                possible="2026-05-01T12:00:00.125Z, 2026-05-01 12:00:00.125+02:00, 12:00:00.125",
+                remedy="correct that line, or name another column of times.",
+            ) from None
+    return (whole - whole[0]) + part
+
+
+def _moment(cell: str) -> tuple[float, float]:
+    """Whole seconds and the rest of a date or a time of a day; a date without a zone is taken as UTC."""
+    hit = MOMENT.fullmatch(cell)
+    if hit:
+        moment = datetime.fromisoformat(f"{hit[1].replace(' ', 'T')}{hit[3] or ''}")
+        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+        return moment.timestamp(), float(f"0.{hit[2] or 0}")
+    hit = OF_DAY.fullmatch(cell)
+    if not hit:
+        raise ValueError(cell)
+    return 3600.0 * int(hit[1]) + 60.0 * int(hit[2]) + int(hit[3]), float(f"0.{hit[4] or 0}")
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """Fields of one line; a delimiter may stand inside quotes."""
+    if '"' in line:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+    return line.split() if delimiter == " " else line.split(delimiter)
+
+
+def is_number(text: str) -> bool:
+    """Whether a field is a number, with a point or a comma."""
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _header_index(lines: Sequence[str], path: Path) -> int:
+    """Which line names the columns: the first that is no comment, or the comment above the rows."""
+    plain = [
+        i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS) and line[:4] != "sep="
+    ]
+    if not plain:
+        raise RecordingError(f"{path} is empty.", remedy="record again; nothing was written.")
+    first = plain[0]
+    if not _begins_with_number(lines[first]):
+        return _after_notes(lines, plain[: PREAMBLE + 1])
+    above = next((i for i in range(first - 1, -1, -1) if lines[i].strip()), -1)
+    if above >= 0 and lines[above].startswith(COMMENTS):
+        return above
+    raise RecordingError(
+        f"{path} has no header: line {first + 1} begins with the number {lines[first].strip()[:20]!r}….",
+        remedy="put a line with column names on top, for instance t,q1,q2,tau1,tau2.",
+    )
+
+
+def _after_notes(lines: Sequence[str], plain: Sequence[int]) -> int:
+    """The header below lines of notes: the first that has as many fields as the rows below it."""
+    below = next((k for k, i in enumerate(plain) if k and _begins_with_number(lines[i])), 0)
+    row = lines[plain[below]]
+    for k in range(below):
+        line = lines[plain[k]]
+        delimiter = max(DELIMITERS, key=line.count)
+        if delimiter in line and abs(line.count(delimiter) - row.count(delimiter)) <= 1:
+            return plain[k]
+    return plain[0]
+
+
+def _begins_with_number(line: str) -> bool:
+    field = re.split(r"[,;\t ]", line.strip())[0].strip('"')
+    return is_number(field) or bool(re.match(r"\d{4}-\d\d-\d\d|\d\d?:\d\d:\d\d", field))
+
+
+def _units(fields: Sequence[str], count: int) -> list[str]:
+    """Units of a second line of the header, those that change what is read; none where it is a row."""
+    units = [field.strip().strip("[]()") for field in fields]
+    if (
+        len(units) != count
+        or not any(units)
+        or any(unit and unit != "-" and unit_kind(unit) is None for unit in units)
+    ):
+        return []
+    return [
+        unit if unit_kind(unit) not in (None, ("rad", 1.0), ("m", 1.0), ("torque", 1.0), ("time", 1.0)) else ""
+        for unit in units
+    ]
+
+
+def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[list[str], list[str]]:
+    """Names and rows without a delimiter at the end of one of them."""
+    if delimiter == " ":
+        return names, rows
+    more = len(split(rows[0], delimiter)) - len(names)
+    if more == 1 and rows[0].rstrip().endswith(delimiter.strip() or delimiter):
+        end = len(delimiter)
+        return names, [row[:-end] if row.endswith(delimiter) else row for row in (each.rstrip(" ") for each in rows)]
+    return (names[:-1], rows) if more == -1 and not names[-1] else (names, rows)
+
+
+def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delimiter: str, path: Path) -> None:
+    """Refuse a row that has another number of fields than the header."""
+    for row, number in zip(rows, numbers, strict=True):
+        plain = delimiter != " " and '"' not in row
+        found = row.count(delimiter) + 1 if plain else len(split(row, delimiter))
+        if found != width:
+            raise RecordingError(
+                f"{path}, line {number + 1}: {found} fields where the header has {width}: {row:.60}",
+                remedy="correct that line, or cut it; a last line is broken where the recorder was stopped.",
+            )
+
+
+def _field_by_field(table: TextTable, wanted: dict[int, str], path: Path) -> Array:
+    """The wanted columns, slowly: an empty field is NaN, and what is no number is named."""
+    values = np.empty((len(table.rows), len(wanted)))
+    for i in range(len(table.rows)):
+        fields = table.fields(i)
+        for k, (index, name) in enumerate(wanted.items()):
+            cell = fields[index].strip()
+            if cell and not is_number(cell):
+                raise RecordingError(
+                    f"{path}, line {table.numbers[i] + 1}: {name} is {cell!r}, not a number.",
+                    remedy="correct that line, or cut it; thousands must not be separated.",
+                )
+            values[i, k] = float(cell.replace(",", ".")) if cell else np.nan
+    return values
