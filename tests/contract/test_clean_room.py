@@ -30,6 +30,7 @@ HOSTS = {
     "doi.org",
     "keepachangelog.com",
     "localhost",  # in a test of what must not be fetched
+    "schemas.openxmlformats.org",  # the namespaces of workbooks
     "semver.org",
     "www.ros.org",  # the namespace of xacro
     "www.w3.org",  # the namespaces of HTML and SVG
