@@ -166,3 +166,16 @@ def test_what_the_page_on_bags_claims(tmp_path: Path, capsys: pytest.CaptureFixt
     bag = write_bag_folder(tmp_path / "other", [joint_state(t, ("a", "b", "c"), q, None, y) for t, q, y in rows])
     code, _, err = called(capsys, "doctor", arm, bag)
     assert code == 2 and "a, b, c" in err and "joints = { file name = robot joint }" in err
+
+
+def test_options_hold_for_recordings_to_check_on_and_it_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    arm, degree = write_arm(tmp_path), np.pi / 180
+    train = as_table(small_recording(1), tmp_path / "train.csv", "q{}", "tau{}", ("1", "2", "3"), degree)
+    check = as_table(small_recording(2), tmp_path / "check.csv", "{} pos", "{} torque", JOINTS, degree)
+    run = tmp_path / "run"
+    plain = ("identify", arm, train, "--validate", check, "--out", run, "--no-report")
+    code, _, err = called(capsys, *plain, "--units", "deg")
+    assert code == 0 and 'units = "deg" holds for check.csv' in " ".join(err.split())
+    assert called(capsys, "validate", run, check)[0] == 0
+    code, _, err = called(capsys, "identify", arm, train, "--out", run, "--no-report", "--units", "deg")
+    assert "reading-shared" not in err

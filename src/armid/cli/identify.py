@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -33,6 +33,7 @@ from armid.cli.options import (
 from armid.cli.report import NoReport, write_page
 
 if TYPE_CHECKING:
+    from armid.errors import Finding
     from armid.study.compare import MethodTable
     from armid.study.identify import Prepared, Result
     from armid.study.study import Study
@@ -60,7 +61,7 @@ Inputs = Annotated[
 HeldOut = Annotated[
     list[str] | None,
     typer.Option(
-        "--validate", metavar="RECORDING…", help="Recordings to check the model on, read as the others are."
+        "--validate", metavar="RECORDING…", help="Recordings to check the model on; options hold for them, too."
     ),
 ]
 Cutoff = Annotated[
@@ -118,6 +119,7 @@ def identify(
 
         armid identify study.toml --compare
     """
+    from armid.cli.console import print_findings
     from armid.cli.result import print_next
     from armid.study.run import refuse_folder
 
@@ -127,6 +129,7 @@ def identify(
     study = _study(inputs, validate or [], said, (gravity, lock, only, tip, package), terms)
     study = _overridden(study, preset, cutoff, edges, method)
     prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
+    print_findings(_shared(study, validate or []))
     folder, replaced = _save(result, table, out)
     _print(result, table, folder, verbose=verbose, json=json)
     page = not no_report and write_page(folder, prepared.recordings)
@@ -134,6 +137,22 @@ def identify(
         print_next(result, folder, page=page, replaced=replaced, asked=inputs)
     if result.validation.verdict == "fail":
         raise typer.Exit(1)
+
+
+def _shared(study: Study, validate: list[str]) -> list[Finding]:
+    """That recordings to check the model on were read as those that train, where that says anything."""
+    from armid.errors import Finding
+    from armid.measurement.reading import Reading
+    from armid.measurement.remedy import lines
+
+    how, plain = next(choice.reading for choice in study.recordings if choice.role == "train"), Reading()
+    keys = {field.name: getattr(how, field.name) for field in fields(Reading) if field.name != "exclude"}
+    keys = {key: value for key, value in keys.items() if repr(value) != repr(getattr(plain, key))}
+    if not validate or not keys:
+        return []
+    told = ", ".join(lines(**{key: value}) for key, value in keys.items())
+    names = ", ".join(Path(path).name for path in validate)
+    return [Finding("reading-shared", "info", "", f"{told} holds for {names} as for the recordings that train.")]
 
 
 def _identified(
