@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from armid.cli.next_step import next_step
+from armid.cli.next_step import RECORDINGS, next_step
+from armid.measurement.readers import ENDINGS
 
 
 def test_an_empty_folder_gets_the_beginning(tmp_path: Path):
@@ -39,3 +40,7 @@ def test_logs_are_what_readers_read_vague_names_last_and_bags_are_folders(tmp_pa
     for name in ("a.csv.gz", "b.tsv"):
         (tmp_path / name).touch()
         assert "armid doctor arm.urdf a.csv.gz" in next_step(tmp_path)
+
+
+def test_endings_are_those_of_the_readers():
+    assert sorted(RECORDINGS) == sorted(ENDINGS)

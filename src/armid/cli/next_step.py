@@ -8,6 +8,14 @@ from pathlib import Path
 __all__ = ["DESCRIPTIONS", "next_step"]
 
 DESCRIPTIONS = (".urdf", ".xacro", ".xml", ".mjcf")
+TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
+RECORDINGS = (
+    *TEXT,
+    *(".parquet", ".pq", ".npz", ".mat", ".bag", ".db3", ".mcap", ".xlsx", ".xlsm"),
+    *(f"{text}{packed}" for text in TEXT for packed in (".gz", ".xz", ".bz2", ".zst")),
+)
+"""Endings that readers know; a test compares them, because to import the readers takes NumPy."""
+
 VAGUE = (".txt", ".log", ".dat", ".asc")
 """Endings that recordings have, and much else: files with another go first."""
 
@@ -63,9 +71,6 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
 
 def _logs(folder: Path, files: Sequence[str]) -> list[str]:
     """Recordings in a folder, those of which the name is sure first: files, and folders of ROS bags."""
-    from armid.measurement.bag_files import METADATA
-    from armid.measurement.readers import ENDINGS
-
-    known = [name for name in files if name.lower().endswith(ENDINGS)]
-    bags = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
+    known = [name for name in files if name.lower().endswith(RECORDINGS)]
+    bags = sorted(path.parent.name for path in folder.glob("*/metadata.yaml"))
     return [*sorted(known, key=lambda name: name.lower().endswith(VAGUE)), *bags]
