@@ -26,16 +26,16 @@ Plain weighted least squares with rigid links, rotor inertia, viscous and Coulom
 over 0.02 rad/s) and offset, on published recordings. Each study stands in `tests/real/studies`;
 `scripts/results.py` writes this page. Numbers are RMS torque errors in N·m in the study's band, joint by joint.
 
-- *unseen* is motion that no parameter has seen: another run of the same arm where there is one, else the last
+- *validation* is motion held out from the estimate: another run of the same arm where there is one, else the last
   30 %.
-- *description* is what the unidentified description predicts on the same motion: its inertial parameters, no
+- *CAD model* is what the description predicts before identification, on the same motion: its inertial parameters, no
   friction.
-- *in band* is the share of unseen rows inside the 95 % band of parameters and residual.
+- *in band* is the share of validation rows inside the 95 % band of parameters and residual.
 - *friction chosen* is the same motion with `terms = "auto"` and no method named: friction joint by joint, bodies
-  under a prior towards the description. *Bodies too* adds `method = "physical"` with `prior = "log-det"`: links that
-  can exist.
+  under a prior towards the description. *Consistent bodies* adds `method = "physical"` with `prior = "log-det"`: physically
+  consistent links.
 
-What the tables show: where the motion excites the arm, unseen error is close to training error. The Med 7
+What the tables show: where the motion excites the arm, the error on validation motion is close to the training error. The Med 7
 (trained on 12 s) and the LWR4+ (one run each way) are not excited enough for an estimate without a prior, and
 armid says so: their verdict fails. Bands made of training residuals cover too little wherever the model lacks
 something that other motion brings out. On the iiwa 14, whose motion is slow, no possible bodies come near the error
@@ -62,14 +62,14 @@ def table(result: Result, others: dict[str, Result]) -> list[str]:
     fit = result.estimate.fit
     rows: list[tuple[str, np.ndarray, str]] = [
         ("train", fit.residual_rms, "{:.3f}"),
-        ("**unseen**", score.rms, "**{:.3f}**"),
-        *((f"unseen, {name}", other.validation.recordings[0].rms, "{:.3f}") for name, other in others.items()),
-        ("unseen, raw torque", score.rms_raw, "{:.3f}"),
-        ("unseen, share of torque", 100 * score.relative, "{:.0f} %"),
-        ("unseen, in band", 100 * score.coverage95, "{:.0f} %"),
+        ("**validation**", score.rms, "**{:.3f}**"),
+        *((f"validation, {name}", other.validation.recordings[0].rms, "{:.3f}") for name, other in others.items()),
+        ("validation, raw torque", score.rms_raw, "{:.3f}"),
+        ("validation, relative RMS", 100 * score.relative, "{:.0f} %"),
+        ("validation, in band", 100 * score.coverage95, "{:.0f} %"),
     ]
     if score.prior_rms is not None:
-        rows.insert(2, ("description", score.prior_rms, "{:.3f}"))
+        rows.insert(2, ("CAD model", score.prior_rms, "{:.3f}"))
     joints = range(1, len(score.rms) + 1)
     lines = [
         f"| | {' | '.join(f'joint {j}' for j in joints)} |",
@@ -99,13 +99,13 @@ def main() -> None:
     """Write the page and the table."""
     sections: list[str] = [HEAD]
     short = [
-        "| arm | training | unseen | friction chosen | bodies too | description alone |",
+        "| arm | training | validation | friction chosen | consistent bodies | CAD model |",
         "|---|---|---|---|---|---|",
     ]
     for path in sorted(STUDIES.glob("*.toml")):
         study = load_study(path)
         result = identify(study)
-        others = {"friction chosen": identify(chosen(study)), "bodies too": identify(possible(study))}
+        others = {"friction chosen": identify(chosen(study)), "consistent bodies": identify(possible(study))}
         title = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
         name, _, rest = title.partition(": ")
         sections += [f"## {name}", "", f"{rest[:1].upper()}{rest[1:]}", "", *table(result, others), ""]

@@ -179,7 +179,7 @@ def print_methods(found: MethodTable, units: Sequence[str]) -> None:
     unit = f" in {units[0]}" if len(set(units)) == 1 else ""
     table = Table(title=f"Methods: torque error of all joints together, RMS{unit}", header_style="bold")
     table.add_column("method")
-    for name in ("train", "unseen", "dropped", "physical", "smallest λ", "time"):
+    for name in ("training", "held-out", "dropped", "physical", "smallest λ", "time"):
         table.add_column(name, justify="right")
     for each in found.scores:
         bodies = each.certificate
@@ -195,7 +195,7 @@ def print_methods(found: MethodTable, units: Sequence[str]) -> None:
             f"{each.seconds:.3f} s",
         )
     table.caption = (
-        f"unseen: {found.note}; physical: whether bodies with these base parameters exist; λ: of the "
+        f"held-out: {found.note}; physical: whether bodies with these base parameters exist; λ: of the "
         "pseudo-inertias of the estimated bodies"
     )
     table.caption_justify = "left"

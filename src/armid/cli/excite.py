@@ -201,7 +201,7 @@ def excite(robot: str, **options: Any) -> None:
         output_console().print(f"written to [bold]{folder}[/]")
     print_findings((*arm.findings, *designed.findings), shapes=True)
     if designed.search.interrupted:
-        sys.stderr.write("stopped by hand; this is the best plan so far\n")
+        sys.stderr.write("interrupted; this is the best plan so far\n")
     if designed.preflight.verdict == "fail":
         sys.stderr.write(f"verdict: fail. {designed.preflight.sentence}; no motion was written for a controller\n")
         raise typer.Exit(1)

@@ -43,7 +43,7 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
     decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
     table = Table(
         title=f"{estimate.robot}: {len(fit.names)} base parameters ({counted(fit.names)}), {estimate.method}",
-        caption="* σ above ten times the smallest: known worse than others, or a value near zero",
+        caption="* σ above ten times the smallest: much less certain than others, or a value near zero",
         header_style="bold",
     )
     for name in ("parameter", "value", "unit", "σ %", "95 % interval"):

@@ -41,7 +41,7 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
     first = scores[0]
     how = "under the same controller" if closed else "under the recorded torque alone"
     table = Table(title=f"Position error of the rolled-out model, {how}", header_style="bold")
-    for name in ("joint", "RMS", "peak", "moved", f"until {first.tolerance:g}", "nominal RMS"):
+    for name in ("joint", "RMS", "peak", "moved", f"until {first.tolerance:g}", "CAD RMS"):
         table.add_column(name, justify="left" if name == "joint" else "right")
     for j, joint in enumerate(robot.joints):
         scale, unit = (1e3, "mm") if joint.is_prismatic else (180.0 / np.pi, "°")
@@ -57,7 +57,7 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
     count = sum(score.windows for score in scores)
     table.caption = (
         f"{count} windows of {first.seconds:g} s; moved: RMS distance from a window's start; until: median time "
-        "until the error exceeds the tolerance in rad or m; nominal: the description without friction"
+        "until the error exceeds the tolerance in rad or m; CAD: the description's own masses, without friction"
         f"{_nominal(scores, count)}"
     )
     table.caption_justify = "left"

@@ -55,7 +55,7 @@ def simulate(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Record an arm that is not there, in MuJoCo under a controller, and write the truth beside the recording.
+    """Record a simulated arm, in MuJoCo under a controller, and write the truth beside the recording.
 
     Examples:
         armid simulate iiwa14-r820 thesis-a1 --gravity 0 0 9.81 --rate 1000 --out lab

@@ -1,4 +1,4 @@
-"""Recordings of an arm that is not there, by inverse dynamics along a plan, with noise.
+"""Recordings of a simulated arm by inverse dynamics along a plan, with noise.
 
 The motion is exact and the torque is the model's own, so whatever an identification misses of the truth is its own
 doing. There is no controller and no elasticity here.

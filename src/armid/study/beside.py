@@ -125,7 +125,7 @@ def doubts(run: Run) -> list[Finding]:
             "earlier-run-failed",
             "warning",
             "",
-            f"{run.folder} did not predict its unseen motion (verdict fail), and what is built on it inherits that.",
+            f"{run.folder} did not pass its own validation (verdict fail), and what is built on it inherits that.",
             "look at its report, and identify the arm on motion that says more before relying on this.",
         )
     ]

@@ -1,4 +1,4 @@
-"""The whole job on an arm that is not there: the virtual iiwa, hanging, on the motions of the thesis."""
+"""The whole job on a simulated arm: the virtual iiwa, hanging, on the motions of the thesis."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def show_summary(thesis: Thesis) -> Section:
     spread, audit, designs = thesis.steps.spread, thesis.audit, thesis.designs
     printed, columns = steps["printed"], steps["columns"]
     items = (
-        (fixed(printed.unseen, 3), "N·m", "error on unseen motion, Algorithm 3 as printed"),
+        (fixed(printed.unseen, 3), "N·m", "error on validation motion, Algorithm 3 as printed"),
         (short(columns.unseen, 2), "N·m", "the same with the filter on both sides"),
         (fixed(float(np.median(spread.corrected_ratio)), 0), "×", "residual of the wrong sign of gravity"),
         (fixed(audit.base.certificate.distance, 3), "", "distance of Table 4.1 from any real body"),
@@ -48,7 +48,7 @@ def show_summary(thesis: Thesis) -> Section:
         Numbers(items),
         Text(
             "This page runs the study of [Halper2024], the identification of the dynamic parameters of a hanging "
-            "KUKA LBR iiwa 14 R820, from its first table to its last figure on an arm that is not there, so that "
+            "KUKA LBR iiwa 14 R820, from its first table to its last figure on a simulated arm, so that "
             "every estimate can be held against the truth. Nothing on it is copied but what is marked as being in "
             f"print.{_extent(thesis)}"
         ),
@@ -60,7 +60,7 @@ def show_summary(thesis: Thesis) -> Section:
                 "The sign of the potential energy is not: as printed the equations are those of a standing arm, and "
                 f"the moments of Table 4.1 have the sign that this gives. {_suspicion(audit.gravity)}",
                 "The torque is filtered and the model is not. That alone makes an error of "
-                f"{fixed(printed.unseen, 3)}&nbsp;N·m on unseen motion; the same filter on both sides leaves "
+                f"{fixed(printed.unseen, 3)}&nbsp;N·m on validation motion; the same filter on both sides leaves "
                 f"{short(columns.unseen, 2)}.",
                 "Table 4.1 belongs to no real body, although its mass matrix is positive definite; Table 4.2 breaks "
                 f"{len(audit.broken)} of its own constraints.",
