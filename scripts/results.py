@@ -32,14 +32,15 @@ over 0.02 rad/s) and offset, on published recordings. Each study stands in `test
   friction.
 - *in band* is the share of validation rows inside the 95 % band of parameters and residual.
 - *friction chosen* is the same motion with `terms = "auto"` and no method named: friction joint by joint, bodies
-  under a prior towards the description. *Consistent bodies* adds `method = "physical"` with `prior = "log-det"`: physically
-  consistent links.
+  under a prior towards the description. *Consistent bodies* adds `method = "physical"` with `prior = "log-det"`:
+  physically consistent links.
 
-What the tables show: where the motion excites the arm, the error on validation motion is close to the training error. The Med 7
-(trained on 12 s) and the LWR4+ (one run each way) are not excited enough for an estimate without a prior, and
-armid says so: their verdict fails. Bands made of training residuals cover too little wherever the model lacks
-something that other motion brings out. On the iiwa 14, whose motion is slow, no possible bodies come near the error
-of plain least squares on joints 1 and 2: its inertias there are far below zero, so they stand for something else.
+What the tables show: where the motion excites the arm, the error on validation motion is close to the training
+error. The Med 7 (trained on 12 s) and the LWR4+ (one run each way) are not excited enough for an estimate without a
+prior, and armid says so: their verdict fails. Bands made of training residuals cover too little wherever the model
+lacks something that other motion brings out. On the iiwa 14, whose motion is slow, no possible bodies come near the
+error of plain least squares on joints 1 and 2: its inertias there are far below zero, so they stand for something
+else.
 """
 
 

@@ -172,5 +172,6 @@ def test_the_term_that_is_shown_is_a_term(tmp_path: Path, monkeypatch: pytest.Mo
 def test_no_page_is_forgotten():
     """Pages with commands or Python are followed here, among the tutorials, with the thesis's records, or say so."""
     busy = {page for page, text in PAGES.items() for b in blocks(text) if b.run and b.language in ("bash", "python")}
-    elsewhere = {page for page in PAGES if page.startswith("tutorials/")} | {"start.md", "extending.md", "thesis.md"}
+    elsewhere = {page for page in PAGES if page.startswith("tutorials/")}
+    elsewhere |= {"start.md", "extending.md", "thesis.md", "dh.md"}
     assert busy == {*GUIDES, *LONG} | elsewhere

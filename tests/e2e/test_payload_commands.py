@@ -216,7 +216,7 @@ def test_bad_input_is_one_message(armid: Armid, folder: Path, arguments: tuple[s
 
 
 def test_a_load_in_the_middle_of_an_arm_is_refused(armid: Armid, folder: Path, tmp_path: Path):
-    text = (folder / "study.toml").read_text().replace('"small.urdf"', '"small.urdf"\ntip = "link_2"')
+    text = (folder / "study.toml").read_text().replace('"small.urdf"', '"small.urdf"\ntip = "link_2"\nonly = ["*"]')
     (folder / "middle.toml").write_text(text)
     save_run(identify(load_study(folder / "middle.toml")), tmp_path / "middle")
     code, _, err = armid("payload", tmp_path / "middle", "loaded.npz")

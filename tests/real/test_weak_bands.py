@@ -39,7 +39,7 @@ def test_bands_of_a_fifth_of_a_run_are_of_the_size_of_errors_on_another(shared_d
     observations, _ = observe_recordings(others, result.study.processing, result.model.robot)
     source = column_source(result.model, base)
     (run,) = observations.runs
-    few = replace(run, step=run.step * EVERY, mask=run.mask[::EVERY], block=run.block[::EVERY])
+    few = replace(run, step=run.step * EVERY, mask=run.mask[::EVERY], block=run.block[::EVERY], repetition=None)
     rows = all_rows(source, few, observations.band)
     variance = np.zeros(len(score.rms))
     for j, own in enumerate(source.layout.parameters):

@@ -94,7 +94,7 @@ def test_everything_of_a_reading_survives(result: Result, tmp_path: Path):
         exclude=[[1.0, 2.0]], period=8.0, start=0.5, consecutive=True, units=["deg", "rad", "deg"], preset="ur-rtde",
     )  # fmt: skip
     choices = (replace(result.study.recordings[0], reading=reading), *result.study.recordings[1:])
-    changed = replace(result, study=replace(result.study, recordings=choices))
+    changed = replace(result, study=replace(result.study, recordings=choices), asked=None)
     found = load_run(save_run(changed, tmp_path / "run")).reading
     for name, value in asdict(reading).items():
         np.testing.assert_array_equal(getattr(found, name), value, err_msg=name)

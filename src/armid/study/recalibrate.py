@@ -197,8 +197,8 @@ def _worse(result: Result, before: Sequence[Score], changed: Changed) -> list[Fi
             "recalibration-worse",
             "warning",
             "",
-            f"On validation motion the torque error is {error:.3g}, the earlier run's is {earlier:.3g}: the new values "
-            "are no better than the earlier ones.",
+            f"On validation motion the torque error is {error:.3g}, the earlier run's is {earlier:.3g}: the new "
+            "values are no better than the earlier ones.",
             "record longer or wider motion"
             + (", let less change," if changed != "friction" else "")
             + " or keep the earlier run.",

@@ -1,4 +1,4 @@
-"""Torque error of a model on validation motion, joint by joint, beside that of the description's own (CAD) parameters."""
+"""Torque error of a model on validation motion, joint by joint, beside that of the description's own parameters."""
 
 from __future__ import annotations
 
