@@ -1,13 +1,15 @@
 """Plans of `armid excite` with its defaults, counted for self-collision by other programs.
 
-    python benchmarks/plans_of_arms.py [--budget 10] [--rate 250] [--options '…'] 'DESCRIPTION [OPTION ...]' ...
+    python benchmarks/plans_of_arms.py [--budget 10] [--options '…'] [--to FILE] 'DESCRIPTION [OPTION …]' …
 
 Each argument is a description with the options of `armid excite` that it needs, in quotes. The command is run as it
-is from a shell. Its plan is sampled and counted: a URDF by Pinocchio and Coal on the bodies as they are (meshes by
-their triangles where their convex hulls are not apart), an MJCF by MuJoCo. A sample counts where two bodies overlap
-that are not next to each other and not two that do so in 95 % of 1000 random poses or more; URDFs without collision
-geometry are counted by their visual geometry. Limits of velocity that a description lacks are 1 rad/s, of position
-3 rad either way.
+is from a shell. Its plan is sampled and counted: a URDF by Pinocchio and Coal, an MJCF, and a URDF that Pinocchio
+refuses, by MuJoCo and Coal; meshes by their triangles where their convex hulls are not apart. Packages of meshes are
+found as armid finds them. A sample counts where two bodies overlap that are not next to each other and not two that
+do so in 95 % of 1000 random poses or more; URDFs without collision geometry are counted by their visual geometry.
+Limits of velocity that a description lacks are 1 rad/s, of position 3 rad either way. With `--to` each row is added
+to a file as soon as it is there, and arms that the file has already are passed over, so that a run that was stopped
+goes on where it was.
 """
 
 from __future__ import annotations
@@ -36,8 +38,15 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from armid.robot.packages import file_of
+
 ALWAYS, LOOKED = 0.95, 1000
 """Share of so many random poses in which two bodies overlap by construction."""
+
+MESH = re.compile(r"package://([^/\"']+)/([^\"']+)")
+"""A file of a package in a description."""
+
+COLUMNS = "arm | joints | exit | verdict | wall [s] | samples | overlaps | of | pairs | left out | by | said"
 
 ASKED = re.compile(r"how far or how fast these may move: (.*?)\.\s", re.DOTALL)
 """What the command says of limits that it lacks."""
@@ -57,7 +66,30 @@ class Row:
     worst: str
     pairs: int
     left_out: int
+    by: str
     said: str
+
+    def line(self) -> str:
+        """A row of the table."""
+        wall, said = f"{self.wall:.1f}", self.said[:160].replace("|", "/")
+        cells = (self.arm, self.joints, self.code, self.verdict, wall, self.samples, self.overlaps, self.worst)
+        return "| " + " | ".join(map(str, (*cells, self.pairs, self.left_out, self.by, said))) + " |"
+
+
+def name_of(text: str) -> str:
+    """An arm in the table."""
+    return "/".join(Path(shlex.split(text)[0]).parts[-3:])
+
+
+def with_paths(path: Path, folder: str) -> Path:
+    """A URDF whose meshes are named by whole paths, in another folder; relative ones are left to their reader."""
+
+    def placed(found: re.Match[str]) -> str:
+        return file_of(found[1], Path(found[2]), str(path)) or found[0]
+
+    made = Path(folder) / path.name
+    made.write_text(MESH.sub(placed, path.read_text(encoding="utf-8")), encoding="utf-8")
+    return made
 
 
 def planned(path: Path, options: list[str], budget: float, out: Path, more: list[str]) -> tuple[int, str, float]:
@@ -90,11 +122,15 @@ def motion(plan: Path, rate: float) -> tuple[list[str], np.ndarray]:
 class ByPinocchio:
     """A URDF; joints that do not move stay where they are held."""
 
+    by = "Pinocchio"
+
     def __init__(self, path: Path, held: dict[str, float]) -> None:
         folders = [str(folder) for folder in path.resolve().parents]
-        self.model, self.held = pin.buildModelFromUrdf(str(path)), held
         kinds = (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL)
-        made = [pin.buildGeomFromUrdf(self.model, str(path), kind, package_dirs=folders) for kind in kinds]
+        with tempfile.TemporaryDirectory() as folder:
+            read = str(with_paths(path, folder))
+            self.model, self.held = pin.buildModelFromUrdf(read), held
+            made = [pin.buildGeomFromUrdf(self.model, read, kind, package_dirs=folders) for kind in kinds]
         self.geometry = made[0] if made[0].ngeoms else made[1]
         self.data = self.model.createData()
 
@@ -108,7 +144,8 @@ class ByPinocchio:
                 low, high = (x[joint.idx_q] for x in (self.model.lowerPositionLimit, self.model.upperPositionLimit))
                 pose[joint.idx_q] = min(max(self.held.get(name, 0.0), low), high)
         ids = [self.model.getJointId(name) for name in others]
-        self.model, self.geometry = pin.buildReducedModel(self.model, self.geometry, ids, pose)
+        if ids:  # frames of one name, as a joint and a link may have, are refused here
+            self.model, self.geometry = pin.buildReducedModel(self.model, self.geometry, ids, pose)
         self.data, geometry = self.model.createData(), self.geometry
         geometry.removeAllCollisionPairs()
         above = [set(self.model.supports[k]) - {0} for k in range(self.model.njoints)]
@@ -149,11 +186,23 @@ class ByPinocchio:
         return found
 
 
+def whole(path: Path, folder: str) -> Path:
+    """A URDF as MuJoCo reads it: with the whole paths of its meshes."""
+    made = with_paths(path, folder)
+    text, kept = made.read_text(encoding="utf-8"), '<mujoco><compiler strippath="false"/></mujoco>'
+    made.write_text(text.replace("</robot>", f"{kept}</robot>"), encoding="utf-8")
+    return made
+
+
 class ByMujoco:
-    """An MJCF; what MuJoCo calls a contact of bodies that overlap."""
+    """An MJCF, or a URDF; what MuJoCo calls a contact of bodies that overlap."""
+
+    by = "MuJoCo"
 
     def __init__(self, path: Path, held: dict[str, float]) -> None:
-        self.model, self.held = mujoco.MjModel.from_xml_path(str(path)), held
+        with tempfile.TemporaryDirectory() as folder:
+            self.held = held
+            self.model = mujoco.MjModel.from_xml_path(str(path if path.suffix == ".xml" else whole(path, folder)))
         self.data, self.seen = mujoco.MjData(self.model), {}
 
     def choose(self, joints: list[str]) -> None:
@@ -206,7 +255,59 @@ class ByMujoco:
                 or not self.model.geom_rbound[[a, b]].all()
             ):
                 found[k] = mujoco.mj_geomDistance(self.model, self.data, a, b, 0.01, None) < 0.0
+                found[k] = found[k] and self.by_triangles(a, b)
         return found
+
+    def by_triangles(self, a: int, b: int) -> bool:
+        """Whether two geoms overlap by the triangles of their meshes; MuJoCo goes by the hulls of these."""
+        bodies = [self.body_of(geom) for geom in (a, b)]
+        if None in bodies or mujoco.mjtGeom.mjGEOM_MESH not in self.model.geom_type[[a, b]]:
+            return True
+        places = [
+            coal.Transform3s(self.data.geom_xmat[g].reshape(3, 3).copy(), self.data.geom_xpos[g].copy())
+            for g in (a, b)
+        ]
+        request, result = coal.CollisionRequest(), coal.CollisionResult()
+        return coal.collide(bodies[0], places[0], bodies[1], places[1], request, result) > 0
+
+    def body_of(self, geom: int):
+        """A geom for Coal; None where it has none."""
+        if geom not in self.seen:
+            kind, size, kinds = self.model.geom_type[geom], self.model.geom_size[geom], mujoco.mjtGeom
+            made = {
+                kinds.mjGEOM_MESH: lambda: self.triangles(self.model.mesh(self.model.geom_dataid[geom])),
+                kinds.mjGEOM_BOX: lambda: coal.Box(*(2.0 * size)),
+                kinds.mjGEOM_SPHERE: lambda: coal.Sphere(size[0]),
+                kinds.mjGEOM_CAPSULE: lambda: coal.Capsule(size[0], 2.0 * size[1]),
+                kinds.mjGEOM_CYLINDER: lambda: coal.Cylinder(size[0], 2.0 * size[1]),
+            }.get(kind)
+            self.seen[geom] = made() if made else None
+        return self.seen[geom]
+
+    def triangles(self, mesh):
+        """A mesh for Coal."""
+        vertices = self.model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]]
+        faces = self.model.mesh_face[mesh.faceadr[0] : mesh.faceadr[0] + mesh.facenum[0]]
+        made = coal.BVHModelOBBRSS()
+        made.beginModel(len(faces), len(vertices))
+        for a, b, c in vertices[faces].astype(float):
+            made.addTriangle(a, b, c)
+        made.endModel()
+        return made
+
+
+def counted_by(path: Path, held: dict[str, float], joints: list[str]) -> ByPinocchio | ByMujoco:
+    """The program that counts: of a URDF Pinocchio, and MuJoCo where that refuses it."""
+    refused: list[str] = []
+    for program in (ByMujoco,) if path.suffix == ".xml" else (ByPinocchio, ByMujoco):
+        try:
+            other = program(path, held)
+            other.choose(joints)
+        except Exception as error:  # whatever the other program throws
+            refused.append(f"{program.by}: {type(error).__name__}: {error}")
+        else:
+            return other
+    raise ValueError("; ".join(refused))
 
 
 def measure(text: str, budget: float, rate: float, more: list[str]) -> Row:
@@ -214,16 +315,19 @@ def measure(text: str, budget: float, rate: float, more: list[str]) -> Row:
     path, *options = shlex.split(text)
     held = dict(pairwise(options))
     locked = {word.split("=")[0]: float([*word.split("="), "0"][1]) for key, word in held.items() if key == "--lock"}
-    name = "/".join(Path(path).parts[-3:])
+    name = name_of(text)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "plan"
         code, said, wall = planned(Path(path), options, budget, out, more)
         if not (out / "plan.json").is_file():
-            return Row(name, 0, code, "refused", wall, 0, 0, "", 0, 0, said)
+            return Row(name, 0, code, "refused", wall, 0, 0, "", 0, 0, "", said)
         verdict = json.loads((out / "preflight.json").read_text(encoding="utf-8"))["verdict"]
         joints, q = motion(out / "plan.json", rate)
-    other = (ByMujoco if Path(path).suffix == ".xml" else ByPinocchio)(Path(path), locked)
-    other.choose(joints)
+    try:
+        other = counted_by(Path(path), locked, joints)
+    except ValueError as error:
+        said = " ".join(str(error).split())
+        return Row(name, len(joints), code, f"{verdict}, not counted", wall, len(q), 0, "", 0, 0, "", said)
     q = q[:, [joints.index(each) for each in other.names]]
     rng, every = np.random.default_rng(0), np.ones(len(other.labels), dtype=bool)
     poses = rng.uniform(other.low, other.high, (LOOKED, len(other.names)))
@@ -233,7 +337,7 @@ def measure(text: str, budget: float, rate: float, more: list[str]) -> Row:
         count.update(other.labels[k] for k in np.flatnonzero(other.overlapping(pose, ask)))
     worst = "; ".join(f"{pair} {times}" for pair, times in count.most_common(2))
     overlaps, kept = sum(count.values()), int(ask.sum())
-    return Row(name, len(joints), code, verdict, wall, len(q), overlaps, worst, kept, len(ask) - kept, "")
+    return Row(name, len(joints), code, verdict, wall, len(q), overlaps, worst, kept, len(ask) - kept, other.by, "")
 
 
 def main() -> None:
@@ -243,16 +347,22 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=10.0, help="wall time of each search [s]")
     parser.add_argument("--rate", type=float, default=250.0, help="samples a second that are looked at")
     parser.add_argument("--options", default="", help="what every command is given besides, in quotes")
+    parser.add_argument("--to", type=Path, help="file that rows are added to; arms that it has are passed over")
     options = parser.parse_args()
-    print("| arm | joints | exit | verdict | wall [s] | samples | overlaps | of | pairs | left out | said |")
-    print("|---" * 11 + "|")
+    there = options.to.read_text(encoding="utf-8") if options.to and options.to.is_file() else ""
+
+    def tell(line: str) -> None:
+        print(line, flush=True)
+        if options.to:
+            with options.to.open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+
+    if not there:
+        tell(f"| {COLUMNS} |")
+        tell("|---" * len(COLUMNS.split("|")) + "|")
     for text in options.arm:
-        try:
-            row = measure(text, options.budget, options.rate, shlex.split(options.options))
-        except Exception as error:  # the other program's
-            row = Row(text, 0, -1, "not counted", 0.0, 0, 0, "", 0, 0, f"{type(error).__name__}: {error}"[:120])
-        cells = [row.arm, row.joints, row.code, row.verdict, f"{row.wall:.1f}", row.samples, row.overlaps, row.worst]
-        print("| " + " | ".join(map(str, [*cells, row.pairs, row.left_out, row.said[:160]])) + " |", flush=True)
+        if f"| {name_of(text)} |" not in there:
+            tell(measure(text, options.budget, options.rate, shlex.split(options.options)).line())
 
 
 if __name__ == "__main__":

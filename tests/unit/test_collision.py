@@ -9,7 +9,6 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.excitation import coal
-from armid.excitation.capsules import covering
 from armid.excitation.channels import States
 from armid.excitation.clearance import floor
 from armid.excitation.collision import cell_of, collision_of, kept_apart
@@ -18,6 +17,7 @@ from armid.excitation.finish import fine_grid, margins
 from armid.excitation.keeping import LEFT_OUT
 from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, Objective
+from armid.excitation.outlines import capsules_of
 from armid.excitation.places import SCALE
 from armid.excitation.preflight import preflight
 from armid.excitation.series import SeriesBasis
@@ -140,26 +140,33 @@ def inside(capsules, points):
     return np.min(distances, axis=0)
 
 
-def test_capsules_go_around_bodies():
+def test_capsules_go_around_bodies(tmp_path):
     """Every point of every triangle of a body lies in one of its capsules, also where a body is cut."""
     rng = np.random.default_rng(3)
     placement = homogeneous(random_rotation(rng), rng.normal(size=3))
     box = Shape("box", 0, "box", np.array([0.2, 0.1, 0.5]), placement)
-    mesh = Shape("mesh", 0, "mesh", np.ones(3), placement, "none.stl")
     # An elbow: two boxes at right angles, of large triangles.
     bent = np.concatenate(
         [box_triangles([0.1, 0.1, 0.6], [0, 0, 0.3]), box_triangles([0.6, 0.1, 0.1], [0.3, 0, 0.6])]
     )
+    some = rng.normal(size=(9, 3, 3))
     for shape, triangles in (
         (box, box_triangles(box.size, [0, 0, 0])),
-        (mesh, bent),
-        (mesh, rng.normal(size=(9, 3, 3))),
+        (mesh_of(bent, tmp_path / "bent.obj", placement), bent),
+        (mesh_of(some, tmp_path / "some.obj", placement), some),
     ):
-        capsules = covering(shape, triangles)
+        capsules = capsules_of(shape)
         weights = rng.dirichlet(np.ones(3), 2000)
         points = np.einsum("vk,vkx->vx", weights, triangles[rng.integers(len(triangles), size=2000)])
         assert inside(capsules, points @ placement[:3, :3].T + placement[:3, 3]).max() < 1e-9
         assert len(capsules) > 1 or triangles is not bent
+
+
+def mesh_of(triangles, path, placement):
+    """A body of triangles in a file."""
+    corners = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in triangles.reshape(-1, 3).tolist())
+    path.write_text(corners + "".join(f"f {k} {k + 1} {k + 2}\n" for k in range(1, 3 * len(triangles), 3)))
+    return Shape("mesh", 0, "mesh", np.ones(3), placement, str(path))
 
 
 def box_triangles(size, centre):

@@ -13,9 +13,10 @@ from armid.excitation import coal
 from armid.excitation.channels import States
 from armid.excitation.clearance import floor
 from armid.excitation.collision import cell_of, collision_of, kept_apart
-from armid.excitation.hulls import Hulls, hull_points, prism
+from armid.excitation.hulls import Hulls, prism
 from armid.excitation.limits import limits_of
 from armid.excitation.objective import Goal, Objective
+from armid.excitation.outlines import hull_points
 from armid.excitation.series import SeriesBasis
 from armid.model.base import find_base_parameters
 from armid.model.dynamics import DynamicsModel

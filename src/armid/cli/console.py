@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -22,6 +24,7 @@ from armid.values import Array
 
 __all__ = [
     "error_console",
+    "meshes_told",
     "output_console",
     "print_error",
     "print_findings",
@@ -38,6 +41,9 @@ SHAPES = ("bodies-from-visuals", "mesh-missing", "visual-left-out", "visual-miss
 
 SHORT = {"validation": "valid.", "earlier run": "earlier"}
 """Titles where there is a column for each of several recordings, so that a table fits 80 columns."""
+
+PATIENCE = 2.0
+"""Seconds after which it is said that meshes are read, and between two such lines."""
 
 MOST_COLUMNS = 2
 """Recordings that have a column each; of more the mean is shown."""
@@ -95,6 +101,26 @@ def progress(*, quiet: bool = False) -> Generator[Tell]:
     with bar:
         task = bar.add_task("", total=1.0)
         yield lambda stage, share: bar.update(task, description=stage, completed=share)
+
+
+@contextmanager
+def meshes_told(*, quiet: bool = False) -> Generator[None]:
+    """Say on standard error which mesh is read, where that takes longer than `PATIENCE` and somebody watches."""
+    from armid.excitation.coal import telling_of_meshes
+
+    console, began, said, count = error_console(), time.monotonic(), 0.0, 0
+
+    def tell(path: str) -> None:
+        nonlocal said, count
+        count, since = count + 1, time.monotonic() - began
+        if since - said > PATIENCE:
+            said = since
+            console.print(
+                f"[dim]reading meshes, once for every file: {count - 1} read, now {escape(Path(path).name)}[/]"
+            )
+
+    with telling_of_meshes(tell if console.is_terminal and not quiet else lambda path: None):
+        yield
 
 
 def validation_table(

@@ -135,7 +135,7 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
 
     The processes come first: while nothing else runs here, they are forked, which takes no time.
     """
-    from armid.cli.console import progress
+    from armid.cli.console import meshes_told, progress
     from armid.excitation.design import single_threaded_pool
     from armid.shown import plural
 
@@ -145,6 +145,7 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
     with (
         single_threaded_pool(workers) if workers > 0 else nullcontext() as pool,
         progress(quiet=options["json"]) as tell,
+        meshes_told(quiet=options["json"]),
     ):
 
         def report(best: Candidate, seconds: float, descents: int) -> None:
@@ -209,6 +210,7 @@ def excite(robot: str, **options: Any) -> None:
 
 def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
     """Poses or sweeps: nothing to search long for, nothing to report of."""
+    from armid.cli.console import meshes_told
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of_moves
     from armid.study.excite_files import save_moves
@@ -216,7 +218,8 @@ def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats:
     from armid.study.records import to_json
     from armid.study.surroundings import surroundings_of
 
-    moves, unchecked = run_experiment(model, options)
+    with meshes_told(quiet=options["json"]):
+        moves, unchecked = run_experiment(model, options)
     rate, rehearsal = options["format_rate"], options["rehearsal"]
     record = save_moves(moves, model.robot, folder, formats=formats, rate=rate, rehearsal=rehearsal)
     if not options["no_report"]:

@@ -67,6 +67,7 @@ def preview(
 
         armid preview arm.urdf runs/today
     """
+    from armid.cli.console import meshes_told
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of
     from armid.report.rendering import require_extra
@@ -76,20 +77,19 @@ def preview(
     require_extra("jinja2")
     run, other = _run(robot), None if motion is None else _run(motion)
     arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package)) if run is None else run.robot
-    known = other or run
-    made = preview_of(
-        arm,
-        other or motion or run,
-        reading=_reading(known, rate),
-        data=data,
-        surroundings=_surroundings(arm, floor, environment),
-        estimate=None if known is None else _estimate(known, arm),
-    )
-    path = write_preview(made, out or (Path() if run is None or motion is not None else Path(robot)) / PAGE)
-    if json:
-        sys.stdout.write(to_json({"preview": str(path), "bytes": path.stat().st_size}) + "\n")
-    else:
-        sys.stdout.write(f"page written to {path}\n")
+    known, beside = other or run, Path() if run is None or motion is not None else Path(robot)
+    with meshes_told(quiet=json):
+        made = preview_of(
+            arm,
+            other or motion or run,
+            reading=_reading(known, rate),
+            data=data,
+            surroundings=_surroundings(arm, floor, environment),
+            estimate=None if known is None else _estimate(known, arm),
+        )
+        path = write_preview(made, out or beside / PAGE)
+    record = {"preview": str(path), "bytes": path.stat().st_size}
+    sys.stdout.write(to_json(record) + "\n" if json else f"page written to {path}\n")
 
 
 def _run(name: str) -> Run | None:

@@ -6,7 +6,10 @@ ones (`armid.excitation.hulls`) only where capsules do not do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import os
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -18,25 +21,63 @@ from armid.errors import ArmidError
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["convex", "distances", "geometry", "mesh_faces", "mesh_triangles", "nearest", "too_close", "whole"]
+__all__ = [
+    "apart",
+    "convex",
+    "distances",
+    "geometry",
+    "mesh_faces",
+    "mesh_triangles",
+    "nearest",
+    "stamp",
+    "telling_of_meshes",
+    "too_close",
+    "version",
+    "whole",
+]
 
 
 Parts = Callable[[Shape], Sequence[Any]]
 """Bodies for Coal that stand for a body, in its frame."""
 
 
+Tell = Callable[[str], None]
+
+_tell: ContextVar[Tell] = ContextVar("_tell", default=lambda path: None)
+
+
+@contextmanager
+def telling_of_meshes(tell: Tell) -> Generator[None]:
+    """Have the path of each mesh told before it is read."""
+    token = _tell.set(tell)
+    try:
+        yield
+    finally:
+        _tell.reset(token)
+
+
 def _coal() -> Any:
     return import_module("coal")
 
 
+def stamp(path: str) -> tuple[int, int]:
+    """Size and time of change of a file, which tell one that was written anew; zeros where it is not there."""
+    try:
+        about = os.stat(path)
+    except OSError:
+        return 0, 0
+    return about.st_size, about.st_mtime_ns
+
+
 @lru_cache(maxsize=64)
-def _mesh(path: str, scale: tuple[float, float, float]) -> Any:
+def _mesh(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> Any:
     """The triangles of a file.
 
     Raises:
         ArmidError: Coal cannot read it.
     """
     coal = _coal()
+    _tell.get()(path)
     try:
         return coal.MeshLoader().load(path, np.array(scale))
     except (ValueError, RuntimeError) as error:
@@ -56,10 +97,18 @@ def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
 
     They go counter-clockwise seen from outside, as in the file, also where the scale mirrors the mesh.
     """
-    mesh = _mesh(shape.path, tuple(shape.size.tolist()))
+    a, b, c = shape.size.tolist()
+    corners, index = _faces(shape.path, (a, b, c), stamp(shape.path))
+    return corners.copy(), index.copy()
+
+
+@lru_cache(maxsize=64)
+def _faces(path: str, scale: tuple[float, float, float], written: tuple[int, int]) -> tuple[Array, NDArray[np.intp]]:
+    """The same, read once: Coal gives one triangle after the other."""
+    mesh = _mesh(path, scale, written)
     faces = (mesh.tri_indices(k) for k in range(mesh.num_tris))
     index = np.array([(face[0], face[1], face[2]) for face in faces], dtype=np.intp).reshape(-1, 3)
-    index = index[:, ::-1] if np.prod(shape.size) < 0.0 else index
+    index = index[:, ::-1] if np.prod(scale) < 0.0 else index
     return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3), np.ascontiguousarray(index)
 
 
@@ -68,7 +117,7 @@ def geometry(shape: Shape) -> Any:
     coal = _coal()
     a, b, c = (float(x) for x in shape.size)
     if shape.kind == "mesh":
-        return _mesh(shape.path, (a, b, c))
+        return _mesh(shape.path, (a, b, c), stamp(shape.path))
     made = {
         "capsule": lambda: coal.Capsule(a, b),
         "sphere": lambda: coal.Sphere(a),
@@ -79,12 +128,18 @@ def geometry(shape: Shape) -> Any:
     return made[shape.kind]()
 
 
-def convex(corners: Array, faces: NDArray[np.intp]) -> Any:
+def version() -> str:
+    """Version of Coal."""
+    return str(_coal().__version__)
+
+
+def convex(corners: Array, faces: NDArray[np.intp], beyond: float = 0.0) -> Any:
     """A convex body for Coal.
 
     Args:
         corners: Shape (v, 3) [m].
         faces: Three corners of each triangle, counter-clockwise from outside, shape (t, 3).
+        beyond: How far the body reaches beyond these, all around [m].
     """
     coal = _coal()
     points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
@@ -92,7 +147,24 @@ def convex(corners: Array, faces: NDArray[np.intp]) -> Any:
         points.append(corner)
     for face in faces.tolist():
         triangles.append(coal.Triangle(*face))
-    return coal.Convex(points, triangles)
+    made = coal.Convex(points, triangles)
+    if beyond:
+        made.setSweptSphereRadius(beyond)
+    return made
+
+
+def apart(body: Any, points: Array) -> Array:
+    """Distances of points (v, 3) [m] from a body for Coal, shape (v,) [m]; negative inside."""
+    coal = _coal()
+    request, result, here = coal.DistanceRequest(), coal.DistanceResult(), coal.Transform3s()
+    ball, turn = coal.Sphere(0.0), np.eye(3)  # Coal does not keep what it is given alive
+    measure = coal.ComputeDistance(body, ball)
+
+    def distance(point: Array) -> float:
+        result.clear()
+        return measure(here, coal.Transform3s(turn, point), request, result)
+
+    return np.array([distance(point) for point in points])
 
 
 def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:

@@ -2,7 +2,8 @@
 
 A capsule around a cylinder or a shell sticks out at both ends by its radius, so two of them may overlap in every
 pose though the bodies never touch. Such pairs, a few of an arm, are measured here: capsules, spheres, boxes and
-half-spaces as they are, a cylinder as a prism around it, a mesh as the convex hulls of its slabs. Coal finds
+half-spaces as they are, a cylinder as a prism around it, a mesh as the convex hulls of its slabs
+(`armid.excitation.outlines`). Coal finds
 distance, direction and nearest points of these to rounding, apart or overlapping, so that gradients are exact; of
 cylinders themselves it finds them to four digits only.
 """
@@ -15,20 +16,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
-from armid.excitation.capsules import in_slabs
-from armid.excitation.coal import convex, distances, geometry, mesh_triangles, nearest
+from armid.excitation.coal import distances, geometry, nearest, stamp
+from armid.excitation.outlines import hull_points, outline_of, part_of
 from armid.robot.shapes import Kind, Shape
 from armid.values import Array
 
-__all__ = ["Hulls", "hull_points", "parts_of", "prism"]
+__all__ = ["Hulls", "parts_of", "prism"]
 
 SIDES = 32
 """Of the prism around a cylinder, which is half a percent wider."""
-
-THIN = 1e-5
-"""Half the thickness [m] given to a part that has none."""
 
 
 def prism(radius: float, length: float) -> Array:
@@ -38,41 +35,20 @@ def prism(radius: float, length: float) -> Array:
     return np.vstack([np.column_stack([ring, np.full(SIDES, z)]) for z in (-0.5 * length, 0.5 * length)])
 
 
-def hull_points(points: Array) -> ConvexHull:
-    """The convex hull of points (v, 3); of flat ones, that of the points made a little thick."""
-    try:
-        return ConvexHull(points)
-    except QhullError:
-        thick = THIN * np.vstack([np.eye(3), -np.eye(3)])
-        return ConvexHull((points[:, None] + thick).reshape(-1, 3))
-
-
 def parts_of(shape: Shape) -> tuple[Any, ...]:
     """Convex bodies for Coal, in the frame of a body that lies in them."""
-    return _parts_of(shape.kind, tuple(shape.size.tolist()), shape.path)
+    return _parts_of(shape.kind, tuple(shape.size.tolist()), shape.path, stamp(shape.path))
 
 
 @lru_cache(maxsize=512)
-def _parts_of(kind: Kind, size: tuple[float, float, float], path: str) -> tuple[Any, ...]:
+def _parts_of(kind: Kind, size: tuple[float, float, float], path: str, _stamp: tuple[int, int]) -> tuple[Any, ...]:
     """The same, made once for bodies of one form: a shape that came from another process is a new one."""
     shape = Shape("", -1, kind, np.array(size), np.eye(4), path)
     if kind == "cylinder":
-        return (_solid(hull_points(prism(*size[:2]))),)
+        return (part_of(hull_points(prism(*size[:2]))).solid(),)
     if kind == "mesh":
-        hulls = in_slabs(mesh_triangles(shape), hull_points, lambda hull: float(hull.volume))
-        return tuple(_solid(hull) for hull in hulls)
+        return tuple(part.solid() for part in outline_of(shape).parts)
     return (geometry(shape),)
-
-
-def _solid(hull: ConvexHull) -> Any:
-    """The hull for Coal."""
-    place = np.full(len(hull.points), -1)
-    place[hull.vertices] = np.arange(len(hull.vertices))
-    corners = hull.points[hull.simplices]
-    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inwards = (outwards * hull.equations[:, :3]).sum(axis=1) < 0.0
-    faces = place[np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)]
-    return convex(hull.points[hull.vertices], faces)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.excitation.capsules import covering
 from armid.excitation.clearance import Bodies
-from armid.excitation.coal import mesh_triangles
+from armid.excitation.outlines import capsules_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
@@ -23,7 +22,7 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDAr
     solids = [shape for shape, apart in zip(shapes, solid, strict=True) if apart]
     places: list[list[int]] = []
     for shape, apart in zip(shapes, solid, strict=True):
-        made = () if apart else covering(shape, mesh_triangles(shape) if shape.kind == "mesh" else None)
+        made = () if apart else capsules_of(shape)
         places.append(list(range(len(capsules), len(capsules) + len(made))))
         capsules += made
     for number, k in enumerate(np.flatnonzero(solid)):

@@ -1,0 +1,62 @@
+"""Arrays kept in the user's cache folder, for what is slow to make and depends on the content of a file alone.
+
+An entry is written beside its name and then renamed, so that another process reads all of it or nothing. An entry
+that cannot be read is made again; where the folder cannot be written, nothing is kept, and nothing is said.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zlib
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Arrays", "cache_folder", "keep", "kept"]
+
+Arrays = Mapping[str, NDArray[np.generic]]
+
+
+def cache_folder() -> Path | None:
+    """`ARMID_CACHE`, else `armid` in `XDG_CACHE_HOME`, else `~/.cache/armid`; `None` where there is no home."""
+    if given := os.environ.get("ARMID_CACHE"):
+        return Path(given)
+    if shared := os.environ.get("XDG_CACHE_HOME"):
+        return Path(shared) / "armid"
+    with suppress(RuntimeError):
+        return Path.home() / ".cache" / "armid"
+    return None
+
+
+def kept(name: str) -> dict[str, NDArray[np.generic]] | None:
+    """The entry of a name; `None` where there is none that can be read."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    try:
+        with (folder / f"{name}.npz").open("rb") as file, np.load(file, allow_pickle=False) as entry:
+            return dict(entry)
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error, RuntimeError):
+        return None
+
+
+def keep(name: str, arrays: Arrays) -> None:
+    """Write an entry, where the folder allows it."""
+    folder = cache_folder()
+    if folder is None:
+        return
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, made = tempfile.mkstemp(prefix=f".{name}-", suffix=".npz", dir=folder)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                np.savez(file, **dict(arrays))  # pyright: ignore[reportArgumentType]
+            os.replace(made, folder / f"{name}.npz")
+        except OSError:
+            os.unlink(made)
+            raise
