@@ -87,8 +87,11 @@ def with_paths(path: Path, folder: str) -> Path:
     def placed(found: re.Match[str]) -> str:
         return file_of(found[1], Path(found[2]), str(path)) or found[0]
 
+    text = MESH.sub(placed, path.read_text(encoding="utf-8"))
+    for kind in ("effort", "velocity"):  # what Pinocchio insists on, and nobody asks here
+        text = re.sub(rf"<limit\b(?![^>]*\b{kind}\s*=)", f'<limit {kind}="1"', text)
     made = Path(folder) / path.name
-    made.write_text(MESH.sub(placed, path.read_text(encoding="utf-8")), encoding="utf-8")
+    made.write_text(text, encoding="utf-8")
     return made
 
 
@@ -261,7 +264,7 @@ class ByMujoco:
     def by_triangles(self, a: int, b: int) -> bool:
         """Whether two geoms overlap by the triangles of their meshes; MuJoCo goes by the hulls of these."""
         bodies = [self.body_of(geom) for geom in (a, b)]
-        if None in bodies or mujoco.mjtGeom.mjGEOM_MESH not in self.model.geom_type[[a, b]]:
+        if None in bodies or int(mujoco.mjtGeom.mjGEOM_MESH) not in self.model.geom_type[[a, b]].tolist():
             return True
         places = [
             coal.Transform3s(self.data.geom_xmat[g].reshape(3, 3).copy(), self.data.geom_xpos[g].copy())
@@ -273,13 +276,13 @@ class ByMujoco:
     def body_of(self, geom: int):
         """A geom for Coal; None where it has none."""
         if geom not in self.seen:
-            kind, size, kinds = self.model.geom_type[geom], self.model.geom_size[geom], mujoco.mjtGeom
+            kind, size, kinds = int(self.model.geom_type[geom]), self.model.geom_size[geom], mujoco.mjtGeom
             made = {
-                kinds.mjGEOM_MESH: lambda: self.triangles(self.model.mesh(self.model.geom_dataid[geom])),
-                kinds.mjGEOM_BOX: lambda: coal.Box(*(2.0 * size)),
-                kinds.mjGEOM_SPHERE: lambda: coal.Sphere(size[0]),
-                kinds.mjGEOM_CAPSULE: lambda: coal.Capsule(size[0], 2.0 * size[1]),
-                kinds.mjGEOM_CYLINDER: lambda: coal.Cylinder(size[0], 2.0 * size[1]),
+                int(kinds.mjGEOM_MESH): lambda: self.triangles(self.model.mesh(self.model.geom_dataid[geom])),
+                int(kinds.mjGEOM_BOX): lambda: coal.Box(*(2.0 * size)),
+                int(kinds.mjGEOM_SPHERE): lambda: coal.Sphere(size[0]),
+                int(kinds.mjGEOM_CAPSULE): lambda: coal.Capsule(size[0], 2.0 * size[1]),
+                int(kinds.mjGEOM_CYLINDER): lambda: coal.Cylinder(size[0], 2.0 * size[1]),
             }.get(kind)
             self.seen[geom] = made() if made else None
         return self.seen[geom]
