@@ -13,8 +13,13 @@ from rich.console import Console
 
 from armid.cli import console
 from armid.excitation import coal, outlines, store
+from armid.excitation.closest import closest_approaches
+from armid.excitation.collision import collision_of
 from armid.excitation.hulls import parts_of
+from armid.excitation.limits import limits_of
 from armid.excitation.outlines import capsules_of, outline_of
+from armid.robot import load_robot
+from armid.robot.kinematics import forward_kinematics
 from armid.robot.shapes import Shape
 
 
@@ -212,3 +217,24 @@ def test_reading_meshes_is_told_where_it_takes_long_and_somebody_watches(tmp_pat
     with console.meshes_told():
         afresh(egg(tmp_path / "egg.obj"))
     assert ("0 read, now egg.obj" in text.getvalue()) == (watched and not patience)
+
+
+def test_the_last_word_is_no_less_than_what_a_plan_was_certified_with(tmp_path):
+    """A thinned hull may reach beyond the capsule around its mesh; the body does not."""
+    egg(tmp_path / "egg.obj")
+    body = '<collision><geometry><mesh filename="egg.obj"/></geometry></collision>'
+    slide = '<limit lower="-1" upper="1" velocity="1" effort="10"/>'
+    (tmp_path / "eggs.urdf").write_text(
+        f'<robot name="eggs"><link name="base">{body}</link><link name="between"/><link name="other">{body}</link>'
+        f'<joint name="across" type="prismatic"><parent link="base"/><child link="between"/><axis xyz="0 1 0"/>'
+        f'{slide}</joint><joint name="along" type="prismatic"><parent link="between"/><child link="other"/>'
+        f'<axis xyz="1 0 0"/>{slide}</joint></robot>'
+    )
+    robot = load_robot(tmp_path / "eggs.urdf")
+    collision = collision_of(robot, limits_of(robot, acceleration=1.0), np.array([0.3, 0.0]))
+    q = np.column_stack([np.linspace(0.3, 0.1, 30), np.zeros(30)])
+    poses = forward_kinematics(robot, q)
+    certified = collision.every.bodies.distances(poses).min()
+    by_hulls = coal.distances(collision.shapes, collision.pairs, poses, parts_of).min()
+    assert by_hulls < certified - 1e-4
+    assert closest_approaches(collision, np.arange(30.0), poses)[0].distance >= certified

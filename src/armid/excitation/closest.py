@@ -84,7 +84,8 @@ def _least(
 
     def measured(which: NDArray[np.intp]) -> Array:
         some = poses[0][which], poses[1][which]
-        return distances(collision.shapes, pair[None], some, parts_of)[:, 0]
+        # Bodies lie in their capsules and in their convex parts; a thinned hull may reach beyond capsules.
+        return np.maximum(distances(collision.shapes, pair[None], some, parts_of)[:, 0], bound[which])
 
     coarse = np.arange(0, len(bound), EVERY)
     coarse = coarse[bound[coarse].argsort(kind="stable")]

@@ -84,7 +84,8 @@ def closest(robot: Robot, clip: Clip, collision: Collision) -> Approach | None:
             if bound[k, m] >= distance[k]:
                 break
             found, first, second, _ = nearest(shapes, pairs[m : m + 1], pose, parts_of if m < count else whole)
-            if found[0, 0] < distance[k]:
-                distance[k], pair[k], points[k] = found[0, 0], m, (first[0, 0], second[0, 0])
+            apart = max(found[0, 0], bound[k, m])  # both are no more than the distance of the bodies
+            if apart < distance[k]:
+                distance[k], pair[k], points[k] = apart, m, (first[0, 0], second[0, 0])
     names = tuple(f"{shapes[a].name} – {shapes[b].name}" for a, b in pairs)
     return Approach(clip.time[moments], distance, pair, points, names)
