@@ -34,6 +34,13 @@ CLEARLY, BY_CHANCE = 10.0, 5.0
 """Deviations that friction has changed by, fallen by a quarter, and that chance does not reach in 24 parameters."""
 
 
+BOX = {
+    "M": 1.2, "MX": 0.36, "MY": 0.0, "MZ": 0.06,
+    "XX": 0.006, "XY": 0.0, "XZ": -0.018, "YY": 0.114, "YZ": 0.0, "ZZ": 0.111,
+}  # fmt: skip
+"""The box of the page on loads: 1.2 kg at (0.3, 0, 0.05) m with 0.003 kg·m² about each axis, in the forearm's frame."""
+
+
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the first tutorial leaves behind; to follow it is its test."""
@@ -92,6 +99,11 @@ def test_tutorials_that_go_on(page: str, arm: Path, tmp_path: Path, monkeypatch:
             json.loads((tmp_path / "runs" / name / "validation.json").read_text())["verdict"] for name in RUNS
         ]
         assert verdicts == ["pass", "pass"]
+    if page == "tutorials/payload.md":
+        load = json.loads((tmp_path / "load" / "payload.json").read_text())["parameters"]
+        held = [low <= BOX[each["name"]] <= high for each in load for low, high in [each["interval95"]]]
+        assert len(held) == 10 and sum(held) >= 8  # of 10 at 95 %, one draw in eighty has more than two outside
+        assert {each["status"] for each in load} == {"identified"}
 
 
 def test_the_first_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
@@ -103,9 +115,12 @@ def test_the_first_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys:
 
 
 @pytest.mark.long
-def test_the_tutorial_of_the_iiwa(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_tutorial_of_the_iiwa(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
     monkeypatch.chdir(tmp_path)
     assert follow(PAGES["tutorials/iiwa.md"]) >= 6
+    assert "rotor-inertia-missing" in capsys.readouterr().out
     assert (tmp_path / "iiwa_identified.urdf").is_file()
 
 
