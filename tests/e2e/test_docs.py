@@ -38,7 +38,7 @@ BOX = {
     "M": 1.2, "MX": 0.36, "MY": 0.0, "MZ": 0.06,
     "XX": 0.006, "XY": 0.0, "XZ": -0.018, "YY": 0.114, "YZ": 0.0, "ZZ": 0.111,
 }  # fmt: skip
-"""The box of the page on loads: 1.2 kg at (0.3, 0, 0.05) m with 0.003 kg·m² about each axis, in the forearm's frame."""
+"""The box of the page on loads: 1.2 kg at (0.3, 0, 0.05) m, 0.003 kg·m² about each axis, in the forearm's frame."""
 
 
 @pytest.fixture(scope="module")
