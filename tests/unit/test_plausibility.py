@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Literal
 
@@ -112,3 +113,25 @@ def test_masses_that_nothing_says_are_named_with_the_prior_that_keeps_them():
     assert light is not None and "M_1" in light.evidence and 'prior = "log-det"' in light.remedy
     assert far_finding(problem.standard, PhysicallyConsistent(prior="log-det").estimate(problem)) is None
     assert far_finding(problem.standard, WeightedLeastSquares().estimate(problem)) is None
+
+
+def test_masses_are_looked_up_by_name_where_friction_has_copies():
+    """Friction of two recordings stands among the standard parameters twice, so places are not those of the model."""
+    model, motion, torque = measured()
+    base = find_base_parameters(model)
+    observations = raw(one_run(motion, torque, 50.0, block_rows=50))
+    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    fit = PhysicallyConsistent(prior="mass").estimate(problem)
+    alone, kept = far_finding(problem.standard, fit), fit.standard
+    assert alone is not None and kept is not None
+    twice = replace(
+        kept,
+        names=("FV_1[1]", *kept.names),
+        units=("N·m·s/rad", *kept.units),
+        status=("identified", *kept.status),
+        values=np.concatenate([[0.7], kept.values]),
+        covariance=np.pad(kept.covariance, ((1, 0), (1, 0))),
+        intervals=np.vstack([[0.6, 0.8], kept.intervals]),
+        resolution=np.concatenate([[1.0], kept.resolution]),
+    )
+    assert far_finding(problem.standard, replace(fit, standard=twice)) == alone

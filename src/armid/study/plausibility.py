@@ -98,7 +98,10 @@ def far_finding(standard: Standard | None, fit: Fit) -> Finding | None:
     if found is None or standard is None or standard.nominal is None:
         return None
     masses = standard.inertial[:, 0]
-    said = far_masses([found.names[k] for k in masses], found.values[masses], standard.nominal[masses])
+    names = [standard.names[k] for k in masses]
+    # By name: friction of several recordings has copies among the parameters that were found.
+    values = np.array([found.values[found.names.index(name)] for name in names])
+    said = far_masses(names, values, standard.nominal[masses])
     if not said:
         return None
     return Finding(
@@ -143,9 +146,9 @@ def chosen_finding(ladder: Ladder, method: str) -> Finding:
     if ladder.prior_weight is None:
         return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")
     evidence = (
-        f"Friction was chosen with the bodies under a prior. In the estimate by {method} it weighs "
-        f"{ladder.prior_weight:.3g} independent samples, with which it erred least on what was left out. It holds "
-        "for speeds and poses like those recorded."
+        "Friction was chosen with the bodies under a prior of the weight that erred least on left-out motion, "
+        f"{ladder.prior_weight:.3g} independent samples; the estimate is by {method}. The choice holds for speeds "
+        "and poses like those recorded."
     )
     return Finding("friction-chosen", "info", "", evidence, "validate on another recording.")
 
