@@ -110,10 +110,16 @@ def truth_values(study_model: DynamicsModel, base: Any) -> Array:
     return np.asarray(base.values_of(np.array([true.get(p.name, 0.0) for p in study_model.parameters])))
 
 
+def name_of(arm: RobotChoice) -> str:
+    """A description's name with its folder's, since many are called `robot.xml`."""
+    path = Path(arm.description)
+    return "-".join((*path.parts[-2:-1], path.stem))
+
+
 def measure(text: str, lab: Lab, seeds: int, method: str) -> dict[str, Any]:
     """Coverage of one arm."""
     arm = choice_of(text)
-    name = Path(arm.description).stem
+    name = name_of(arm)
     folder = lab.cache / name
     inside, errors, half = [], [], []
     kinds: Counter[str] = Counter()
@@ -173,7 +179,7 @@ def main() -> int:
         for text in told.arms:
             arm = choice_of(text)
             for seed in range(1, told.seeds + 1):
-                logged(arm, lab, lab.cache / Path(arm.description).stem, seed)
+                logged(arm, lab, lab.cache / name_of(arm), seed)
             print(text, flush=True)
         return 0
     found = []
