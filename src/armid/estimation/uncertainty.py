@@ -70,7 +70,7 @@ them are a quarter of all and move an estimate by half a deviation."""
 
 REACH = 0.65
 """Share of that move that counts as a deviation: a 95 % interval then reaches a quarter beyond the move. Set on
-simulated logs of twelve arms in closed loop, where half of it left one below 88 %; docs/uncertainty.md adds others."""
+simulated logs of twelve arms in closed loop, where half of it left one below 88 %; docs/uncertainty.md has others."""
 
 FEWEST_ROWS = 3
 """Rows of all joints for each parameter below which a spectrum cannot be told from the estimate."""
