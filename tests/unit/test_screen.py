@@ -11,15 +11,16 @@ import pytest
 from rich.console import Console
 
 from armid.cli.console import print_error, validation_table
-from armid.cli.parameters import ladder_table
+from armid.cli.parameters import ladder_table, print_links
 from armid.errors import ArmidError, Finding
 from armid.estimation.estimate import Estimate
 from armid.estimation.friction import Evidence, Ladder
+from armid.estimation.links import link_table
 from armid.estimation.standard_fit import PriorUse
 from armid.model.terms import Hysteresis, Stribeck
 from armid.study.chosen import credited
 from armid.validation.predict import Score, Validation
-from cranes import estimate, problem
+from cranes import CRANE, estimate, model, problem
 from labs import small_model
 
 
@@ -88,3 +89,18 @@ def test_a_remedy_reads_as_english(capsys: pytest.CaptureFixture[str]):
     print_error(ArmidError("There is no robot 'pnda'.", possible="panda, ur5e", remedy="did you mean 'panda'?"))
     err = capsys.readouterr().err
     assert "possible: panda, ur5e" in err and "hint: did you mean 'panda'?" in err and "do did" not in err
+
+
+@pytest.mark.parametrize("width", [80, *range(100, 150, 3), 200])
+def test_bodies_keep_the_names_of_their_links_at_any_width(width: int):
+    found = link_table(model(CRANE), estimate(problem(CRANE, 0), bodies=True))
+    links = tuple(replace(body, link=f"right_arm_{k}_link_of_it") for k, body in enumerate(found.links))
+    screen = StringIO()
+    print_links(Console(file=screen, width=width, highlight=False), replace(found, links=links))
+    text = screen.getvalue()
+    rows = [line for line in text.splitlines() if line.startswith(("│", "┃"))]
+    assert not any("…" in line for line in rows) and max(map(len, rows)) <= width
+    tables = sum("┃ link " in line for line in rows)
+    assert sum("│ new │" in line for line in rows) == tables * len(links)
+    names = "".join(line.split("│")[1].strip() for line in text.splitlines() if line.startswith("│"))
+    assert all(names.count(body.link) >= 1 for body in links)

@@ -22,8 +22,11 @@ __all__ = ["estimate_table", "folded_line", "ladder_table", "print_links", "stat
 
 FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
 
-WIDE = 110
-"""Columns of a terminal from which on bodies stand in one table; else masses and inertias are two."""
+NARROWEST = 12
+"""Characters of a link's name before it goes on in the next line."""
+
+ENDLESS = 1000
+"""Columns in which any table has the width that it asks for."""
 
 ORDER = (4, 6, 9, 5, 7, 8)
 """Entries of an inertia as they are printed: xx yy zz xy xz yz."""
@@ -82,29 +85,33 @@ def print_links(console: Console, table: LinkTable) -> None:
     if table.note or not table.links:
         console.print(f"bodies of the links: {escape(table.note)}", highlight=False)
         return
-    parts = [(range(4), ("mass kg", "x m", "y m", "z m")), (ORDER, ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))]
-    if console.width >= WIDE:
-        parts = [((*parts[0][0], *parts[1][0]), (*parts[0][1], *parts[1][1]))]
-    for number, (columns, names) in enumerate(parts):
-        title = None if number else "Bodies of the links, new (estimate) and old (description)"
-        shown = Table(title=title, header_style="bold")
-        shown.add_column("link", overflow="fold")
-        shown.add_column("")
-        for name in names:
-            shown.add_column(name, justify="right", no_wrap=True)
-        for body in table.links:
-            known = np.isfinite(body.intervals).sum(axis=1) == 2
-            digits = _digits(body)
-            new = [f"{_plain(body.estimate[k], digits[k])}{'*' if known[k] else ' '}" for k in columns]
-            shown.add_row(escape(body.link), "new", *new)
-            if np.isfinite(body.description).any():
-                shown.add_row(
-                    "",
-                    "[dim]old[/]",
-                    *(f"[dim]{_plain(body.description[k], digits[k])} [/]" for k in columns),
-                )
-        console.print(shown)
+    mass, inertia = (range(4), ("mass kg", "x m", "y m", "z m")), (ORDER, ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))
+    title = "Bodies of the links, new (estimate) and old (description)"
+    whole = _bodies(table, (*mass[0], *inertia[0]), (*mass[1], *inertia[1]), title)
+    if console.measure(whole, options=console.options.update(max_width=ENDLESS)).maximum <= console.width:
+        console.print(whole)
+    else:
+        console.print(_bodies(table, *mass, title))
+        console.print(_bodies(table, *inertia, None))
     console.print(_links_note(table))
+
+
+def _bodies(table: LinkTable, columns: Sequence[int], names: Sequence[str], title: str | None) -> Table:
+    """Some quantities of every link, two rows each; names of links are folded before a number is cut."""
+    shown = Table(title=title, header_style="bold")
+    shown.add_column("link", overflow="fold", min_width=NARROWEST)
+    shown.add_column("", no_wrap=True)
+    for name in names:
+        shown.add_column(name, justify="right", no_wrap=True)
+    for body in table.links:
+        known = np.isfinite(body.intervals).sum(axis=1) == 2
+        digits = _digits(body)
+        new = [f"{_plain(body.estimate[k], digits[k])}{'*' if known[k] else ' '}" for k in columns]
+        shown.add_row(escape(body.link), "new", *new)
+        if np.isfinite(body.description).any():
+            old = [f"[dim]{_plain(body.description[k], digits[k])} [/]" for k in columns]
+            shown.add_row("", "[dim]old[/]", *old)
+    return shown
 
 
 def _links_note(table: LinkTable) -> str:

@@ -97,7 +97,11 @@ def print_next(
         steps.append((f"armid validate {run} RECORDING", "torque error on a recording that did not train it"))
     if result.validation.verdict == "fail" and asked:
         steps.append((f"armid doctor {' '.join(map(shlex.quote, asked))}", "faults of the recordings"))
-    steps.append((f"armid export {run} --to urdf", "the model as a robot description, or code: --to c"))
+    if result.estimate.fit.standard is None:
+        steps.append((f"armid export {run} --to c", "the model as source code; descriptions need --method physical"))
+    else:
+        form = "mjcf" if Path(result.study.robot.description).suffix == ".xml" else "urdf"
+        steps.append((f"armid export {run} --to {form}", "the model as a robot description, or code: --to c"))
     if result.validation.verdict != "not judged":
         steps.append((f"armid validate {run} RECORDING", "torque error on a further recording"))
     steps.append((f"armid preview {run}", "the recorded motion of the arm"))
