@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping
 from contextvars import ContextVar, Token
 from pathlib import Path
+from types import MappingProxyType
 
 from armid.errors import RobotError
 
@@ -17,7 +18,7 @@ __all__ = ["REMEDY", "file_of", "forget", "give_packages", "given_packages", "pa
 
 REMEDY = "say where the package is with --package NAME=DIR, ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
 
-_given: ContextVar[Mapping[str, str]] = ContextVar("_given", default={})  # noqa: B039  (nobody writes to it)
+_given: ContextVar[Mapping[str, str]] = ContextVar("_given", default=MappingProxyType({}))
 
 
 def give_packages(packages: Mapping[str, str]) -> Token[Mapping[str, str]]:
