@@ -24,7 +24,7 @@ path = "log.csv"
 """
 
 
-def identified(folder: Path, lack: float) -> Estimate:
+def identified(folder: Path, lack: float, method: str = "wls") -> Estimate:
     """The small arm, with so much torque [N·m] against the turn at each reversal that the model does not have."""
     model, plan = small_model(), small_plan(1)
     log = record(model, small_truth(), plan, SENSORS, np.random.default_rng(3), repetitions=3)[0]
@@ -34,7 +34,7 @@ def identified(folder: Path, lack: float) -> Estimate:
     bump = np.sign(motion.ddq) * np.exp(-((motion.dq / (0.05 * usual)) ** 2))
     write_arm(folder)
     write_recording(replace(log, effort=log.effort + lack * bump[: len(log.effort)]), folder / "log.csv")
-    (folder / "study.toml").write_text(STUDY)
+    (folder / "study.toml").write_text(f'{STUDY}[estimation]\nmethod = "{method}"\n')
     return identify(load_study(folder / "study.toml")).estimate
 
 
@@ -47,3 +47,18 @@ def test_intervals_reach_as_far_as_reversals_move_the_estimate(lack: float, tmp_
     low, high = estimate.intervals.T
     assert ("reversals" in estimate.fit.report.why) == (lack > 0.0)
     assert np.mean((low <= truth) & (truth <= high)) >= 0.85
+
+
+def test_one_parameter_has_one_interval_in_both_tables(tmp_path: Path):
+    """What stands alone reaches as far as its base parameter does, cut where physics forbids values."""
+    estimate = identified(tmp_path, 2.0, "physical")
+    fit, base = estimate.fit, estimate.base
+    assert fit.standard is not None and "reversals" in fit.report.why
+    alone = np.flatnonzero(np.count_nonzero(base.regrouping, axis=1) == 1)
+    names = [base.standard_names[base.kept[k]] for k in alone]
+    assert {"FV_1", "FS_2", "FS_3"} <= set(names)
+    at = [fit.standard.names.index(name) for name in names]
+    low, high = fit.intervals[[fit.names.index(base.names[k]) for k in alone]].T
+    np.testing.assert_allclose(fit.standard.intervals[at, 1], high, rtol=1e-6)
+    inner = fit.standard.intervals[at, 0] > 0.0
+    np.testing.assert_allclose(fit.standard.intervals[at, 0][inner], low[inner], rtol=1e-6)

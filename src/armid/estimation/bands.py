@@ -124,10 +124,11 @@ def gather(problem: Problem, values: Array) -> Iterator[Gathered]:
 
     Args:
         problem: With its samples.
-        values: Of the parameters of the problem's information, shape (b,).
+        values: Of the parameters of the problem's information, shape (b,), or of each joint's torque, shape (n, b).
     """
     model, base, observations = problem.require_samples("cover")
     information = problem.information
+    values = np.broadcast_to(values, (information.n, information.count))
     source = column_source(model, base)
     for given in observations.runs:
         run = remember(model, given, observations.band)
@@ -138,7 +139,10 @@ def gather(problem: Problem, values: Array) -> Iterator[Gathered]:
         for begin, x in rows(source, run, observations.band):
             blocks = [x[a:b] for a, b in zip(source.layout.offset, source.layout.offset[1:], strict=False)]
             columns = [block[:-1] for block in blocks]
-            residual = [block[-1] - values[own] @ block[:-1] for block, own in zip(blocks, parameters, strict=True)]
+            residual = [
+                block[-1] - each[own] @ block[:-1]
+                for block, each, own in zip(blocks, values, parameters, strict=True)
+            ]
             yield from collector.take(begin, columns, np.array(residual))
         yield from collector.rest()
 
@@ -148,7 +152,7 @@ def band_products(problem: Problem, values: Array) -> BandProducts:
 
     Args:
         problem: With its samples.
-        values: The estimate, shape (b,).
+        values: The estimate, shape (b,), or that of each joint's torque, shape (n, b).
     """
     parameters = tuple(joint.parameters for joint in problem.information.joints)
     n, W = len(parameters), sum(len(own) for own in parameters)

@@ -29,15 +29,19 @@ class CovarianceReport:
         whiteness: Probability of residuals as far from white as these, if they were white; `None` where not tested.
         noise: Standard deviation of a joint's torque about the model, in the band, shape (n,) [N·m or N]: what a band
             for a measured torque adds to the parameters' share. Empty where nothing but the residual is known.
+        moved: Part of the covariance that comes of reversals, as the move whose outer product it is, shape (b,);
+            empty where none was looked for.
     """
 
     why: str = "as the estimator gave it"
     parts: int = 0
     whiteness: float | None = None
     noise: Array = field(default_factory=lambda: np.zeros(0))
+    moved: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "noise", array(self.noise, (None,), "noise"))
+        for name in ("noise", "moved"):
+            object.__setattr__(self, name, array(getattr(self, name), (None,), name))
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)

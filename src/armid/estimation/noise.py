@@ -12,6 +12,7 @@ the noise; how well they are known gives each parameter's interval its own degre
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,19 +75,29 @@ class NoiseModel:
         free: Real numbers that each level of one joint is seen in, less those that the estimate spent, shape (B, n).
     """
 
-    def __init__(self, bands: BandProducts, weights: Array, inverse: Array) -> None:
+    def __init__(
+        self,
+        bands: BandProducts,
+        weights: Array,
+        inverse: Array,
+        through: Sequence[Array] | None = None,
+    ) -> None:
         """Set the equations up.
 
         Args:
             bands: Products of the rows.
             weights: Weight of each joint's rows, shape (n,).
             inverse: H⁻¹, prior included, shape (b, b).
+            through: How the parameters of each joint's columns follow from b unknowns, shapes (c, b); the unknowns
+                are the parameters where not given.
         """
         self.bands, self.weights = bands, weights
         self.basis = hats(bands)
         self.pairs = np.triu_indices(bands.n)
         self.twice = np.where(self.pairs[0] == self.pairs[1], 1.0, 2.0)
         self.root = np.linalg.cholesky(inverse)
+        roots = [self.root] * bands.n if through is None else [each @ self.root for each in through]
+        self.roots = [root[k] * w for root, k, w in zip(roots, bands.parameters, weights, strict=True)]
         self.spent = self._spent()
         self.free = self._free()
         self.packed, self.own = self._matrices()
@@ -138,7 +149,7 @@ class NoiseModel:
     def _matrices(self) -> tuple[Array, Array]:
         """Lᵀ X̃ᵀ E_c X̃ L in packed form (levels, b (b + 1) / 2), and the diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹."""
         bands, b = self.bands, len(self.root)
-        own = [self.root[k] * w for k, w in zip(bands.parameters, self.weights, strict=True)]
+        own = self.roots
         upper, scale = np.triu_indices(b), _packing(b)
         packed = np.empty((len(self.basis), len(self.twice), len(scale)))
         variances = np.empty((len(self.basis), len(self.twice), b))
@@ -176,7 +187,7 @@ class NoiseModel:
     def _spent(self) -> Array:
         """tr(H⁻¹ X̃_jᵀ P X̃_k) for the coefficients P of each band, shape (E, n, n)."""
         bands = self.bands
-        rows = np.concatenate([self.root[k] * w for k, w in zip(bands.parameters, self.weights, strict=True)])
+        rows = np.concatenate(self.roots)
         inverse, starts = rows @ rows.T, bands.offset[:-1]
         return np.stack(
             [np.add.reduceat(np.add.reduceat(X * inverse, starts, axis=0), starts, axis=1) for X in bands.products]

@@ -39,7 +39,16 @@ from armid.maths.linalg import unit_columns
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["FEWEST_BLOCKS", "FEWEST_PERIODS", "block_covariance", "choose", "cover", "scale_covariance"]
+__all__ = [
+    "FEWEST_BLOCKS",
+    "FEWEST_PERIODS",
+    "REACH",
+    "Uncertainty",
+    "block_covariance",
+    "choose",
+    "cover",
+    "scale_covariance",
+]
 
 FEWEST_BLOCKS = 4
 """With fewer blocks their scatter says next to nothing (three degrees of freedom); the white covariance is used."""
@@ -92,7 +101,7 @@ def cover(fit: Fit, source: Problem | Information) -> Fit:
         source: The problem, whose samples are gone through again, or the information alone, blocks apart.
     """
     problem = source if isinstance(source, Problem) else Problem(source)
-    return _Uncertainty(fit, problem).covered()
+    return Uncertainty(fit, problem).covered()
 
 
 def choose(white: float, free: int | None, repeated: float) -> tuple[str, str]:
@@ -116,8 +125,17 @@ def choose(white: float, free: int | None, repeated: float) -> tuple[str, str]:
     return "period", f"{coloured}, and the motion repeats"
 
 
-class _Uncertainty:
-    """What every kind of covariance needs."""
+class Uncertainty:
+    """What every kind of covariance needs.
+
+    Attributes:
+        fit: As the estimator gave it.
+        problem: With its samples, where there are any.
+        information: Factors of the same rows in the parameters of the fit.
+        prior: Precision of what holds these beside the rows, shape (b, b).
+        inverse: Inverse of the normal equations, prior included, shape (b, b).
+        known: What is added to the scatter for certain, shape (b, b).
+    """
 
     def __init__(self, fit: Fit, problem: Problem) -> None:
         self.fit, self.problem = fit, problem
@@ -135,6 +153,7 @@ class _Uncertainty:
         own = None if fit.standard is None else fit.standard.lift
         # An estimate at the border of what can be stands apart from the middle of it.
         self.apart: Array = np.zeros((b, b)) if own is None else np.outer(own.base_shift, own.base_shift)
+        self.moved: Array = np.zeros(b)  # by reversals
 
     def covered(self) -> Fit:
         """The fit with the covariance that fits the case."""
@@ -147,11 +166,11 @@ class _Uncertainty:
         kind, why = choose(spectrum.whiteness, free, spectrum.repeated)
         report = CovarianceReport(why, len(spectrum.model.basis), spectrum.whiteness, scatter.noise)
         if kind == "white":
-            return replace(self._white(), report=replace(report, parts=0))
+            return replace(self.white(), report=replace(report, parts=0))
         if kind == "period" and motions is not None:
             return self._periods(motions, report)
-        moved, share = self._moved(scatter.covariance)
-        self.apart = self.apart + np.outer(moved, moved)
+        self.moved, share = self._moved(scatter.covariance)
+        report = replace(report, moved=self.moved)
         if share:
             said = f"rows next to reversals move a parameter by up to {share:.1f} deviations"
             report = replace(report, why=f"{why}; {said}, and intervals reach as far")
@@ -160,9 +179,7 @@ class _Uncertainty:
     def _moved(self, covariance: Array) -> tuple[Array, float]:
         """What reversals move the estimate by beyond what chance does, (b,), and the largest share of a deviation."""
         none = np.zeros(len(covariance))
-        if self.problem.base is None or self.information.names != self.problem.information.names:
-            return none, 0.0
-        found = moved_by_reversals(self.problem, self.fit.values, self.fit.weights, self.prior)
+        found = self.without_reversals()
         if found is None:
             return none, 0.0
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -171,6 +188,12 @@ class _Uncertainty:
         if size <= BY_CHANCE:
             return none, 0.0
         return found * REACH * np.sqrt(1.0 - (BY_CHANCE / size) ** 2), float(np.abs(ratio).max())
+
+    def without_reversals(self) -> Array | None:
+        """Move of the estimate without rows next to reversals, shape (b,); `None` where it is not known."""
+        if self.problem.base is None or self.information.names != self.problem.information.names:
+            return None
+        return moved_by_reversals(self.problem, self.fit.values, self.fit.weights, self.prior)
 
     def _motions(self) -> Repeated | None:
         """Which blocks are one repetition of which motion; `None` where motion does not repeat."""
@@ -193,7 +216,7 @@ class _Uncertainty:
         found = block_covariance(self.information, self.fit.values, self.fit.weights, self.inverse)
         if found is None:
             why = f"{hindrance}, and fewer than {FEWEST_BLOCKS} blocks of rows: residuals are taken as white"
-            return replace(self._white(), report=replace(report, why=why))
+            return replace(self.white(), report=replace(report, why=why))
         covariance, free = found
         return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))
 
@@ -205,16 +228,17 @@ class _Uncertainty:
         fit = self._with(covariance, "period", float(found.free))
         return replace(fit, report=replace(report, parts=len(found.motions)))
 
-    def _white(self) -> Fit:
+    def white(self) -> Fit:
         """The fit as the estimator gave it."""
-        return self._settled(self.fit, self.fit.covariance, np.zeros_like(self.apart), self.fit.freedom)
+        return self.settled(self.fit, self.fit.covariance, np.zeros_like(self.apart), self.fit.freedom)
 
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
         """The fit with a scatter of the data, to which prior and torque scales add what is known for certain."""
-        return self._settled(replace(self.fit, covariance_kind=kind), covariance, self.known, freedom)
+        return self.settled(replace(self.fit, covariance_kind=kind), covariance, self.known, freedom)
 
-    def _settled(self, fit: Fit, scatter: Array, known: Array, freedom: Array | float) -> Fit:
+    def settled(self, fit: Fit, scatter: Array, known: Array, freedom: Array | float) -> Fit:
         """The fit with its covariance, and standard parameters that follow it."""
+        known = known + np.outer(self.moved, self.moved)
         certain = known + self.apart
         learned, sure = np.diag(scatter), np.diag(certain)
         # What is known for certain has no degrees of freedom to pay for [Satterthwaite1946].
@@ -241,13 +265,21 @@ class _Uncertainty:
             return None, "recordings have rows at different rates"
         if rows.sum() < FEWEST_ROWS * self.whole.count:
             return None, f"there are only {rows.sum()} rows for {self.whole.count} parameters"
-        bands = band_products(self.problem, self.fit.values)
+        bands = band_products(self.problem, self.shown())
         if NoiseModel.size(bands, self.whole.count) > LARGEST:
             return None, "the arm has too many joints for a spectrum between all of them"
-        model = NoiseModel(bands, self.fit.weights, self.inverse)
+        model = NoiseModel(bands, self.fit.weights, self.inverse, self.through())
         scatter = model.scatter(bands.moments, bands.squares, rows)
         white = whiteness(model, bands.moments, bands.squares, bands.pieces, rows)
         return _Spectrum(model, scatter, white, _repeated(bands, scatter, rows, self.fit.weights)), ""
+
+    def shown(self) -> Array:
+        """Parameters of the samples' columns, shape (b,), or of each joint's, shape (n, b)."""
+        return self.fit.values
+
+    def through(self) -> tuple[Array, ...] | None:
+        """How the parameters of each joint's columns follow from those of the fit; `None` where they are the same."""
+        return None
 
     def _noise(self) -> Array:
         """Standard deviation of each joint's residual, degrees of freedom paid, shape (n,)."""
