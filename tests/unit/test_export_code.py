@@ -112,3 +112,13 @@ def test_the_operations_of_the_page_are_those_of_the_code():
             wanted = ["inverse_dynamics", "gravity_torque", "mass_matrix", "base_regressor"]
             found = [program.operations.total() for program in make_programs(model, base, wanted)]
             assert found == [int(x) for x in operations], name
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_matrix_bears_the_name_that_its_comment_explains(language: str):
+    """Y and Y_b are two matrices: no text says that Y_b gives the torque and then returns Y."""
+    each = case("iiwa14-r820")
+    text = "\n".join(generate(each.model, each.base, each.values, language).values())
+    base = text[text.index("Y_b: torque = Y_b times base parameters") :]
+    end = re.search(r"(inverse_dynamics|func_pi|: torque = Y times)", base)
+    assert not re.search(r"\bY\b", base[: end.start()] if end else base)

@@ -76,10 +76,10 @@ class Maker:
         n = self.model.n
         if name == "regressor":
             columns = range(len(self.model.parameters))
-            return self._regressor(name, "Y: torque = Y times standard parameters", arguments, inputs, columns)
+            return self._regressor(name, ("Y", "standard"), arguments, inputs, columns)
         if name == "base_regressor":
             columns = self.base.kept.tolist()
-            return self._regressor(name, "Y_b: torque = Y_b times base parameters", arguments, inputs, columns)
+            return self._regressor(name, ("Y_b", "base"), arguments, inputs, columns)
         if name in ("state_start", "state_update"):
             entries = self._started(inputs) if name == "state_start" else self._updated(inputs)
             return Program(name, SUMMARIES[name], arguments, (len(self.model.nodes),), entries, "next")
@@ -175,7 +175,7 @@ class Maker:
     def _regressor(
         self,
         name: str,
-        summary: str,
+        result: tuple[str, str],
         arguments: tuple[Argument, ...],
         inputs: Mapping[str, Sequence[Scalar]],
         columns: Sequence[int],
@@ -192,7 +192,9 @@ class Maker:
             if column in place:
                 index = j * width + place[column]
                 entries[index] = entries.get(index, 0.0) + weight * law_value(self.model, law, inputs)
-        return Program(name, summary, arguments, (self.model.n, width), entries, "Y")
+        symbol, kind = result
+        summary = f"{symbol}: torque = {symbol} times {kind} parameters"
+        return Program(name, summary, arguments, (self.model.n, width), entries, symbol)
 
     def _started(self, inputs: Mapping[str, Sequence[Scalar]]) -> dict[int, Scalar]:
         return {k: combined(node.coordinate, inputs["q"]) for k, node in enumerate(self.model.nodes)}
