@@ -16,8 +16,7 @@ from armid.measurement.recording import Recording
 from armid.robot.load import builtin_arms, held_of, load_robot
 from armid.robot.markup import root_tag
 from armid.robot.readers.xacro import expand
-from armid.study.again import find_again
-from armid.study.identify import read_recording
+from armid.study.again import read_again
 from armid.study.run import Run
 from armid.study.study import RecordingChoice, parse_robot
 
@@ -87,9 +86,8 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
         if each["role"] != "validate":
             continue
         try:
-            place = find_again(each["path"], sha256, _from_here(study), data)
-            choice = RecordingChoice(str(place), each["role"], Reading(**each["reading"]), tuple(each["part"]))
-            recording, _ = read_recording(choice, ".", run.robot)
+            choice = RecordingChoice(each["path"], each["role"], Reading(**each["reading"]), tuple(each["part"]))
+            recording = read_again(run, choice, sha256, _from_here(study), data)
         except ArmidError as error:
             missing.append(error.problem)
         else:

@@ -15,15 +15,13 @@ from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.report.evidence import Evidence, look_at
 from armid.robot import Joint
-from armid.study.again import find_again
+from armid.study.again import read_again
 from armid.study.certify import Verdict, certify_run
-from armid.study.demo import MOTIONS, demo_recordings
-from armid.study.identify import read_recording
 from armid.study.run import Run
 from armid.study.study import RecordingChoice
 from armid.values import Array
 
-__all__ = ["Material", "choices_of", "gather", "read_again", "records_of", "velocity_unit", "with_evidence"]
+__all__ = ["Material", "choices_of", "gather", "records_of", "velocity_unit", "with_evidence"]
 
 MOST_OF_A_ROLE = 3
 """Recordings of each role that are drawn; every one is in the tables."""
@@ -120,11 +118,12 @@ def with_evidence(
         ArmidError: A record of the run is damaged.
     """
     material = records_of(run)
+    folder = str(material.study["folder"])
     evidence: list[Evidence] = []
     missing: list[str] = []
     for choice, sha256 in choices_of(run, material.study) if recordings is None else ():
         try:
-            evidence.append(look_at(run, choice, read_again(run, material.study, choice, sha256, data)))
+            evidence.append(look_at(run, choice, read_again(run, choice, sha256, folder, data)))
         except ArmidError as error:
             missing.append(error.problem)
     for choice, recording in recordings or ():
@@ -165,31 +164,6 @@ def _digests(run: Run) -> list[str]:
     """Digests of the recordings, in the study's order."""
     pairs = [entry.rpartition(" ") for entry in run.estimate.made_from]
     return [sha256 for role, _, sha256 in pairs if role in ("train", "validate")]
-
-
-def read_again(
-    run: Run,
-    study: Mapping[str, Any],
-    choice: RecordingChoice,
-    sha256: str,
-    data: Path | str | None,
-) -> Recording:
-    """The recording that the run was made from, and no other of the same name.
-
-    Raises:
-        ArmidError: It is gone, or has changed.
-    """
-    if choice.path in MOTIONS:
-        recording, _ = read_recording(choice, ".", run.robot, demo_recordings(run.folder))
-    else:
-        place = find_again(choice.path, sha256, str(study["folder"]), data)
-        recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
-    if recording.sha256 != sha256:
-        raise ArmidError(
-            f"{choice.path} has changed since the run was made (sha256 {recording.sha256[:12]}…).",
-            remedy="put the file of that time back, or identify again.",
-        )
-    return recording
 
 
 def _numbers(values: Any) -> Array:

@@ -3,12 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import ArmidError
 from armid.measurement.bag_files import sha256_of_recording
+from armid.measurement.recording import Recording
+from armid.study.demo import MOTIONS, demo_recordings
+from armid.study.identify import read_recording
+from armid.study.run import Run
+from armid.study.study import RecordingChoice
 
-__all__ = ["find_again"]
+__all__ = ["find_again", "read_again"]
+
+
+def read_again(
+    run: Run, choice: RecordingChoice, sha256: str, folder: Path | str, data: Path | str | None = None
+) -> Recording:
+    """The recording that a run was made from, and no other of the same name; a demo's is simulated once more.
+
+    Args:
+        run: The run.
+        choice: The recording as the run's study has it.
+        sha256: Of its bytes when the run was made.
+        folder: That the study's paths are relative to.
+        data: Folder in which it is looked for first.
+
+    Raises:
+        ArmidError: It is gone, or has changed.
+    """
+    if choice.path in MOTIONS:
+        recording, _ = read_recording(choice, ".", run.robot, demo_recordings(run.folder))
+    else:
+        place = find_again(choice.path, sha256, folder, data)
+        recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
+    if recording.sha256 != sha256:
+        raise ArmidError(
+            f"{choice.path} has changed since the run was made (sha256 {recording.sha256[:12]}…).",
+            remedy="put the file of that time back, or identify again.",
+        )
+    return recording
 
 
 def find_again(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
@@ -28,7 +62,8 @@ def find_again(path: str, sha256: str, folder: Path | str, data: Path | str | No
         if sha256_of_recording(place) == sha256:
             return place
         others.append(place)
-    where = f"{folder}" if data is None else f"{data} or {folder}"
+    own = "the working folder" if folder in (Path(), ".", "") else f"{folder}"
+    where = own if data is None else f"{data} or {own}"
     if others:
         listed = ", ".join(str(place) for place in others)
         raise ArmidError(

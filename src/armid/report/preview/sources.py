@@ -11,13 +11,14 @@ from armid.errors import ArmidError
 from armid.excitation.collision import Collision
 from armid.excitation.experiments import Moves
 from armid.measurement.reading import Reading
-from armid.report.material import choices_of, read_again, records_of
+from armid.report.material import choices_of, records_of
 from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
 from armid.report.preview.masses import MassLayer, layer_of_description
 from armid.report.preview.page import Preview
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
+from armid.study.again import read_again
 from armid.study.excite import Designed
 from armid.study.identify import read_recording
 from armid.study.plan_files import is_plan, motion_of_plan, read_whole_plan
@@ -119,7 +120,7 @@ def _of_run(run: Run, data: Path | str | None) -> Clip:
     missing: list[str] = []
     for choice, sha256 in sorted(choices_of(run, study), key=lambda each: each[0].role != "validate"):
         try:
-            recording = read_again(run, study, choice, sha256, data)
+            recording = read_again(run, choice, sha256, str(study["folder"]), data)
         except ArmidError as error:
             missing.append(error.problem)
             continue
