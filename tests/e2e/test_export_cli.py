@@ -36,7 +36,7 @@ def test_a_urdf_is_edited_checked_and_predicts_unseen_motion(small: Path, capsys
     assert armid("export", small / "physical", "--to", "urdf", "--out", small / "found.urdf", "--json") == 0
     record = json.loads(capsys.readouterr().out)
     assert record["file"] == str(small / "found.urdf") and record["edited"] == str(small / "small.urdf")
-    assert record["side"] == str(small / "found.armid.json") and record["standard_parameters"] == "estimated"
+    assert record["side"] == str(small / "found.urdf.armid.json") and record["standard_parameters"] == "estimated"
     assert all(check["ok"] for check in record["checks"])
     assert {"rigid-body torque in pinocchio", "viscous of joint_2 in pinocchio"} <= {
         c["name"] for c in record["checks"]
@@ -51,7 +51,7 @@ def test_it_says_what_it_did(small: Path, capsys: pytest.CaptureFixture[str]):
     assert armid("export", small / "wls", "--to", "mjcf") == 0
     out, err = capsys.readouterr()
     path = small / "wls" / "small.xml"
-    assert out.startswith(f"{path} written (a file of its own); the whole model in {path.with_suffix('.armid.json')}")
+    assert out.startswith(f"{path} written (a file of its own); the whole model in {path}.armid.json")
     assert "torque on" in out and "bodies-chosen" in err and "no-place" in err
     assert load_robot(path).joint_names == ("joint_1", "joint_2", "joint_3")
 

@@ -17,7 +17,8 @@ from armid.estimation.estimators import PhysicallyConsistent
 from armid.estimation.problem import Problem, standard_of
 from armid.excitation.plans import builtin_plan
 from armid.export import check, standard
-from armid.export.bodies import is_possible, share_out
+from armid.export.bodies import share_out
+from armid.export.carried import is_possible
 from armid.export.content import Body, Content, Witness, rpy_of, text_of, unique_names
 from armid.export.formats import urdf
 from armid.export.write import Exported, export_run
@@ -103,7 +104,7 @@ def test_friction_goes_where_the_format_has_a_place_and_all_of_it_to_the_side(tm
     assert f"<dynamics friction='{value['FS_1']!r}'   damping = \"{value['FV_1']!r}\"/>" in text
     assert f'<dynamics damping="{value["FV_3"]!r}" friction="{value["FS_3"]!r}"/>' in text
     assert {"FV_1", "FS_2", "M_3"} <= placed and not {"FO_1", "IA_2"} & placed
-    assert exported.side == tmp_path / "run" / "odd.armid.json"
+    assert exported.side == tmp_path / "run" / "odd.urdf.armid.json"
     law = next(each for each in side["parameters"] if each["name"] == "FS_2")
     assert law["torque"] == str(run.model.laws[5][1].expression) and law["acts_on"] == [{"joint": "b", "weight": 1.0}]
     severity = {f.channel: f.severity for f in exported.findings if f.code == "no-place"}
@@ -235,7 +236,7 @@ def test_links_of_no_body_are_named_and_refused(tmp_path: Path):
     run = run_of(tmp_path / "run", source, locked=LOCKED, inertial=inertial)
     with pytest.raises(OutputError, match="No real body has what was identified of three"):
         export_run(run, "urdf", out=tmp_path / "out.urdf")
-    assert not (tmp_path / "out.urdf").exists() and not (tmp_path / "out.armid.json").exists()
+    assert not (tmp_path / "out.urdf").exists() and not (tmp_path / "out.urdf.armid.json").exists()
     exported = export_run(run, "urdf", allow_unphysical=True)
     again = load_robot(exported.path, locked=LOCKED).inertial_vector
     assert again is not None
@@ -358,3 +359,14 @@ def test_a_program_that_takes_the_description_must_take_the_file(tmp_path: Path,
         export_run(run, "urdf")
     monkeypatch.setattr(urdf, "witnesses", lambda *_: [Witness("mujoco", None, {}, "not there", is_absent=True)])
     assert codes(export_run(run, "urdf"))["not-checked"] == "mujoco: not there"
+
+
+def test_two_formats_in_one_folder_keep_the_whole_model_of_each(tmp_path: Path):
+    run = run_of(tmp_path / "run", write(tmp_path, URDF), locked=LOCKED)
+    sides = {to: export_run(run, to, tmp_path / "out" / f"arm.{end}").side for to, end in ENDS.items()}
+    assert len(set(sides.values())) == len(ENDS)
+    for to, end in ENDS.items():
+        assert json.loads(sides[to].read_text())["file"]["name"] == f"arm.{end}"
+
+
+ENDS = {"urdf": "urdf", "mjcf": "xml", "sdf": "sdf"}

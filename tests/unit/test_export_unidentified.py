@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import OutputError
-from armid.export.bodies import is_possible
+from armid.export.carried import is_possible
 from armid.export.standard import distance_to_description, values_to_write
 from armid.export.write import export_run
 from armid.robot import InertialParameters

@@ -32,6 +32,14 @@ Nearest = Annotated[
     bool,
     typer.Option("--nearest", help="Share mass between links as the description does where torque does not tell."),
 ]
+Lumped = Annotated[
+    bool,
+    typer.Option(
+        "--lumped",
+        help="Give the whole of a link to the body that carries others on fixed or held joints; those are written "
+        "without mass.",
+    ),
+]
 Unphysical = Annotated[bool, typer.Option("--allow-unphysical", help="Write links that no real body has, too.")]
 Unidentified = Annotated[
     bool,
@@ -63,6 +71,7 @@ def export(
     data: Data = None,
     limit: Limit = None,
     nearest: Nearest = False,
+    lumped: Lumped = False,
     allow_unphysical: Unphysical = False,
     allow_unidentified: Unidentified = False,
     json: Json = False,
@@ -70,7 +79,7 @@ def export(
     """Write the identified values into a copy of the robot description, or the model as source code, and check it.
 
     A description of the same format is edited where numbers change and nowhere else; another format gives a file of
-    its own, without shapes. What the format has no place for stands in NAME.armid.json beside it.
+    its own, without shapes. What the format has no place for stands in FILE.armid.json beside it.
 
     Examples:
         armid export runs/today --to urdf --out arm_identified.urdf
@@ -95,6 +104,7 @@ def export(
         data=data,
         limits=parse_limits(limit) if limit else None,
         nearest=nearest,
+        lumped=lumped,
         allow_unphysical=allow_unphysical,
         allow_unidentified=allow_unidentified,
     )

@@ -13,22 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from armid.errors import Finding
+from armid.export.carried import SPECK, as_carried, moved
 from armid.export.content import Body
-from armid.maths.inertia import pseudo_inertia
 from armid.maths.spatial import homogeneous
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array
 
-__all__ = ["carried_by", "is_possible", "is_thin", "placed", "share_out"]
-
-POSSIBLE = 1e-10
-"""Smallest eigenvalue of a pseudo-inertia over its largest that a body needs: more than programs lose in reading."""
-
-SPECK = InertialParameters.from_com(1e-6, np.zeros(3), 1e-10 * np.eye(3))
-"""A milligram, a centimetre across: nothing beside a link, and enough for MuJoCo to let it move."""
-
-LEFT = 0.5
-"""Share of the largest possible size that scaled bodies get, so that what carries them has as much room again."""
+__all__ = ["carried_by", "carriers", "placed", "share_out"]
 
 
 def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, pose: Array) -> tuple[int, Array, bool]:
@@ -53,13 +44,14 @@ def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, po
 
 
 def share_out(
-    links: Sequence[InertialParameters], bodies: Sequence[Body]
+    links: Sequence[InertialParameters], bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[dict[str, InertialParameters], tuple[Finding, ...]]:
     """New inertias for the bodies of a file, so that together they are the links.
 
     Args:
         links: Identified inertia of each link, in its frame.
         bodies: The file's bodies that move.
+        lumped: Give all of a link to the body that carries, and nothing to those that it carries.
 
     Returns:
         Inertia by body, in the body's own frame, for those that change; and what was done.
@@ -73,16 +65,12 @@ def share_out(
         carrier = _carrier(own)
         others = [body for body in own if body is not carrier]
         heavy = [body for body in others if body.nominal is not None and body.nominal.vector.any()]
-        carried = [_moved(body, body.nominal) for body in heavy if body.nominal is not None]
-        factor, found = _fitting(link, carried, carrier.name, [body.name for body in heavy])
+        given, found = as_carried(link, carrier.name, heavy, lumped=lumped)
         findings += found
-        findings += _thin(heavy, factor)
-        rest = link.vector - sum((factor * each.vector for each in carried), np.zeros(10))
+        taken = (moved(body, each).vector for body, each in zip(heavy, given, strict=True))
+        rest = link.vector - sum(taken, np.zeros(10))
         changed[carrier.name] = _seen_from_body(carrier, InertialParameters.from_vector(rest))
-        if factor != 1.0:
-            for body in heavy:
-                assert body.nominal is not None
-                changed[body.name] = InertialParameters.from_vector(factor * body.nominal.vector)
+        changed |= {body.name: each for body, each in zip(heavy, given, strict=True) if each is not body.nominal}
         for body in others:
             if body.is_guessed:
                 changed[body.name] = body.nominal or InertialParameters.zero()
@@ -104,32 +92,13 @@ def carried_by(bodies: Sequence[Body], links: int) -> Array:
         own = [body for body in bodies if body.link == i]
         for body in own:
             if body is not _carrier(own) and body.nominal is not None:
-                result[i] += _moved(body, body.nominal).vector
+                result[i] += moved(body, body.nominal).vector
     return result
 
 
-def is_possible(body: InertialParameters) -> bool:
-    """Whether a distribution of positive mass has these parameters, with some room for rounding."""
-    eigenvalues = np.linalg.eigvalsh(body.pseudo_inertia)
-    return bool(eigenvalues[0] > POSSIBLE * eigenvalues[-1])
-
-
-def is_thin(body: Body, written: InertialParameters) -> bool:
-    """Whether a body has no extent in the description, as a mass without inertia, and is written so or scaled."""
-    nominal = body.nominal
-    if nominal is None or nominal.mass <= 0.0 or is_possible(nominal) or not nominal.is_consistent():
-        return False
-    alike = written.mass / nominal.mass * nominal.vector
-    return bool(np.abs(written.vector - alike).max() <= 1e-12 * np.abs(alike).max())
-
-
-def _thin(heavy: Sequence[Body], factor: float) -> list[Finding]:
-    """A word on carried bodies that have a mass and no extent."""
-    names = [body.name for body in heavy if body.nominal is not None and is_thin(body, body.nominal)]
-    if not names or factor != 1.0:
-        return []
-    what = f"{', '.join(names)}: no inertia in the description, and nothing was identified of them alone"
-    return [Finding("links-as-described", "info", names[0] if len(names) == 1 else "", f"{what}; left as they are")]
+def carriers(bodies: Sequence[Body]) -> list[Body]:
+    """The bodies that take what was identified, one for each link that has any."""
+    return [_carrier([body for body in bodies if body.link == i]) for i in sorted({body.link for body in bodies})]
 
 
 def _carrier(own: Sequence[Body]) -> Body:
@@ -143,40 +112,12 @@ def _carrier(own: Sequence[Body]) -> Body:
     return max(own, key=lambda body: (not body.is_welded and mass(body) > 0.0, mass(body), body is own[0]))
 
 
-def _moved(body: Body, inertial: InertialParameters) -> InertialParameters:
-    """The inertia of a body seen from its link's frame."""
-    return inertial.seen_from(body.placement[:3, :3], body.placement[:3, 3])
-
-
 def _seen_from_body(body: Body, inertial: InertialParameters) -> InertialParameters:
     """An inertia in the link's frame seen from a body's own."""
     if (body.placement == np.eye(4)).all():
         return inertial
     R, p = body.placement[:3, :3], body.placement[:3, 3]
     return inertial.seen_from(R.T, -R.T @ p)
-
-
-def _fitting(
-    link: InertialParameters, carried: Sequence[InertialParameters], carrier: str, names: Sequence[str]
-) -> tuple[float, list[Finding]]:
-    """Factor on what is carried that leaves a possible body, and what to say of it.
-
-    A link that no real body has keeps what it carries as it is.
-    """
-    if not carried:
-        return 1.0, []
-    together = InertialParameters.from_vector(np.sum([each.vector for each in carried], axis=0))
-    listed = ", ".join(names)
-    rest = InertialParameters.from_vector(link.vector - together.vector)
-    if is_possible(rest) or not is_possible(link):
-        what = f"{listed} keep what the description says; {carrier} takes the difference to the identified link"
-        return 1.0, [Finding("difference-taken", "info", carrier, what)]
-    # P - s C stays positive as long as s is less than the inverse of the largest eigenvalue of P⁻¹ C.
-    L = np.linalg.cholesky(link.pseudo_inertia)
-    whitened = np.linalg.solve(L, np.linalg.solve(L, pseudo_inertia(together.vector)).T)
-    factor = min(1.0, LEFT / float(np.linalg.eigvalsh(0.5 * (whitened + whitened.T))[-1]))
-    what = f"with {listed} as described, no real body would be left for {carrier}; they were scaled by {factor:.3g}"
-    return factor, [Finding("children-scaled", "warning", carrier, what)]
 
 
 def _emptied(name: str, carrier: str) -> Finding:

@@ -8,7 +8,7 @@ import numpy as np
 
 from armid.errors import Finding, OutputError
 from armid.estimation.problem import standard_of
-from armid.export.bodies import is_possible, is_thin
+from armid.export.carried import is_possible, is_thin
 from armid.export.content import Body, Content
 from armid.robot.robot import InertialParameters
 from armid.study.plausibility import far_masses
@@ -100,7 +100,14 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
 
 
 def far_bodies(run: Run, content: Content, bodies: Sequence[Body] | None, kind: str) -> list[Finding]:
-    """A word on bodies of the file whose mass has nothing to do with the description's."""
+    """A word on bodies of the file whose mass has nothing to do with the description's.
+
+    Args:
+        run: The run.
+        content: What is written.
+        bodies: The description's bodies to look at; `None` for whole links.
+        kind: What the standard parameters are.
+    """
     written = content.bodies or {}
     if bodies is None:
         pairs = [

@@ -16,7 +16,7 @@ from armid.estimation.consistency import consistency_cones
 from armid.estimation.estimate import collapse, torque_parameters
 from armid.estimation.prior import LENGTH, THINNEST, size_of_bodies
 from armid.estimation.problem import Standard, standard_of
-from armid.export.bodies import is_possible
+from armid.export.carried import is_possible
 from armid.maths.cones import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
 from armid.robot.robot import InertialParameters

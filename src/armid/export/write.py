@@ -11,7 +11,7 @@ from typing import Any
 from armid.codegen import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
 from armid.excitation.limits import with_limits
-from armid.export.bodies import carried_by, share_out
+from armid.export.bodies import carried_by, carriers, share_out
 from armid.export.check import Prediction, places_of, verify, without_place
 from armid.export.content import Body, Content, Source
 from armid.export.doubtful import far_bodies, refuse_unidentified, refuse_unphysical, unphysical_names
@@ -64,6 +64,7 @@ def export_run(
     data: Path | str | None = None,
     limits: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
     nearest: bool = False,
+    lumped: bool = False,
     allow_unphysical: bool = False,
     allow_unidentified: bool = False,
 ) -> Exported:
@@ -81,6 +82,7 @@ def export_run(
         limits: Limits by joint and kind (`velocity`, `effort`, `position` with a lower and an upper one), for a file
             of its own where the description has none; names may be patterns.
         nearest: Share mass between the links as the description does, as far as the base values leave it open.
+        lumped: Give all of a link to the body that carries the others, and write those without mass.
         allow_unphysical: Write links that no real body has, too.
         allow_unidentified: Write links whose mass neither torque nor the description tells, too.
 
@@ -92,25 +94,24 @@ def export_run(
     path = Path(out) if out is not None else _default(run, source, exporter)
     _refuse_source(path, source)
     bodies = _bodies(exporter, source, run.robot) if exporter.EDITS and source.format == to else None
-    _refuse_limits(source, limits, bodies)
+    _refuse_options(source, limits, bodies, lumped=lumped)
     placeless = set[int]() if bodies is None else set(range(run.robot.n)) - {body.link for body in bodies}
+    carried = carried_by([] if lumped else bodies or [], run.robot.n)
     theta, kind, findings = values_to_write(
-        run, placeless, carried_by(bodies or [], run.robot.n), nearest=nearest, allow_unphysical=allow_unphysical
+        run, placeless, carried, nearest=nearest, allow_unphysical=allow_unphysical
     )
     guessed = refuse_unidentified(run, theta, placeless, allowed=allow_unidentified)
-    content, shared = _content(run, exporter, theta, source, bodies, limits or {})
-    read = source.findings if bodies is not None else ()
-    findings = (*read, *findings, *guessed, *shared)
+    content, shared = _content(run, exporter, theta, source, bodies, limits or {}, lumped=lumped)
+    findings = (*(source.findings if bodies is not None else ()), *findings, *guessed, *shared)
     unphysical = unphysical_names(content, placeless, bodies or ())
     findings = (*findings, *refuse_unphysical(run, unphysical, allowed=allow_unphysical))
     written = exporter.write(content)
     verified = verify(
         exporter, written, content, run, theta, unseen_recordings(run, data), unphysical=bool(unphysical)
     )
-    side = path.with_name(f"{path.stem}{SIDE}")
     record = side_record(run, content, theta, written.data, path.name, kind)
-    _write_both(path, written.data, side, to_json(record) + "\n")
-    far = far_bodies(run, content, bodies, kind)
+    side = _write_both(path, written.data, to_json(record) + "\n")
+    far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind)
     findings = (*findings, *far, *written.findings, *_not_placed(run, exporter), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
@@ -134,6 +135,8 @@ def _content(
     source: Source,
     bodies: Sequence[Body] | None,
     limits: Mapping[tuple[str, str], float | tuple[float, float]],
+    *,
+    lumped: bool,
 ) -> tuple[Content, tuple[Finding, ...]]:
     """What is to be written, and how it was shared out among the bodies of a description."""
     robot = _identified(run, theta)
@@ -144,7 +147,8 @@ def _content(
     content = Content(with_limits(robot, limits), joints)
     if bodies is None:
         return content, ()
-    changed, findings = share_out([link.inertial or InertialParameters.zero() for link in robot.links], bodies)
+    links = [link.inertial or InertialParameters.zero() for link in robot.links]
+    changed, findings = share_out(links, bodies, lumped=lumped)
     return replace(content, source=source, bodies=changed), findings
 
 
@@ -174,10 +178,17 @@ def _refuse_source(path: Path, source: Source) -> None:
         raise OutputError(f"{path} is the description itself, or a part of it.", remedy="name another with --out.")
 
 
-def _refuse_limits(source: Source, limits: Mapping[tuple[str, str], Any] | None, bodies: object) -> None:
-    """Refuse limits for a description that is edited."""
+def _refuse_options(
+    source: Source, limits: Mapping[tuple[str, str], Any] | None, bodies: object, *, lumped: bool
+) -> None:
+    """Refuse limits for a description that is edited, and lumped bodies for a file of its own."""
     if limits and bodies is not None:
         raise OutputError(f"{source.path} is edited and keeps its limits.", remedy="correct them in the description.")
+    if lumped and bodies is None:
+        raise OutputError(
+            "A file of its own has one body for each link; there is nothing for --lumped to do.",
+            remedy="leave --lumped out.",
+        )
 
 
 def _bodies(exporter: Exporter, source: Source, robot: Robot) -> list[Body]:
@@ -211,8 +222,9 @@ def _not_placed(run: Run, exporter: Exporter) -> list[Finding]:
     return findings
 
 
-def _write_both(path: Path, data: bytes, side: Path, record: str) -> None:
-    """Both files, or neither."""
+def _write_both(path: Path, data: bytes, record: str) -> Path:
+    """Both files, or neither; where the second lies."""
+    side = path.with_name(f"{path.name}{SIDE}")
     before = side.read_bytes() if side.is_file() else None
     replace_file(side, record)
     try:
@@ -223,3 +235,4 @@ def _write_both(path: Path, data: bytes, side: Path, record: str) -> None:
         else:
             replace_file(side, before)
         raise
+    return side
