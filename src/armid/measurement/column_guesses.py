@@ -1,7 +1,7 @@
 """Which columns hold what, guessed from their names: those of the joints, and the patterns that people use.
 
-Pure functions of names. What was measured goes before what was asked for, where names say so; two sets of columns
-that are equally good are no guess but a question.
+Functions of names alone, but for a column of times that its unit shows. What was measured goes before what was asked
+for, where names say so; two sets of columns that are equally good are no guess but a question.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from armid.measurement.column_names import Clock, Named, clock_of, named, words
+from armid.measurement.column_clocks import Question, Values, clock_columns
+from armid.measurement.column_names import Named, clock_of, named, words
 
 __all__ = ["Guess", "Question", "guess_columns", "shortened"]
 
@@ -33,19 +34,6 @@ class Guess:
     joints: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
     commanded: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """Sets of columns that are equally good.
-
-    Attributes:
-        quantity: What they may hold.
-        sets: The columns of each.
-    """
-
-    quantity: str
-    sets: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +71,7 @@ def guess_columns(
     labels: Sequence[str] = (),
     channels: int = 0,
     matrices: bool = False,
+    values: Values | None = None,
 ) -> Guess | Question:
     """Guess which columns hold some quantities.
 
@@ -93,6 +82,7 @@ def guess_columns(
         labels: The same with joints that are held still, in the description's order.
         channels: Number of columns of positions where these are known already; the columns are numbered then.
         matrices: Whether a name may stand for all channels at once.
+        values: Gives the numbers under a name, to see whether a column with a unit of time is a clock.
 
     Returns:
         The guess, of as many quantities as could be found; or a question.
@@ -102,12 +92,13 @@ def guess_columns(
     usable = [group for group in groups if _is_whole(group, wanted, matrices=matrices)]
     columns: dict[str, tuple[str, ...]] = {}
     reasons: list[str] = []
-    time = _clock(names) if "time" in quantities else None
+    time = clock_columns(names, values) if "time" in quantities else ()
     if isinstance(time, Question):
         return time
     if time:
         columns["time"] = time
-        reasons.append(f"time is {' and '.join(time)}")
+        by_unit = "" if clock_of(time[0]) else ", by its unit and as it grows"
+        reasons.append(f"time is {' and '.join(time)}{by_unit}")
     chosen: dict[str, _Group] = {}
     for quantity in ("q", "dq", "ddq", "effort"):
         if quantity not in quantities:
@@ -215,25 +206,3 @@ def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequ
 def shortened(columns: Sequence[str]) -> str:
     """The first and the last of several names."""
     return ", ".join(columns) if len(columns) < 4 else f"{columns[0]} … {columns[-1]}"
-
-
-def _clock(names: Sequence[str]) -> tuple[str, ...] | Question:
-    """The column of times that is nearest to the measurement, with that of its nanoseconds where it has one."""
-    clocks = [clock for name in dict.fromkeys(names) if (clock := clock_of(name)) is not None]
-    fine = {_stem(clock): clock for clock in clocks if clock.unit == 1e-9 and _counts_rest(clock)}
-    clocks = [clock for clock in clocks if clock not in fine.values()]
-    if not clocks:
-        return ()
-    nearest = min(clock.rank for clock in clocks)
-    best = [clock for clock in clocks if clock.rank == nearest]
-    pairs = [(clock.column, *([fine[_stem(clock)].column] if _stem(clock) in fine else [])) for clock in best]
-    return pairs[0] if len(pairs) == 1 else Question("time", tuple(pairs))
-
-
-def _counts_rest(clock: Clock) -> bool:
-    """Whether it counts the nanoseconds beside a column of whole seconds."""
-    return any(word in ("nanosec", "nsec", "nsecs") for word in words(clock.column))
-
-
-def _stem(clock: Clock) -> tuple[str, ...]:
-    return tuple(word for word in words(clock.column) if word not in ("sec", "secs", "nanosec", "nsec", "nsecs"))

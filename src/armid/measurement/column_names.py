@@ -10,7 +10,18 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-__all__ = ["Clock", "Named", "clock_of", "column_unit", "named", "split_unit", "unit_kind", "words"]
+__all__ = [
+    "Clock",
+    "Named",
+    "clock_of",
+    "column_unit",
+    "named",
+    "split_time",
+    "split_unit",
+    "time_unit",
+    "unit_kind",
+    "words",
+]
 
 UNITS: Mapping[str, tuple[str, float]] = {
     "rad": ("rad", 1.0),
@@ -77,7 +88,10 @@ OTHER = frozenset(
 MOTOR = frozenset("motor mot theta phi".split())
 """Words that may mean the motor's side of a gear; libfranka calls the motor's angle theta beside the joint's q."""
 
-CLOCKS: Mapping[str, int] = {"stamp": 0, "t": 1, "time": 1, "timestamp": 1, "elapsed": 1, "clock": 1, "rosbag": 2}
+CLOCKS: Mapping[str, int] = {
+    **dict.fromkeys(("t", "time", "timestamp", "elapsed", "clock", "zeit", "zeitstempel", "tiempo", "tempo"), 1),
+    **{"stamp": 0, "rosbag": 2},
+}
 """Words of a clock, those that are nearer to the measurement before others."""
 
 BESIDE_CLOCK = frozenset(
@@ -92,6 +106,9 @@ TAIL = re.compile(
     re.IGNORECASE,
 )
 """A unit in brackets, or behind the last sign, where one letter alone would be too little to go by."""
+
+TIME_TAIL = re.compile(rf"(.+?)(?:\s+in\s+|\s*/\s*|[_\s.-])({'|'.join(SECONDS)})", re.IGNORECASE)
+"""A unit of time behind a sign, also of one letter."""
 
 ANGLES = ("deg", "degree", "degrees", "rad", "mrad")
 """Units that may stand within a name."""
@@ -188,7 +205,7 @@ def named(column: str, labels: Sequence[str]) -> list[Named]:
 
 def clock_of(column: str) -> Clock | None:
     """What a name says of a column of times, if it is one."""
-    text, unit = split_unit(column)
+    text, unit = split_time(column)
     parts = words(text)
     ranks = [CLOCKS[word] for word in parts if word in CLOCKS]
     if not ranks or any(word not in CLOCKS and word not in BESIDE_CLOCK for word in parts):
@@ -197,6 +214,18 @@ def clock_of(column: str) -> Clock | None:
     if unit and unit not in SECONDS:
         return None
     return Clock(column, max(ranks) if "rosbag" in parts else min(ranks), SECONDS.get(unit))
+
+
+def time_unit(column: str) -> float | None:
+    """Length of the unit of time that a name says [s]; nothing where it says none."""
+    return SECONDS.get(split_time(column)[1].strip().lower())
+
+
+def split_time(column: str) -> tuple[str, str]:
+    """A name without its unit, and the unit, which may be one letter behind a sign."""
+    text, unit = split_unit(column)
+    hit = None if unit else TIME_TAIL.fullmatch(text)
+    return (hit[1], hit[2]) if hit else (text, unit)
 
 
 def _channels(parts: Sequence[str], labels: Sequence[str]) -> list[tuple[str | int, list[str]]]:

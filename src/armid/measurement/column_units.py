@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import RecordingError
-from armid.measurement.column_names import clock_of, column_unit, split_unit
+from armid.measurement.column_names import column_unit, split_time, split_unit, time_unit
 from armid.measurement.reading import Reading
 
 __all__ = ["factors", "is_current", "unit_fields", "units_told"]
@@ -37,8 +37,7 @@ def unit_fields(chosen: Mapping[str, Sequence[str]], reading: Reading, path: Pat
         if reading.units is None and units == "deg":
             said["units"] = units
     if len(chosen["time"]) == 1:
-        clock = clock_of(chosen["time"][0])
-        unit = None if clock is None else clock.unit
+        unit = time_unit(chosen["time"][0])
         if unit is not None and reading.time_unit not in (None, unit):
             raise _contradiction(path, f"time_unit = {reading.time_unit:g}", chosen["time"][0], f"{unit:g} s")
         if unit not in (None, 1.0) and reading.time_unit is None:
@@ -69,15 +68,19 @@ def units_told(chosen: Mapping[str, Sequence[str]]) -> str:
     """Units other than SI that names of chosen columns say, in words; empty where they say none."""
     told: list[str] = []
     for quantity, columns in chosen.items():
-        said = dict.fromkeys(split_unit(name)[1] or "deg" for name in columns if _is_other(quantity, name))
+        said = dict.fromkeys(_unit_said(quantity, name) for name in columns if _is_other(quantity, name))
         told += [f"{quantity} in {', '.join(said)}"] if said else []
     return ", ".join(told)
 
 
+def _unit_said(quantity: str, column: str) -> str:
+    """The unit as a name has it; one that stands within it can be that of an angle alone."""
+    return split_time(column)[1] if quantity == "time" else split_unit(column)[1] or "deg"
+
+
 def _is_other(quantity: str, column: str) -> bool:
     if quantity == "time":
-        clock = clock_of(column)
-        return clock is not None and clock.unit not in (None, 1.0)
+        return time_unit(column) not in (None, 1.0)
     return (column_unit(column) or ("", 1.0)) not in (("", 1.0), ("rad", 1.0), ("m", 1.0), ("torque", 1.0))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
+from armid.measurement.column_clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.column_guesses import Guess, Question, guess_columns, shortened
 from armid.measurement.column_units import factors, is_current, unit_fields, units_told
 from armid.measurement.reading import PRESETS, QUANTITIES, Reading
@@ -68,7 +69,13 @@ class Selection:
 
 
 def select(
-    names: Sequence[str], reading: Reading, path: Path, robot: Robot | None = None, *, matrices: bool = False
+    names: Sequence[str],
+    reading: Reading,
+    path: Path,
+    robot: Robot | None = None,
+    *,
+    matrices: bool = False,
+    values: Values | None = None,
 ) -> Selection:
     """Choose columns by the reading's map, its preset, the usual names, or a guess.
 
@@ -78,6 +85,7 @@ def select(
         path: The file, for messages.
         robot: The arm, whose joints may stand in the names.
         matrices: Whether a variable may hold all channels.
+        values: Gives the numbers under a name, so that a clock whose name says nothing is found, or named.
 
     Raises:
         RecordingError: A named column is not there, a number is missing in a row of columns, or no column holds
@@ -89,14 +97,17 @@ def select(
     if reading.preset is None and (
         open_ := [name for name in QUANTITIES if not chosen[name] and name not in reading.columns]
     ):
-        guess = _guess(present, open_, chosen, reading, robot, path, matrices=matrices)
+        guess = _guess(present, open_, chosen, reading, robot, path, matrices=matrices, values=values)
         chosen |= guess.columns
     if not chosen["q"]:
         raise _unknown("No column holds positions", present, "q", path, robot)
     if reading.drive_gain is not None and "effort" not in reading.columns and reading.preset is None:
         _refuse_two_efforts(chosen["effort"], present, path)
     guessed = _as_reading(guess, reading, robot) | unit_fields(chosen, reading, path)
-    return Selection(**chosen, guessed=guessed, findings=_findings(guess, guessed, chosen))
+    findings = _findings(guess, guessed, chosen)
+    if values is not None and _lacks_clock(chosen, reading):
+        findings += _possible_clocks(present, chosen, values, reading)
+    return Selection(**chosen, guessed=guessed, findings=findings)
 
 
 def _stated(present: Mapping[str, Any], reading: Reading, path: Path) -> dict[str, tuple[str, ...]]:
@@ -172,6 +183,7 @@ def _guess(
     path: Path,
     *,
     matrices: bool,
+    values: Values | None,
 ) -> Guess:
     """What columns may hold the quantities that are not known yet.
 
@@ -187,6 +199,7 @@ def _guess(
         labels=[in_file.get(name, name) for name in labels],
         channels=len(chosen["q"]),
         matrices=matrices,
+        values=values,
     )
     if isinstance(guess, Question):
         raise RecordingError(
@@ -228,6 +241,29 @@ def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tup
     severity = "warning" if guess.commanded else "info"
     code = "columns-guessed" if guess.columns else "units-of-header"
     return (Finding(code, severity, "", " ".join(told), lines(**plain) if plain else ""),)
+
+
+def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], reading: Reading) -> bool:
+    """Whether a clock is needed, and the reading has not left it out."""
+    asked = reading.rate is None and reading.consecutive is not False and reading.preset is None
+    return asked and not chosen["time"] and "time" not in reading.columns
+
+
+def _possible_clocks(
+    present: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], values: Values, reading: Reading
+) -> tuple[Finding, ...]:
+    """Columns that grow evenly and are not used: one of them may be the clock that the file lacks."""
+    found = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
+    if not found:
+        return ()
+    told = ", ".join(f"{name!r} (by {step:.6g} a row)" for name, step in found.items())
+    evidence = f"Of the columns that are not used, {told} grow{'' if len(found) > 1 else 's'} evenly."
+    name, step = next(iter(found.items()))
+    counted = unit_of_step(step)
+    remedy = naming(reading, {"time": name}, "if it is the clock" if counted is None else "")
+    if counted is not None:
+        remedy += "\n" + lines(f"if it is the clock; by its steps it counts {counted[1]}", time_unit=counted[0])
+    return (Finding("clock-possible", "info", "time", evidence, remedy),)
 
 
 def _time_unit(reading: Reading, selection: Selection) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
+from armid.measurement.column_clocks import unit_of_step
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import excluding, lines, naming
@@ -17,12 +18,6 @@ __all__ = ["fault", "settle"]
 
 MIN_SAMPLES = 10
 """Fewer samples than this give neither a derivative at both ends nor a residual to judge by."""
-
-LONGEST_STEP = 0.5
-"""Median time step [s] from which on a clock surely does not count seconds: nobody records a motion at 2 Hz."""
-
-UNITS = ((100.0, 1e-3, "milliseconds"), (1e5, 1e-6, "microseconds"), (np.inf, 1e-9, "nanoseconds"))
-"""By the step of a clock that counts no seconds, what it may count: 10 Hz to 2 kHz in each of them."""
 
 MOST_HOLES, LARGEST_HOLES = 8, 0.2
 """Stretches of values that are not finite, and share of the rows in them, up to which these are left out: with more
@@ -214,8 +209,9 @@ def _check_clock(recording: Recording) -> None:
             remedy="correct the file: sort or split it there; two recordings in one file must become two files.",
         )
     typical = float(np.median(step))
-    if typical >= LONGEST_STEP and recording.consecutive is not False:
-        unit, name = next((length, name) for most, length, name in UNITS if typical < most)
+    counted = unit_of_step(typical)
+    if counted is not None and recording.consecutive is not False:
+        unit, name = counted
         raise fault(
             "clock-unit",
             recording,
@@ -323,16 +319,7 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
         return _needing_derivatives(recording), ()
     coherent, implied = _coherence(recording, turn)
     if recording.rate is None:
-        known = coherent >= COHERENT and np.isfinite(implied)
-        raise fault(
-            "clock-missing",
-            recording,
-            "there is no clock and no rate.",
-            lines(f"Hz; q and dq imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
-            if known
-            else "find out the rate in Hz and say it (rate = …), name a time column, or say consecutive = false if "
-            "rows are separate samples.",
-        )
+        raise _clockless(recording, implied if coherent >= COHERENT else float("nan"))
     if coherent >= COHERENT:
         if np.isfinite(implied) and abs(implied / recording.rate - 1) > RATE_TOLERANCE:
             raise fault(
@@ -357,6 +344,19 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
         lines("they are separate samples", consecutive=False),
     )
     return _needing_derivatives(replace(recording, consecutive=False)), (finding,)
+
+
+def _clockless(recording: Recording, implied: float) -> RecordingError:
+    """The error that there is no clock, with the column that may be one, or the rate [Hz] that q and dq imply."""
+    possible = next((each for each in recording.findings if each.code == "clock-possible"), None)
+    evidence = "there is no clock and no rate."
+    if possible is not None:
+        return fault("clock-missing", recording, f"{evidence} {possible.evidence}", possible.remedy)
+    remedy = "find out the rate in Hz and say it (rate = …), name a time column, or say consecutive = false if rows "
+    remedy += "are separate samples."
+    if np.isfinite(implied):
+        remedy = lines(f"Hz; q and dq imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
+    return fault("clock-missing", recording, evidence, remedy)
 
 
 def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_of
 from armid.robot.robot import Robot
+from armid.values import Array
 
 __all__ = ["EXTRA", "PACKED", "SUFFIXES", "read"]
 
@@ -36,7 +37,12 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
         MissingExtraError: It is packed by zstd, and pyarrow is not installed.
     """
     table = table_of(decoded(_unpacked(path), path), path)
-    selection = select(table.names, reading, path, robot)
+
+    def values(name: str) -> Array:
+        dates = seconds_of(table, name, path)
+        return numbers_of(table, [name], path)[name] if dates is None else dates
+
+    selection = select(table.names, reading, path, robot, values=values)
     dates = seconds_of(table, selection.time[0], path) if len(selection.time) == 1 else None
     if dates is not None and (reading.time_unit or selection.guessed.get("time_unit", 1.0)) != 1.0:
         raise RecordingError(

@@ -64,13 +64,13 @@ def _recording(
     rows: Sequence[Sequence[Any]], head: int, reading: Reading, robot: Robot | None, path: Path
 ) -> Recording:
     names = [str(cell).strip() for cell in rows[head]]
-    selection = select([name for name in names if name], reading, path, robot)
     body = [row for row in rows[head + 1 :] if any(cell != "" for cell in row)]
 
     def column(name: str) -> Array:
         k = names.index(name)
         return np.array([_number(row[k], f"{path}, row {i + head + 2}: {name}") for i, row in enumerate(body)])
 
+    selection = select([name for name in names if name], reading, path, robot, values=column)
     return assemble(selection, column, reading, path)
 
 

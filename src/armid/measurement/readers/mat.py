@@ -52,7 +52,12 @@ def _read_v5(path: Path, reading: Reading, robot: Robot | None) -> Recording:
 
     try:
         classes = {name: kind for name, _, kind in whosmat(path, appendmat=False)}
-        selection = select(list(classes), reading, path, robot, matrices=True)
+
+        def values(name: str) -> Array:
+            _refuse_objects({name: classes[name]}, path)
+            return numeric(loadmat(path, appendmat=False, variable_names=[name])[name], name, path)
+
+        selection = select(list(classes), reading, path, robot, matrices=True, values=values)
         _refuse_objects({name: classes[name] for name in selection.names}, path)
         labels = [name for name in NAMES if classes.get(name) in ("cell", "char")][:1]
         data = loadmat(path, appendmat=False, variable_names=[*selection.names, *labels])
@@ -80,7 +85,12 @@ def _read_v73(path: Path, reading: Reading, robot: Robot | None) -> Recording:
     try:
         with h5py.File(path, "r") as file:
             classes = {name: _class_v73(item) for name, item in file.items() if not name.startswith("#")}
-            selection = select(list(classes), reading, path, robot, matrices=True)
+
+            def values(name: str) -> Array:
+                _refuse_objects({name: classes[name]}, path)
+                return numeric(np.asarray(file[name]), name, path)
+
+            selection = select(list(classes), reading, path, robot, matrices=True, values=values)
             _refuse_objects({name: classes[name] for name in selection.names}, path)
             data = {name: np.atleast_2d(np.asarray(file[name])).T for name in selection.names}
             label = next((name for name in NAMES if classes.get(name) == "cell"), None)

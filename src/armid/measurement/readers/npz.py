@@ -59,7 +59,11 @@ def _recording(archive: np.lib.npyio.NpzFile, reading: Reading, robot: Robot | N
         saved = load(Recording, path)
         consecutive = saved.consecutive if reading.consecutive is None else reading.consecutive
         return replace(saved, rate=reading.rate or saved.rate, consecutive=consecutive)
-    selection = select(archive.files, reading, path, robot, matrices=True)
+
+    def values(name: str) -> Array:
+        return numeric(archive[name], name, path)
+
+    selection = select(archive.files, reading, path, robot, matrices=True, values=values)
     arrays = {name: archive[name] for name in selection.names}
 
     def column(name: str) -> Array:

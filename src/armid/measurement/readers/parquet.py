@@ -33,7 +33,11 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
         raise MissingExtraError("pyarrow", "Reading Parquet", EXTRA) from error
     try:
         with pq.ParquetFile(path) as file:
-            selection = select(file.schema_arrow.names, reading, path, robot)
+
+            def values(name: str) -> Array:
+                return numeric(np.asarray(file.read(columns=[name])[name].to_numpy()), name, path)
+
+            selection = select(file.schema_arrow.names, reading, path, robot, values=values)
             table = file.read(columns=list(selection.names))
     except (pa.ArrowException, OSError) as error:
         raise RecordingError(
