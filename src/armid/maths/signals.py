@@ -38,6 +38,9 @@ __all__ = [
     "zero_phase",
 ]
 
+BLOCK = 40_000
+"""Numbers that a filter works on at a time: what is made of them on the way stays in the cache of a core."""
+
 SETTLED = 1e-9
 """Decay of a filter's slowest pole after which its memory is over: what the reflected end still does to the
 signal is then below the rounding of 32-bit logs."""
@@ -198,13 +201,19 @@ def zero_phase(filter: Array, x: Array, axis: int = 0, pad: int | None = None) -
     Returns:
         Array like `x`. Straight lines pass exactly; the two end samples are kept.
     """
-    return np.moveaxis(_reflected(filter, np.moveaxis(x, axis, 0), pad, (0,))[0], 0, axis)
+    x = _along(x, axis)
+    if x.ndim != 2:
+        return _back(_reflected(filter, x, pad, (0,))[0], axis)
+    out, few = np.empty_like(x), max(1, BLOCK // max(1, x.shape[1]))
+    for begin in range(0, len(x), few):
+        out[begin : begin + few] = _reflected(filter, x[begin : begin + few], pad, (0,))[0]
+    return _back(out, axis)
 
 
 def periodic_filter(filter: Array, x: Array, axis: int = 0) -> Array:
     """Low-pass signals that are a whole number of periods: exact, without any end."""
-    x = np.moveaxis(x, axis, 0)
-    return np.moveaxis(_circular(_grid_gain(filter, len(x)), x, (0,))[0], 0, axis)
+    x = _along(x, axis)
+    return _back(_circular(_grid_gain(filter, x.shape[-1]), x, (0,))[0], axis)
 
 
 def filtered_derivatives(
@@ -222,9 +231,10 @@ def filtered_derivatives(
         periodic: The run is a whole number of periods; else its ends are reflected.
     """
     if periodic:
-        value, first, second = _circular(_grid_gain(filter, len(x)), x, (0, 1, 2))
+        parts = _circular(_grid_gain(filter, len(x)), _along(x), (0, 1, 2))
     else:
-        value, first, second = _reflected(filter, x, None, (0, 1, 2))
+        parts = _reflected(filter, _along(x), None, (0, 1, 2))
+    value, first, second = (_back(part) for part in parts)
     return value, first * rate, second * rate**2
 
 
@@ -245,7 +255,7 @@ def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: boo
     rows = len(range(offset, len(x), step))
     if half == 0 or rows == 0:
         return x[offset::step] * taps[half]
-    extended = _extend(x, half, half, periodic=periodic)
+    extended = _back(_extend(_along(x), half, half, periodic=periodic))
     windows = np.lib.stride_tricks.sliding_window_view(extended, len(taps), axis=0)[offset::step]
     return windows[:rows] @ taps
 
@@ -269,39 +279,48 @@ def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
     # Row j, column φ: weight of the sample j - reach away for the value φ / factor after a sample.
     place = np.arange(factor)[None, :] - factor * np.arange(-reach, reach + 1)[:, None] + half
     weights = np.where((place >= 0) & (place < len(taps)), taps[np.clip(place, 0, len(taps) - 1)], 0.0)
-    extended = np.moveaxis(_extend(np.moveaxis(x, -1, 0), reach, reach, periodic=periodic), 0, -1)
+    extended = _extend(x, reach, reach, periodic=periodic)
     windows = np.lib.stride_tricks.sliding_window_view(extended, 2 * reach + 1, axis=-1)
     return (windows @ weights).reshape(*x.shape[:-1], -1)
 
 
+def _along(x: Array, axis: int = 0) -> Array:
+    """The signals with time last, each of them contiguous, as a transform reads them fastest."""
+    return np.ascontiguousarray(np.moveaxis(x, axis, -1))
+
+
+def _back(x: Array, axis: int = 0) -> Array:
+    """Signals whose time is last with time at an axis, contiguous."""
+    return np.ascontiguousarray(np.moveaxis(x, -1, axis))
+
+
 def _reflected(filter: Array, x: Array, pad: int | None, orders: Sequence[int]) -> list[Array]:
-    """Derivatives (a sample apart) of the filtered signal, ends reflected; line through the end points aside."""
-    samples = len(x)
+    """Derivatives (a sample apart) of filtered signals (..., N), ends reflected; the line through the ends aside."""
+    samples = x.shape[-1]
     if samples < 2:
         return [x * (order == 0) for order in orders]
-    slope = (x[-1] - x[0]) / (samples - 1)
-    line = x[0] + np.multiply.outer(np.arange(samples), slope)
+    slope = (x[..., -1:] - x[..., :1]) / (samples - 1)
+    line = x[..., :1] + slope * np.arange(samples)
     pad = settling_samples(filter) if pad is None else pad
     if pad >= samples - 1:  # reflected at both ends again and again, the signal is periodic: no need to be long
         pad, length = 0, 2 * (samples - 1)
     else:
         length = fast_length(samples + 2 * pad)
     extended = _extend(x - line, pad, length - samples - pad, periodic=False)
-    parts = [part[pad : pad + samples] for part in _circular(_grid_gain(filter, length), extended, orders)]
-    straight = (line, np.broadcast_to(slope, x.shape), 0.0)
+    parts = [part[..., pad : pad + samples] for part in _circular(_grid_gain(filter, length), extended, orders)]
+    straight = (line, slope, 0.0)
     return [part + straight[order] for part, order in zip(parts, orders, strict=True)]
 
 
 def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
-    """Derivatives (a sample apart) of a periodic signal times a gain on the grid of its real FFT."""
-    samples = len(x)
-    transform = spectrum(x)
+    """Derivatives (a sample apart) of periodic signals (..., N) times a gain on the grid of their real FFT."""
+    samples = x.shape[-1]
+    transform = np.moveaxis(spectrum(np.moveaxis(x, -1, 0)), 0, -1)
     jw = 2j * np.pi * frequencies(samples)
-    column = (-1,) + (1,) * (x.ndim - 1)
     result: list[Array] = []
     for order in orders:
-        factor = response * jw**order if order else response
-        result.append(inverse(transform * factor.reshape(column), samples))
+        scaled = transform * (response * jw**order if order else response)
+        result.append(np.moveaxis(inverse(np.moveaxis(scaled, -1, 0), samples), 0, -1))
     return result
 
 
@@ -315,13 +334,20 @@ def _grid_gain(filter: Array, length: int) -> Array:
 
 
 def _extend(x: Array, before: int, after: int, *, periodic: bool) -> Array:
-    """The signal continued at both ends: by itself, or by odd reflection (repeatedly where it is short)."""
-    widths = [(before, after)] + [(0, 0)] * (x.ndim - 1)
+    """Signals (..., N) continued at both ends: by themselves, or by odd reflection (repeatedly where short)."""
+    samples = x.shape[-1]
+    widths = [(0, 0)] * (x.ndim - 1) + [(before, after)]
     if periodic:
         return np.pad(x, widths, mode="wrap")
-    if len(x) < 2:
+    if samples < 2:
         return np.pad(x, widths, mode="edge")
-    return np.pad(x, widths, mode="reflect", reflect_type="odd")
+    if max(before, after) > samples - 1:
+        return np.pad(x, widths, mode="reflect", reflect_type="odd")
+    whole = np.empty((*x.shape[:-1], before + samples + after), dtype=x.dtype)
+    whole[..., before : before + samples] = x
+    np.subtract(2.0 * x[..., :1], x[..., before:0:-1], out=whole[..., :before])
+    np.subtract(2.0 * x[..., -1:], x[..., -2 : -after - 2 : -1], out=whole[..., before + samples :])
+    return whole
 
 
 def _windowed_sinc(half: int, cutoff: float, attenuation: float) -> Array:
@@ -377,4 +403,4 @@ def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool 
 
 def periodic_derivative(x: Array, rate: float, order: int = 1) -> Array:
     """Exact derivative of signals that are a whole number of periods, shape (N, ...)."""
-    return _circular(np.ones(len(x) // 2 + 1), x, (order,))[0] * rate**order
+    return _back(_circular(np.ones(len(x) // 2 + 1), _along(x), (order,))[0]) * rate**order

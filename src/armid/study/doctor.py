@@ -102,6 +102,7 @@ def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> t
     return tuple(result)
 
 
+@one_blas_thread
 def diagnose_recording(
     robot: Robot,
     raw: Recording,

@@ -92,9 +92,9 @@ def _sharper(evidence: Evidence) -> State | None:
 
 def explain(state: State) -> Explanation | None:
     """The delay that explains the log, or `None` if there is none worth a word."""
-    if state.log.band.is_open:
+    if state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
-    first = solve(state.rows, extra=state.rows.slope[None])
+    first = solve(state.rows, extra=state.torque_slope()[None])
     if state.fit.cost - first.cost < HINT:
         return None
     delay, deviation, after = delay_of(state)

@@ -172,7 +172,7 @@ def _distinct(orders: Iterable[_Order]) -> list[_Order]:
 def _with_torque(rows: Rows, log: Thin, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
     """Another order of the torque of a log beside columns that are made already."""
     mask = log.mask[:, motion] & log.mask[:, torque]
-    changed = replace(rows, torque=rows.torque[:, torque], slope=rows.slope[:, torque], mask=mask)
+    changed = replace(rows, torque=rows.torque[:, torque], mask=mask)
     return _Order(motion, torque, cost_of(changed, products(changed)))
 
 

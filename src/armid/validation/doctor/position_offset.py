@@ -117,11 +117,8 @@ def offsets_of(state: State) -> tuple[Array, Array, State]:
         weight = 1.0 / (now.fit.sigma**2 * now.fit.memory)
         values = _posterior(now, weight, precision, expected, np.zeros((0, *now.rows.torque.shape)))[0]
         theta = now.standard(values)
-        slopes = [
-            (now.rigid_torque(theta, now.log.moved(e)) - now.rigid_torque(theta, now.log.moved(-e))) / (2 * STEP)
-            for e in np.eye(n) * STEP
-        ]
-        found, spread = _posterior(now, weight, precision, expected, np.array(slopes))
+        slopes = now.rigid_slopes(theta, STEP)
+        found, spread = _posterior(now, weight, precision, expected, slopes)
         step, deviation = found[b:], spread[b:]
         seen = (deviation > 0.0) & (deviation < KNOWN)
         step = np.where(seen, np.clip(step, -LONGEST, LONGEST), 0.0)

@@ -12,9 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.information.band import Band
-from armid.information.filtering import in_band
-from armid.information.observations import ObservedRun
 from armid.information.rows import all_rows
 from armid.information.setup import ColumnSource
 from armid.model.motion import Motion
@@ -53,7 +50,6 @@ class Rows:
         count: Number of parameters b.
         motion: Motion at the rows.
         torque: Shape (M, n) [N·m or N].
-        slope: Its derivative, shape (M, n) [N·m/s].
         mask: Which rows count, shape (M, n).
         run: Contiguous run of each row, shape (M,).
         rate: Rows a second [Hz].
@@ -64,7 +60,6 @@ class Rows:
     count: int
     motion: Motion
     torque: Array
-    slope: Array
     mask: NDArray[np.bool_]
     run: NDArray[np.int64]
     rate: float
@@ -110,7 +105,6 @@ def make_rows(source: ColumnSource, log: Thin) -> Rows:
     x = np.concatenate(parts, axis=1)
     offset, n = source.layout.offset, source.tree.n
     torque = np.column_stack([x[offset[j + 1] - 1] for j in range(n)])
-    slope = np.concatenate([_slope(run, log.band) for run in log.runs])
     pick = [(run, run.rows) for run in log.runs]
     motion = Motion(
         np.concatenate([run.motion.time[rows] for run, rows in pick]),
@@ -124,18 +118,10 @@ def make_rows(source: ColumnSource, log: Thin) -> Rows:
         len(source.names),
         motion,
         torque,
-        slope,
         log.mask,
         np.concatenate([np.full(len(run.rows), k) for k, run in enumerate(log.runs)]),
         log.runs[0].rate / log.runs[0].step,
     )
-
-
-def _slope(run: ObservedRun, band: Band) -> Array:
-    """Derivative of the torque in the band at the rows."""
-    if band.is_open or not run.consecutive:
-        return np.zeros((len(run.rows), run.motion.n))
-    return np.gradient(in_band(run.torque, run.rate, band), 1.0 / run.rate, axis=0)[run.rows]
 
 
 def solve(rows: Rows, extra: Array | None = None) -> Fit:
@@ -220,29 +206,29 @@ def solved(
         ridge: Added to products of unit columns.
     """
     n, b = rows.n, rows.count
-    sign = np.ones(n) if sign is None else sign
     # Products of all parameters and torque, those that a joint does not have zero.
     whole = np.zeros((n, b + 1, b + 1))
     for P, own, each in zip(pairs, rows.parameters, whole, strict=True):
         places = np.append(own, b)
         each[places[:, None], places] = P
+    if sign is not None:
+        whole[:, b] *= sign[:, None]
+        whole[:, :, b] *= sign[:, None]
     size = np.sqrt(whole[:, b, b] / counted)
     size = np.where(size > 0.0, size, 1.0)
-    sigma, x = size, np.zeros(b)
+    sigma, both = size, np.append(np.zeros(b), 1.0)  # the parameters with minus sign beside the torque's own factor
+    stacked = whole.reshape(n, -1)
     for _ in range(PASSES):
-        weight = 1.0 / sigma**2
-        G, side = np.tensordot(weight, whole[:, :b, :b], 1), (weight * sign) @ whole[:, :b, b]
-        scale = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
-        G /= scale[:, None]
-        G /= scale
-        np.fill_diagonal(G, G.diagonal() + ridge)
-        x = np.linalg.solve(G, side / scale) / scale
-        both = np.concatenate([np.broadcast_to(-x, (n, b)), sign[:, None]], axis=1)
-        left = ((whole @ both[:, :, None])[:, :, 0] * both).sum(axis=1)
+        H = (sigma**-2 @ stacked).reshape(b + 1, b + 1)
+        scale = np.sqrt(np.maximum(H.diagonal()[:b], np.finfo(float).tiny))
+        G = H[:b, :b] / np.multiply.outer(scale, scale)
+        G.flat[:: b + 1] += ridge
+        both[:b] = -np.linalg.solve(G, H[:b, b] / scale) / scale
+        left = (whole.reshape(-1, b + 1) @ both).reshape(n, b + 1) @ both
         before, sigma = sigma, np.maximum(np.sqrt(np.maximum(left, 0.0) / counted), COARSE_FLOOR * size)
         if (np.abs(sigma - before) < SETTLED * sigma).all():
             break
-    return x, sigma
+    return -both[:b], sigma
 
 
 def _left(table: Array, own: NDArray[np.int32], x: Array, count: int) -> Array:

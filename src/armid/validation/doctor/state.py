@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from armid import kernel
 from armid.information.filtering import in_band
+from armid.information.observations import ObservedRun
 from armid.information.setup import ColumnSource, column_source
 from armid.model.base import BaseParameters
 from armid.model.dynamics import DynamicsModel
@@ -75,7 +76,7 @@ class State:
         """The same with each joint's torque multiplied (n,): columns stay, and are not made again."""
         runs = tuple(replace(run, torque=run.torque * factor) for run in self.log.runs)
         after = self.on(replace(self.log, runs=runs))
-        after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor, slope=self.rows.slope * factor)
+        after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor)
         return after
 
     def on(self, log: Thin) -> State:
@@ -123,7 +124,6 @@ class State:
             parameters=(np.arange(count, dtype=np.int32),),
             count=count,
             torque=rows.torque[:, [j]],
-            slope=rows.slope[:, [j]],
             mask=rows.mask[:, [j]],
         )
 
@@ -138,16 +138,49 @@ class State:
         theta[self.base.kept] = values[: self.base.count]
         return theta
 
-    def rigid_torque(self, theta: Array, log: Thin | None = None) -> Array:
+    def rigid_torque(self, theta: Array) -> Array:
         """Torque of the links in the band at the rows, shape (M, n)."""
-        log = log or self.log
-        bodies = theta[self.model.inertial_columns].reshape(-1, 10)
-        parts: list[Array] = []
-        for run in log.runs:
+        bodies = self._bodies(theta)
+        return self._at_rows(lambda run: self._torque(bodies, run.motion, run.motion.q))
+
+    def rigid_slopes(self, theta: Array, step: float) -> Array:
+        """Change of the links' torque by each position, in the band at the rows, shape (n, M, n) [N·m/rad].
+
+        Args:
+            theta: Standard parameters.
+            step: Displacement of the central difference [rad or m].
+        """
+        bodies, moves = self._bodies(theta), np.eye(self.rows.n) * step
+
+        def slopes(run: ObservedRun) -> Array:
             m = run.motion
-            tau = kernel.inverse_dynamics(self.model.tree, bodies, m.q, m.dq, m.ddq)
-            raw = log.band.is_open or not run.consecutive
-            parts.append((tau if raw else in_band(tau, run.rate, log.band))[run.rows])
+            moved = [self._torque(bodies, m, m.q + e) - self._torque(bodies, m, m.q - e) for e in moves]
+            return np.stack(moved, axis=1) / (2.0 * step)
+
+        return np.moveaxis(self._at_rows(slopes), 1, 0)
+
+    def torque_slope(self) -> Array:
+        """Derivative of the torque in the band at the rows, shape (M, n) [N·m/s]."""
+        parts = [
+            np.gradient(in_band(run.torque, run.rate, self.log.band), 1.0 / run.rate, axis=0)[run.rows]
+            for run in self.log.runs
+        ]
+        return np.concatenate(parts)
+
+    def _bodies(self, theta: Array) -> Array:
+        """Parameters of the links, (n, 10)."""
+        return theta[self.model.inertial_columns].reshape(-1, 10)
+
+    def _torque(self, bodies: Array, motion: Motion, q: Array) -> Array:
+        """Torque of the links (N, n) as they move, at other positions (N, n)."""
+        return kernel.inverse_dynamics(self.model.tree, bodies, q, motion.dq, motion.ddq)
+
+    def _at_rows(self, made: Callable[[ObservedRun], Array]) -> Array:
+        """What is made of each run (N, ...), in the band at the rows (M, ...)."""
+        parts: list[Array] = []
+        for run in self.log.runs:
+            x, raw = made(run), self.log.band.is_open or not run.consecutive
+            parts.append((x if raw else in_band(x, run.rate, self.log.band))[run.rows])
         return np.concatenate(parts)
 
     def own_columns(self, j: int) -> Array:
