@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from armid.maths.derivatives import periodic_derivative
 from armid.maths.sampling import periodic_delay, periodic_shift, resample
 from armid.maths.signals import (
     butterworth,
@@ -14,7 +15,6 @@ from armid.maths.signals import (
     filtered_derivatives,
     fir,
     gain,
-    periodic_derivative,
     periodic_filter,
     zero_phase,
 )

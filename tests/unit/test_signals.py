@@ -7,9 +7,9 @@ import pytest
 import scipy.signal
 
 from armid.errors import ArmidError
+from armid.maths.derivatives import central_difference, periodic_derivative
 from armid.maths.signals import (
     butterworth,
-    central_difference,
     decimate,
     decimation_filter,
     decimation_step,
@@ -19,7 +19,6 @@ from armid.maths.signals import (
     gain,
     interpolate,
     low_pass,
-    periodic_derivative,
     periodic_filter,
     settling_samples,
     zero_phase,

@@ -1,4 +1,4 @@
-"""Zero-phase filters and derivatives of sampled signals; arrays in, arrays out.
+"""Zero-phase filters of sampled signals and their derivatives in a band; arrays in, arrays out.
 
 A *filter* here is an array that carries its own kind: second-order sections, shape (k, 6), run forwards and
 backwards, or symmetric FIR taps, shape (2h+1,), centred on the sample. Both have zero phase and a real gain, so
@@ -21,7 +21,6 @@ from armid.values import Array
 
 __all__ = [
     "butterworth",
-    "central_difference",
     "coarsest_step",
     "decimate",
     "decimation_filter",
@@ -32,7 +31,6 @@ __all__ = [
     "gain",
     "interpolate",
     "low_pass",
-    "periodic_derivative",
     "periodic_filter",
     "settling_samples",
     "zero_phase",
@@ -365,42 +363,3 @@ def _check_cutoff(order: float, cutoff: float, rate: float) -> None:
             possible=f"an order of at least 1 and a cut-off between 0 and {rate / 2:g} Hz (half the rate)",
             remedy="lower the cut-off, or record at a higher rate.",
         )
-
-
-# Derivatives ---------------------------------------------------------------------------------------------------
-
-
-def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool = False) -> Array:
-    """First or second derivative by the three-point formula, shape of `x`.
-
-    The second derivative is the three-point one, not the first applied twice: that one reads every second sample
-    only, which makes four times the error (ω/rate)²/12 and is blind to half the band.
-
-    Args:
-        x: Signals, shape (N, ...).
-        rate: Samples a second [Hz].
-        order: 1 or 2.
-        periodic: Differences wrap around; else the two ends use one-sided formulas of the same power.
-    """
-    if order not in (1, 2):
-        raise ArmidError(f"Central differences give the first or second derivative; found order {order}.")
-    if periodic:
-        forward, backward = np.roll(x, -1, axis=0), np.roll(x, 1, axis=0)
-        return (forward - backward) * (rate / 2) if order == 1 else (forward - 2 * x + backward) * rate**2
-    if len(x) < 4:
-        raise ArmidError(f"Central differences need at least 4 samples; found {len(x)}.")
-    result = np.empty_like(x)
-    if order == 1:
-        result[1:-1] = (x[2:] - x[:-2]) * (rate / 2)
-        result[0] = (-3 * x[0] + 4 * x[1] - x[2]) * (rate / 2)
-        result[-1] = (3 * x[-1] - 4 * x[-2] + x[-3]) * (rate / 2)
-        return result
-    result[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) * rate**2
-    result[0] = (2 * x[0] - 5 * x[1] + 4 * x[2] - x[3]) * rate**2
-    result[-1] = (2 * x[-1] - 5 * x[-2] + 4 * x[-3] - x[-4]) * rate**2
-    return result
-
-
-def periodic_derivative(x: Array, rate: float, order: int = 1) -> Array:
-    """Exact derivative of signals that are a whole number of periods, shape (N, ...)."""
-    return _back(_circular(np.ones(len(x) // 2 + 1), _along(x), (order,))[0]) * rate**order

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from armid.maths.derivatives import central_difference, periodic_derivative
 from armid.maths.signals import (
-    central_difference,
     filtered_derivatives,
     low_pass,
-    periodic_derivative,
     periodic_filter,
     zero_phase,
 )

@@ -7,7 +7,8 @@ from typing import Literal
 import numpy as np
 
 from armid.errors import Finding
-from armid.maths.signals import central_difference, edge_samples, low_pass, zero_phase
+from armid.maths.derivatives import central_difference
+from armid.maths.signals import edge_samples, low_pass, zero_phase
 from armid.measurement.clock import evened, stretches
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import naming

@@ -1,0 +1,48 @@
+"""Derivatives of sampled signals by differences, or exactly where they are periodic; arrays in, arrays out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.maths.spectrum import frequencies, inverse, spectrum
+from armid.values import Array
+
+__all__ = ["central_difference", "periodic_derivative"]
+
+
+def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool = False) -> Array:
+    """First or second derivative by the three-point formula, shape of `x`.
+
+    The second derivative is the three-point one, not the first applied twice: that one reads every second sample
+    only, which makes four times the error (ω/rate)²/12 and is blind to half the band.
+
+    Args:
+        x: Signals, shape (N, ...).
+        rate: Samples a second [Hz].
+        order: 1 or 2.
+        periodic: Differences wrap around; else the two ends use one-sided formulas of the same power.
+    """
+    if order not in (1, 2):
+        raise ArmidError(f"Central differences give the first or second derivative; found order {order}.")
+    if periodic:
+        forward, backward = np.roll(x, -1, axis=0), np.roll(x, 1, axis=0)
+        return (forward - backward) * (rate / 2) if order == 1 else (forward - 2 * x + backward) * rate**2
+    if len(x) < 4:
+        raise ArmidError(f"Central differences need at least 4 samples; found {len(x)}.")
+    result = np.empty_like(x)
+    if order == 1:
+        result[1:-1] = (x[2:] - x[:-2]) * (rate / 2)
+        result[0] = (-3 * x[0] + 4 * x[1] - x[2]) * (rate / 2)
+        result[-1] = (3 * x[-1] - 4 * x[-2] + x[-3]) * (rate / 2)
+        return result
+    result[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) * rate**2
+    result[0] = (2 * x[0] - 5 * x[1] + 4 * x[2] - x[3]) * rate**2
+    result[-1] = (2 * x[-1] - 5 * x[-2] + 4 * x[-3] - x[-4]) * rate**2
+    return result
+
+
+def periodic_derivative(x: Array, rate: float, order: int = 1) -> Array:
+    """Exact derivative of signals that are a whole number of periods, shape (N, ...)."""
+    jw = (2j * np.pi * rate * frequencies(len(x))).reshape(-1, *(1,) * (x.ndim - 1))
+    return inverse(spectrum(x) * jw**order, len(x))
