@@ -88,7 +88,9 @@ def test_children_too_heavy_for_the_link_are_scaled_and_it_is_said(tmp_path: Pat
     theta = np.ones(len(model.parameters))
     theta[model.inertial_columns] = light.ravel()
     exported = export_run(run_with(tmp_path / "run", source, model, theta, locked=LOCKED), "urdf")
-    assert codes(exported)["children-scaled"].startswith("one: with plate as described, no real body would be left")
+    assert codes(exported)["children-scaled"].startswith(
+        "one: with plate as described, what is left of the identified link"
+    )
     again = load_robot(exported.path, locked=LOCKED).inertial_vector
     np.testing.assert_allclose(again, light, rtol=0, atol=1e-14)
 
@@ -223,7 +225,7 @@ def test_base_values_of_no_body_are_refused(tmp_path: Path):
     values = np.array(run.estimate.fit.values)
     values[run.estimate.base.names.index("FV_1")] = -1.0
     bad = replace(run, estimate=replace(run.estimate, fit=replace(run.estimate.fit, values=values)))
-    with pytest.raises(OutputError, match=r'No real bodies .* wls .*\n.*\n.*method = "physical"'):
+    with pytest.raises(OutputError, match=r'No physically consistent links .* wls .*\n.*\n.*method = "physical"'):
         export_run(bad, "urdf")
     exported = export_run(bad, "urdf", allow_unphysical=True)
     assert exported.standard == "unphysical" and "the viscous parameter of a" in codes(exported)["unphysical"]
@@ -234,14 +236,14 @@ def test_links_of_no_body_are_named_and_refused(tmp_path: Path):
     inertial = np.array(load_robot(source, locked=LOCKED).inertial_vector)
     inertial[2, 4] = -0.5  # about the axis of the last joint, where torque sees it alone
     run = run_of(tmp_path / "run", source, locked=LOCKED, inertial=inertial)
-    with pytest.raises(OutputError, match="No real body has what was identified of three"):
+    with pytest.raises(OutputError, match="Not physically consistent: three"):
         export_run(run, "urdf", out=tmp_path / "out.urdf")
     assert not (tmp_path / "out.urdf").exists() and not (tmp_path / "out.urdf.armid.json").exists()
     exported = export_run(run, "urdf", allow_unphysical=True)
     again = load_robot(exported.path, locked=LOCKED).inertial_vector
     assert again is not None
     np.testing.assert_allclose(again[2], inertial[2], rtol=0, atol=1e-14)
-    assert "identified of three" in codes(exported)["unphysical"] and codes(exported)["not-checked"]
+    assert "physically consistent: three" in codes(exported)["unphysical"] and codes(exported)["not-checked"]
 
 
 def test_the_description_is_never_written_over(tmp_path: Path):

@@ -100,7 +100,7 @@ def test_links_that_were_identified_must_be_possible_still(tmp_path):
     theta = run.estimate.fit.standard.values.copy()
     theta[run.model.inertial_columns[14:16]] = 5.0
     bad = run_with(tmp_path / "bad", path, run.model, theta, locked={"slide": 0.0})
-    with pytest.raises(OutputError, match=r"No real body has what was identified of .*hand"):
+    with pytest.raises(OutputError, match=r"Not physically consistent: .*hand"):
         export_run(bad, "urdf", tmp_path / "bad.urdf")
 
 
@@ -117,5 +117,5 @@ def test_as_little_as_possible_is_changed():
     assert is_possible(InertialParameters.from_vector(left))
     heavy = Body("heavy", 0, np.eye(4), InertialParameters.from_com(2.0, [0, 0, 0.05], 1e-4 * np.eye(3)))
     written, (said,) = as_carried(hand, "hand", [heavy, tip])
-    assert said.code == "children-scaled" and "tip, which no real body has" in said.evidence and said.remedy
+    assert said.code == "children-scaled" and "tip, not physically consistent" in said.evidence and said.remedy
     assert written[0].mass == pytest.approx(2.0 * written[1].mass / 0.08)

@@ -127,6 +127,6 @@ def test_the_remedy_for_what_cannot_be_is_no_circle(tmp_path, description):
     theta = run.estimate.fit.standard.values.copy()
     theta[run.model.inertial_columns[20:]] = 0.0
     bad = run_with(tmp_path / "bad", description, run.model, theta)
-    with pytest.raises(OutputError, match="No real body") as caught:
+    with pytest.raises(OutputError, match="Not physically consistent") as caught:
         export_run(bad, "urdf", tmp_path / "bad.urdf")
     assert "physical" not in caught.value.remedy and not Path(tmp_path / "bad.urdf").exists()

@@ -86,7 +86,7 @@ HOLDS = {
     "Plan": "dq",
     "Motion": "ddq",
     "Recording": "effort",
-    "Verdict": "masses of that body",
+    "Verdict": "masses of links that have these",
     "Designed": "velocity",
     "Study": "run2.csv",
     "Information": "rows",

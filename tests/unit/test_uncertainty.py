@@ -34,14 +34,14 @@ def test_white_residuals_keep_the_textbook_covariance_and_the_report_says_why():
     given = once(3, memory=0.0)
     fit = WLS.estimate(given)
     found = cover(fit, given)
-    assert found.covariance_kind == "white" and "pass the test of whiteness" in found.report.why
+    assert found.covariance_kind == "white" and "uncorrelated in time" in found.report.why
     assert found.report.whiteness is not None and found.report.whiteness > 0.05
     np.testing.assert_array_equal(found.covariance, fit.covariance)
 
 
 def test_coloured_residuals_of_one_motion_get_a_spectrum():
     found = covered(once(1))
-    assert found.covariance_kind == "spectral" and "not white" in found.report.why
+    assert found.covariance_kind == "spectral" and "residuals are correlated in time" in found.report.why
     assert found.report.whiteness is not None and found.report.whiteness < 1e-6
     assert found.report.parts > 3
     assert np.median(np.sqrt(np.diag(found.covariance)) / found.deviation) > 1.5

@@ -16,10 +16,25 @@ if TYPE_CHECKING:
 
 __all__ = ["certify"]
 
+RULES = {
+    "(3.52c)": "mass above zero",
+    "(3.52d)": "smallest principal moment of inertia above zero",
+    "(3.53a)": "triangle inequality of the moments of inertia",
+    "(3.53b)": "smallest moment of inertia at least a hundredth of the largest",
+    "(3.53c)": "products of inertia at most a tenth of the smallest moment of inertia",
+    "(3.53d)": "smallest moment of inertia at least 1e-4 kg·m²",
+    "(3.53e)": "moments about x and y at least three times that about z, as of a link that is long along z",
+    "(3.53f)": "moments about x and z at least three times that about y, as of a link that is long along y",
+}
+"""What the constraints of the thesis [Halper2024] ask for, by their number there."""
+
 
 def certify(
     subject: Annotated[
-        str, typer.Argument(metavar="RUN | ROBOT", help="A run, or an arm: its own bodies, or values that follow.")
+        str,
+        typer.Argument(
+            metavar="RUN | ROBOT", help="A run, or an arm: the links of its description, or the values that follow."
+        ),
     ],
     values: Annotated[
         str | None,
@@ -33,7 +48,7 @@ def certify(
         float | None,
         typer.Option(
             min=0.0,
-            help="Largest mass of a link in the second answer, kg; 10, or twice the heaviest link where the "
+            help="Largest mass of a link in the second check, kg; 10, or twice the heaviest link where the "
             "description has heavier ones.",
         ),
     ] = None,
@@ -44,9 +59,9 @@ def certify(
     package: Package = None,
     json: Json = False,
 ) -> None:
-    """Certify parameters: the nearest real body, the worst pose of the mass matrix, the thesis's constraints.
+    """Certify parameters: physical consistency, the mass matrix over all poses, rules of thumb for single links.
 
-    Exit code 1 says that no real body has them.
+    Exit code 1 says that they are not physically consistent: no links of positive density have them.
 
     Examples:
         armid certify runs/today
@@ -80,27 +95,32 @@ def _report(verdict: Verdict, motion: str | None) -> None:
     from armid.cli.console import output_console, print_findings
 
     console, certificate = output_console(), verdict.certificate
-    word = "[bold green]feasible[/]" if certificate.feasible else "[bold red]infeasible[/]"
+    yes = "[bold green]physically consistent[/]: links of positive density have them"
+    no = "[bold red]not physically consistent[/]: no links of positive density have them"
+    console.print(f"{verdict.kind} parameters: {yes if certificate.feasible else no}")
     console.print(
-        f"{verdict.kind} parameters: {word}, distance {certificate.distance:.4g} "
-        f"({100 * certificate.relative_distance:.3g} % of all values, {100 * certificate.inertial_distance:.3g} % of "
-        "those of bodies)"
+        f"  nearest consistent parameters: Euclidean distance {certificate.distance:.4g} "
+        f"({100 * certificate.relative_distance:.3g} % of all, {100 * certificate.inertial_distance:.3g} % of the "
+        f"inertial parameters); one choice of link masses for them, kg: {_list(certificate.masses)}"
     )
-    console.print(f"  masses of the nearest body in kg: {_list(certificate.masses)}")
     console.print(
-        f"  with every mass at most {verdict.heaviest:g} kg: distance {verdict.limited.distance:.4g}, masses "
+        f"  with no link above {verdict.heaviest:g} kg: distance {verdict.limited.distance:.4g}; masses, kg: "
         f"{_list(verdict.limited.masses)}"
     )
+    definite = "positive definite" if verdict.pose.min_eigenvalue > 0.0 else "not positive definite everywhere"
     console.print(
-        f"mass matrix, worst pose in the joint limits: {verdict.pose.min_eigenvalue:.5g} {verdict.pose.unit}"
+        f"mass matrix within the joint limits: {definite}; smallest eigenvalue {verdict.pose.min_eigenvalue:.5g} "
+        f"{verdict.pose.unit} at q = {_list(verdict.pose.q)}"
     )
-    console.print(f"  at q = {_list(verdict.pose.q)}")
     if verdict.along is not None:
         console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}")
-    for each in verdict.constraints:
-        if not each.ok:
-            note = " (within rounding)" if each.rounding else ""
-            console.print(f"  {each.constraint} link {each.link}: {each.value:.4g} against {each.bound:.4g}{note}")
+    broken = [each for each in verdict.constraints if not each.ok]
+    if broken:
+        console.print("rules of thumb that are not met; sound bodies break some of them, and they decide nothing:")
+    for each in broken:
+        note = " (met within rounding)" if each.rounding else ""
+        rule = f"{RULES[each.constraint]} {each.constraint}"
+        console.print(f"  link {each.link}: {rule}: {each.value:.4g}, bound {each.bound:.4g}{note}")
     print_findings(verdict.findings)
 
 

@@ -40,7 +40,9 @@ Lumped = Annotated[
         "without mass.",
     ),
 ]
-Unphysical = Annotated[bool, typer.Option("--allow-unphysical", help="Write links that no real body has, too.")]
+Unphysical = Annotated[
+    bool, typer.Option("--allow-unphysical", help="Write links that are not physically consistent, too.")
+]
 Unidentified = Annotated[
     bool,
     typer.Option(

@@ -32,11 +32,20 @@ ORDER = (4, 6, 9, 5, 7, 8)
 """Entries of an inertia as they are printed: xx yy zz xy xz yz."""
 
 
+PRIORS = {
+    "log-det": "bodies near those of the description (log-det divergence)",
+    "euclidean": "bodies near those of the description (Euclidean distance)",
+    "mass": "the smallest bodies (mass and second moments)",
+    "none": "none",
+}
+"""What a kind of prior asks for, in words."""
+
+
 def folded_line(estimate: Estimate) -> str:
     """How many parameters there are and how well they are known, in one line."""
     names = estimate.fit.names
     poor = int(estimate.fit.poorly_identified.sum())
-    known = f"; {poor} with σ % above ten times the smallest" if poor else ""
+    known = f"; relative standard deviation of {poor} more than ten times the smallest" if poor else ""
     return f"{len(names)} base parameters, {counted(names)}, by {estimate.method}{known}"
 
 
@@ -46,7 +55,7 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
     decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
     table = Table(
         title=f"{estimate.robot}: {len(fit.names)} base parameters ({counted(fit.names)}), {estimate.method}",
-        caption="* σ above ten times the smallest: much less certain than others, or a value near zero",
+        caption="σ %: relative standard deviation. * over ten times the smallest: poorly identified, or near zero",
         header_style="bold",
     )
     for name in ("parameter", "value", "unit", "σ %", "95 % interval"):
@@ -150,8 +159,8 @@ def status_line(standard: StandardFit) -> str:
     kinds = ("identified", "prior-dominated", "not identifiable")
     counts = ", ".join(f"{standard.status.count(kind)} {kind}" for kind in kinds)
     prior = standard.prior
-    weight = f", weight {prior.weight:.3g}: {prior.how}" if prior.weight else ""
-    return f"of {len(standard.names)} standard parameters {counts}; prior {prior.kind}{weight}"
+    weight = f", of weight {prior.weight:.3g} ({prior.how})" if prior.weight else ""
+    return f"of {len(standard.names)} standard parameters {counts}; prior: {PRIORS[prior.kind]}{weight}"
 
 
 def ladder_table(ladder: Ladder, robot: Robot) -> Table:

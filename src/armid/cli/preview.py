@@ -124,9 +124,10 @@ def _estimate(run: Run, arm: Robot) -> MassLayer | None:
         return None
     notes = {
         "estimated": "",
-        "nearest": "base values leave open how links share their mass; these are the real bodies nearest to the "
-        "description that have them",
-        "unphysical": "no real bodies have these base values; links without an ellipsoid are no real bodies",
+        "nearest": "base values leave open how links share their mass; these are the physically consistent "
+        "links nearest to the description that have them",
+        "unphysical": "no physically consistent links have these base parameters; those without an ellipsoid are not "
+        "consistent",
     }
     try:
         theta, kind, _ = values_to_write(run, allow_unphysical=True)

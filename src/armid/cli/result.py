@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["print_next", "print_result"]
 
 KINDS = {
-    "white": "residuals taken as white",
+    "white": "the variance of the residuals, taken as uncorrelated",
     "period": "the scatter between periods",
     "spectral": "the spectrum of the residuals",
     "block": "the scatter between blocks",

@@ -113,9 +113,9 @@ def choose(white: float, free: int | None, repeated: float) -> tuple[str, str]:
         repeated: Variance of the residual that repeats with the motion, over what chance leaves.
     """
     if white >= WHITE:
-        return "white", f"residuals pass the test of whiteness (p = {white:.2g})"
+        return "white", f"residuals are uncorrelated in time (test of whiteness, p = {white:.2g})"
     said = f"p = {white:.1g}" if white > LEAST_SAID else f"p < {LEAST_SAID:g}"
-    coloured = f"residuals are not white ({said})"
+    coloured = f"residuals are correlated in time (test of whiteness, {said})"
     if free is None:
         return "spectral", coloured
     if free < FEWEST_PERIODS - 1:
@@ -172,8 +172,8 @@ class Uncertainty:
         self.moved, share = self._moved(scatter.covariance)
         report = replace(report, moved=self.moved)
         if share:
-            said = f"rows next to reversals move a parameter by up to {share:.1f} deviations"
-            report = replace(report, why=f"{why}; {said}, and intervals reach as far")
+            said = f"samples next to velocity reversals shift a parameter by up to {share:.1f} standard deviations"
+            report = replace(report, why=f"{why}; {said}, by which intervals are widened")
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
 
     def _moved(self, covariance: Array) -> tuple[Array, float]:
@@ -215,7 +215,7 @@ class Uncertainty:
             return self._periods(motions, replace(report, why=f"{hindrance}; the motion repeats"))
         found = block_covariance(self.information, self.fit.values, self.fit.weights, self.inverse)
         if found is None:
-            why = f"{hindrance}, and fewer than {FEWEST_BLOCKS} blocks of rows: residuals are taken as white"
+            why = f"{hindrance}, and fewer than {FEWEST_BLOCKS} blocks of rows: residuals are taken as uncorrelated"
             return replace(self.white(), report=replace(report, why=why))
         covariance, free = found
         return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))

@@ -137,8 +137,8 @@ def _thin(bodies: Sequence[Body]) -> list[Finding]:
 def _impossible(bodies: Sequence[Body], wrong: Sequence[int]) -> Finding:
     names = ", ".join(bodies[k].name for k in wrong)
     what = (
-        f"no real body has the inertia that the description gives {names}; nothing was identified of such a body "
-        "alone, so it stands in the file as in the description, and some simulators refuse it as they refuse that"
+        f"the inertia that the description gives {names} is not physically consistent; it was not identified by "
+        "itself and stays as it is, so that simulators that refuse the description refuse the file, too"
     )
     return Finding("carried-impossible", "info", "", what)
 
@@ -147,8 +147,9 @@ def _corrected_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int
     names = ", ".join(bodies[k].name for k in wrong)
     scaled = "" if factor == 1.0 else f", and mass and inertia times {factor:.3g}"
     what = (
-        f"no real body has the inertia that the description gives {names}, and with it none would be left for "
-        f"{carrier}: written with the nearest possible inertia{scaled}; the torque of the arm is that of the estimate"
+        f"the inertia that the description gives {names} is not physically consistent, and neither would be what it "
+        f"leaves of the identified link for {carrier}: written with the nearest consistent inertia{scaled}; "
+        "the torque of the arm is that of the estimate"
     )
     return Finding("carried-corrected", "warning", carrier, what, _cure(names, carrier))
 
@@ -156,9 +157,14 @@ def _corrected_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int
 def _scaled_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int], factor: float) -> Finding:
     names = ", ".join(body.name for body in bodies)
     which = ", ".join(bodies[k].name for k in wrong)
-    also = f"; the nearest possible inertia stands for that of {which}, which no real body has" if wrong else ""
+    also = (
+        f"; {which}, not physically consistent in the description, got the nearest consistent inertia"
+        if wrong
+        else ""
+    )
     what = (
-        f"with {names} as described, no real body would be left for {carrier}; they were scaled by {factor:.3g}{also}"
+        f"with {names} as described, what is left of the identified link for {carrier} would not be physically "
+        f"consistent; they were scaled by {factor:.3g}{also}"
         "; the torque of the arm is that of the estimate"
     )
     return Finding("children-scaled", "warning", carrier, what, _cure(names, carrier))

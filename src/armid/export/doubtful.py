@@ -47,14 +47,14 @@ def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple
     """
     if not names:
         return ()
-    what = f"no real body has what was identified of {', '.join(names)}"
+    what = f"not physically consistent: {', '.join(names)}; no body of positive density has what was identified"
     if allowed:
         return (Finding("unphysical", "warning", "", what),)
     again = 'identify again with method = "physical".'
     other = "correct these in the description, or write a file of another format."
     raise OutputError(
         f"{what[0].upper()}{what[1:]}.",
-        possible="--allow-unphysical writes it all the same; simulators may refuse it",
+        possible="--allow-unphysical writes it all the same; simulators may refuse the file",
         remedy=again if run.estimate.fit.standard is None else other,
     )
 
@@ -91,12 +91,14 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
     what = f"no torque tells the mass of {', '.join(guessed)}, and the description gives none"
     if not allowed:
         raise OutputError(
-            f"{what[0].upper()}{what[1:]}: these numbers are any that fit, no knowledge.",
+            f"{what[0].upper()}{what[1:]}: they are some of many values that fit.",
             possible="--allow-unidentified writes them; torque in free motion is right, masses are not",
             remedy="give these links a mass in the description, rough ones will do, and identify again: what torque "
             "does not tell then stays near the description.",
         )
-    return (Finding("unidentified", "warning", "", f"{what}; what stands in the file is any that fits"),)
+    return (
+        Finding("unidentified", "warning", "", f"{what}; what stands in the file is one of many values that fit"),
+    )
 
 
 def far_bodies(run: Run, content: Content, bodies: Sequence[Body] | None, kind: str) -> list[Finding]:

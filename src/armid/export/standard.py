@@ -89,8 +89,9 @@ def values_to_write(
         change = np.linalg.lstsq(basis, anchor - particular, rcond=None)[0]
         return particular + basis @ change, "unphysical", (_unphysical(run),)
     raise OutputError(
-        f"No real bodies have exactly the base values that {run.estimate.method} found; nothing was written.",
-        possible="armid certify tells how far off they are",
+        f"No physically consistent links have exactly the base parameters that {run.estimate.method} found; "
+        "nothing was written.",
+        possible="armid certify tells how far the nearest consistent ones are",
         remedy='identify again with method = "physical".' if theta is None else "give the file a body for each link.",
     )
 
@@ -259,13 +260,13 @@ def _said(run: Run, standard: Standard, theta: Array | None, found: Array, neare
         if theta is not None
         else f"{run.estimate.method} estimates base parameters only, which leave open how links share their mass"
     )
-    what = "written are the real bodies with exactly its base values that"
+    what = "written are the physically consistent links with exactly its base parameters that"
     if standard.nominal is not None:
         before = f" (of the estimate {distance_to_description(run, theta):.3g})" if theta is not None else ""
         what = (
-            f"{what} are nearest to the description: least is the relative change of the pseudo-inertias, mass, "
-            f"first moment and inertia of all links together, {distance_to_description(run, found):.3g}{before}; one "
-            "mass alone may have moved away"
+            f"{what} are nearest to the description: the relative change of the pseudo-inertias, which hold mass, "
+            f"first moment and inertia, is least for all links together, {distance_to_description(run, found):.3g}"
+            f"{before}; the mass of a single link may be further from the description"
         )
     elif theta is not None:
         what = f"the description gives no masses, so {what} are nearest to the estimate"
@@ -275,10 +276,13 @@ def _said(run: Run, standard: Standard, theta: Array | None, found: Array, neare
 
 
 def _none_nearer() -> Finding:
-    what = "no real bodies nearer to the description were found that have exactly these base values"
+    what = "no physically consistent links nearer to the description were found that have these base parameters"
     return Finding("nearest-not-found", "warning", "", f"{what}; written are those of the estimate")
 
 
 def _unphysical(run: Run) -> Finding:
-    what = f"no real bodies have the base values of {run.estimate.method}; written are the nearest numbers that do"
+    what = (
+        f"no physically consistent links have the base parameters of {run.estimate.method}; the nearest inconsistent "
+    )
+    what += "ones that have are written"
     return Finding("bodies-unphysical", "warning", "", what, 'identify again with method = "physical"')

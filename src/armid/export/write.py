@@ -217,7 +217,8 @@ def _not_placed(run: Run, exporter: Exporter) -> list[Finding]:
         findings.append(Finding("friction-averaged", "info", "", what))
     for use in run.estimate.terms:
         if use.name == "coulomb" and use.shapes.get("width"):
-            what = f"friction turns over {use.shapes['width']} rad/s (m/s) in the model; the file says its size alone"
+            width = use.shapes["width"]
+            what = f"the model smooths Coulomb friction over {width} rad/s (m/s); the file has its magnitude alone"
             findings.append(Finding("no-place", "info", use.name, what))
     return findings
 

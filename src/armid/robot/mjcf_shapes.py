@@ -7,6 +7,7 @@ are not shown. Meshes are looked for in the compiler's folders; files are not op
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,15 @@ from armid.maths.spatial import homogeneous
 from armid.robot.markup import numbers
 from armid.robot.mjcf_plain import Plain
 from armid.robot.pinocchio_model import pinocchio
-from armid.robot.shapes import Kind, Shape, capsule_between, looks_missing, meshes_missing, rotation_with_z
+from armid.robot.shapes import (
+    Kind,
+    Shape,
+    capsule_between,
+    looks_missing,
+    meshes_missing,
+    rotation_with_z,
+    shape_name,
+)
 from armid.values import Array
 
 __all__ = ["add_sites", "carriers_of", "shapes_of_mjcf"]
@@ -63,12 +72,12 @@ def shapes_of_mjcf(
     visuals: list[Shape] = []
     missing: dict[str, str] = {}
     unseen: dict[str, str] = {}
-    count: dict[str, int] = {}
+    count: Counter[tuple[str, bool]] = Counter()
     for body, geom in plain.geoms:
         link, placement = carriers.get(body, (-1, np.eye(4)))
-        count[body] = count.get(body, 0) + 1
-        name = (body or "world") + (f" ({count[body]})" if count[body] > 1 else "")
         touches = (geom.get("contype", "1"), geom.get("conaffinity", "1")) != ("0", "0")
+        count[body, touches] += 1
+        name = shape_name(body or "world", count[body, touches])
         shape = _shape(name, geom, meshes)
         if shape is None:
             (missing if touches else unseen)[name] = geom.get("mesh", "")

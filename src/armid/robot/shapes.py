@@ -13,7 +13,7 @@ from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous
 from armid.values import Array, array
 
-__all__ = ["Shape", "capsule_between", "looks_missing", "meshes_missing", "rotation_with_z"]
+__all__ = ["Shape", "capsule_between", "looks_missing", "meshes_missing", "rotation_with_z", "shape_name"]
 
 Kind = Literal["capsule", "sphere", "cylinder", "box", "mesh", "half-space"]
 
@@ -62,6 +62,11 @@ class Shape:
     def on(self, link: int, placement: Array) -> Shape:
         """The same carried by another link, whose frame sees this one's frame at a placement (4, 4)."""
         return replace(self, link=link, placement=placement @ self.placement)
+
+
+def shape_name(link: str, number: int) -> str:
+    """What messages call the n-th shape of a link, from 1 on: by the link's name, after the first with the number."""
+    return link if number == 1 else f"{link} shape {number}"
 
 
 def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radius: float) -> Shape:

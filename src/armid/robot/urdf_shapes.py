@@ -16,7 +16,7 @@ from armid.maths.spatial import axis_rotation, homogeneous, rpy_rotation
 from armid.robot.markup import numbers
 from armid.robot.packages import file_of
 from armid.robot.robot import Robot
-from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing
+from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing, shape_name
 from armid.values import Array
 
 __all__ = ["shapes_of_urdf"]
@@ -43,12 +43,12 @@ def shapes_of_urdf(
     missing: dict[str, str] = {}
     for link in root.iter("link"):
         name = link.get("name", "")
-        for number, body in enumerate(link.findall(kind)):
+        for number, body in enumerate(link.findall(kind), 1):
             geometry = body.find("geometry")
             if geometry is None or not len(geometry):
                 continue
             joint, placement = _carrier(name, above, robot, locked, source)
-            label = name if number == 0 else f"{name} ({number + 1})"
+            label = shape_name(name, number)
             try:
                 form, size, path = _geometry(geometry[0], source, f"the {kind} of {label!r}")
                 if form == "mesh" and not path:

@@ -77,14 +77,17 @@ class Verdict(Shown):
     findings: tuple[Finding, ...]
 
     def summary(self) -> Summary:
-        """Whether a real body can have the parameters, and how far the nearest is."""
+        """Physical consistency, and how far the nearest consistent parameters are."""
         nearest = self.certificate
         rows = (
-            ("distance to the nearest real body", f"{nearest.distance:.4g} ({nearest.relative_distance:.3%})"),
-            ("masses of that body", ", ".join(f"{mass:.4g}" for mass in nearest.masses) + " kg"),
-            ("mass matrix, worst pose", f"{self.pose.min_eigenvalue:.5g} {self.pose.unit}"),
+            (
+                "distance to the nearest consistent parameters",
+                f"{nearest.distance:.4g} ({nearest.relative_distance:.3%})",
+            ),
+            ("masses of links that have these", ", ".join(f"{mass:.4g}" for mass in nearest.masses) + " kg"),
+            ("mass matrix, smallest eigenvalue", f"{self.pose.min_eigenvalue:.5g} {self.pose.unit}"),
         )
-        said = "feasible" if nearest.feasible else "infeasible"
+        said = "physically consistent" if nearest.feasible else "not physically consistent"
         note = " ".join(part for each in self.findings for part in (each.evidence, each.remedy) if part)
         return Summary(f"{self.kind} parameters: {said}", ("", ""), rows, note)
 
@@ -205,8 +208,9 @@ def _own_bodies(run: Run, standard: StandardFit) -> Finding:
     places = [standard.names.index(f"M_{link + 1}") for link in range(run.model.n)]
     masses = ", ".join(f"{standard.values[k]:.4g}" for k in places)
     evidence = (
-        f"The run's own bodies weigh {masses} kg; the smallest eigenvalue of their pseudo-inertias is "
-        f"{standard.proof.smallest_eigenvalue:.3g}. The masses above are of other bodies with its base parameters."
+        f"The links that the run has estimated weigh {masses} kg; the smallest eigenvalue of their pseudo-inertias "
+        f"is {standard.proof.smallest_eigenvalue:.3g}. The masses above are another choice with the same base "
+        "parameters, and so with the same torque."
     )
     return Finding("own-bodies", "info", "", evidence)
 
@@ -216,14 +220,17 @@ def _meaning(run: Run, verdict: Verdict) -> Finding:
     fit = run.estimate.fit
     half = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
-    why = "the nearest real body lies within the 95 % intervals, so noise explains it"
+    why = "the nearest consistent parameters lie within the 95 % intervals, so noise explains it"
     remedy = "trust torques along such motions and nothing else"
     if beyond:
-        why = f"a real body would have {', '.join(beyond[:4])} outside the 95 % intervals, so noise is not all of it"
+        outside = ", ".join(beyond[:4])
+        why = f"the nearest consistent ones have {outside} outside the 95 % intervals, so noise is not all of it"
         remedy = "see what armid doctor says of the recordings and what the report says of the residuals; " + remedy
     if fit.standard is None:
-        remedy += "; identify with --method physical, which keeps to real bodies"
-    evidence = f"{run.estimate.method} looks at torque and not at bodies" if fit.standard is None else "Rounding"
+        remedy += "; identify with --method physical, which keeps links physically consistent"
+    evidence = f"{run.estimate.method} fits torque without a constraint on the links"
+    if fit.standard is not None:
+        evidence = "The estimate is consistent up to rounding"
     return Finding("what-it-means", "info", "", f"{evidence}; {why}.", f"{remedy}.")
 
 
@@ -352,9 +359,9 @@ def _findings(
                 "not-physical",
                 "error",
                 "",
-                f"No real body has these values. The nearest lies {certificate.distance:.4g} away "
-                f"({100 * certificate.relative_distance:.3g} %), mostly in {worst}; where no link may weigh more "
-                f"than {heaviest:g} kg, {limited.distance:.4g}.",
+                f"No links of positive density have these parameters. The nearest consistent ones lie "
+                f"{certificate.distance:.4g} away ({100 * certificate.relative_distance:.3g} %), mostly in {worst}; "
+                f"where no link may weigh more than {heaviest:g} kg, {limited.distance:.4g}.",
                 "do not simulate or export them as they are.",
             )
         )
@@ -365,12 +372,14 @@ def _findings(
                 evidence = f"Smallest eigenvalue of its pseudo-inertia {smallest:.3g}."
                 findings.append(Finding("link-not-physical", "error", model.robot.links[k].name, evidence))
     if pose.min_eigenvalue <= 0.0:
-        evidence = f"The mass matrix loses its positive definiteness: {pose.min_eigenvalue:.3g} at the worst pose."
+        smallest = pose.min_eigenvalue
+        evidence = f"The mass matrix is not positive definite everywhere: its smallest eigenvalue is {smallest:.3g}."
         findings.append(Finding("mass-matrix-indefinite", "error", "", evidence))
     elif not certificate.feasible:
         evidence = (
-            f"The mass matrix stays positive definite within the joint limits ({pose.min_eigenvalue:.4g} at the "
-            "worst pose), although no real body has these values: that test is necessary, not sufficient."
+            "The mass matrix is positive definite within the joint limits (smallest eigenvalue "
+            f"{pose.min_eigenvalue:.4g}), although no links of positive density have these "
+            "parameters: that test is necessary, not sufficient."
         )
         findings.append(Finding("mass-matrix-positive", "info", "", evidence))
     base = find_base_parameters(model)

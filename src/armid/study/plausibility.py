@@ -161,7 +161,7 @@ def few_blocks_finding(fit: Fit) -> Finding | None:
         "few-blocks",
         "warning",
         "",
-        f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as white and are too narrow.",
+        f"Fewer than {FEWEST_BLOCKS} blocks of rows: intervals take residuals as uncorrelated and are too narrow.",
         "record longer.",
     )
 

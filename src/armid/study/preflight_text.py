@@ -72,7 +72,7 @@ def report_text(designed: Designed) -> str:
         "",
         f"{series.robot}: {series.harmonics} harmonics over {series.period:g} s, {times}{ways}",
         f"designed for {goal.criterion}; condition number {expected.condition:.2f}, "
-        f"log det of the information {expected.log_det:.2f}",
+        f"log-determinant of the Fisher information {expected.log_det:.2f}",
         "",
         "limits (share of the limit on a grid of 1 kHz, and certified between its points)",
         *(_limit_line(m, designed) for m in report.margins if m.limit != "collision"),
@@ -112,7 +112,7 @@ def _expected_lines(designed: Designed) -> list[str]:
     noise = ", ".join(f"{x:g}" for x in goal.noise)
     lines = [
         "",
-        f"predicted standard deviations, for white torque noise of {noise} (N·m or N) at {goal.rate:g} Hz",
+        f"predicted standard deviations, for uncorrelated torque noise of {noise} (N·m or N) at {goal.rate:g} Hz",
     ]
     order = np.argsort(-expected.deviation)
     for k in order[:MOST_LINES]:

@@ -90,7 +90,8 @@ def _table(material: Material) -> Table:
             ]
         )
     note = (
-        "σ: standard deviation over the value under white residuals. * σ above ten times the smallest. CAD/URDF: the "
+        "σ: relative standard deviation if residuals were uncorrelated. * More than ten times the smallest: poorly "
+        "identified, or near zero. CAD/URDF: the "
         "value of the description, where it has one; it says nothing of friction."
     )
     title = f"Base parameters of {estimate.robot}, joint by joint: {_kinds(material)}"

@@ -67,7 +67,7 @@ from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotatio
 from armid.robot.markup import check_locked
 from armid.robot.outline import Named, Outline
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
-from armid.robot.shapes import Shape, capsule_between
+from armid.robot.shapes import Shape, capsule_between, shape_name
 from armid.values import Array
 
 __all__ = ["SUFFIXES", "outline", "read", "recognises"]
@@ -216,11 +216,11 @@ def _joint(row: _Table, parent: int, placement: Array) -> Joint:
 def _capsules(data: dict[str, Any], where: str, name: str, link: int, to_end: Array) -> list[Shape]:
     """Capsules of a joint's link, or of the base, given in the frame where the row ends."""
     result: list[Shape] = []
-    for number, given in enumerate(_tables(data, "capsule", where)):
-        table = _Table(given, f"{where}, capsule {number + 1}")
+    for number, given in enumerate(_tables(data, "capsule", where), 1):
+        table = _Table(given, f"{where}, capsule {number}")
         table.only(("from", "to", "radius"))
         table.require(("from", "to", "radius"))
-        label = name if number == 0 else f"{name} ({number + 1})"
+        label = shape_name(name, number)
         body = capsule_between(label, link, table.vector("from", 3), table.vector("to", 3), table.number("radius"))
         result.append(body.on(link, to_end))
     return result
