@@ -710,6 +710,14 @@ def test_in_a_pipe_there_are_neither_colours_nor_bars(small: Path, tmp_path: Pat
     assert "\x1b" not in done.stdout + done.stderr and "\r" not in done.stdout and "run written to" in done.stdout
 
 
+@pytest.mark.parametrize(("columns", "width"), [("60", 60), ("200", 200), ("wide", 120)])
+def test_the_width_that_is_asked_for_holds_in_a_pipe(small: Path, tmp_path: Path, columns: str, width: int):
+    done = program("doctor", small / "study.toml", cwd=tmp_path, COLUMNS=columns)
+    long = program("identify", tmp_path / ("nowhere" * 40), cwd=tmp_path, COLUMNS=columns).stderr
+    assert max(map(len, done.stdout.splitlines())) <= width
+    assert max(map(len, long.splitlines())) in range(width - 12, width + 1)
+
+
 def test_the_program_ends_with_the_code_of_its_verdict_or_error(run: Path, small: Path, tmp_path: Path):
     assert program("validate", run, small / "run2.csv", "--json", cwd=tmp_path).returncode == 0
     assert program("validate", run, small / "run2.csv", "--torque-sign", -1, cwd=tmp_path).returncode == 1

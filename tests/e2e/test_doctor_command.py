@@ -55,7 +55,10 @@ def test_people_without_a_study_are_told_an_option_or_the_study_they_need(
     assert "--torque-sign -1" in called(capsys, arm, str(turned))[1]
     slow = write_recording(replace(log, time=1e3 * log.time), tmp_path / "slow.csv")
     out = called(capsys, arm, str(slow))[1]
-    assert "in a study.toml:" in out and "time_unit = 0.001" in out and "[[recording]]" in out
+    assert "--time-unit 0.001" in out and "in a study.toml:" not in out
+    one = log.effort * [1.0, 1.0, -1.0]
+    out = called(capsys, arm, str(write_recording(replace(log, effort=one), tmp_path / "one.csv")))[1]
+    assert "in a study.toml:" in out and "torque_sign = [1, 1, -1]" in out and "[[recording]]" in out
 
 
 def test_bad_input_is_no_finding(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -179,3 +181,35 @@ def test_options_hold_for_recordings_to_check_on_and_it_is_said(tmp_path: Path, 
     assert called(capsys, "validate", run, check)[0] == 0
     code, _, err = called(capsys, "identify", arm, train, "--out", run, "--no-report", "--units", "deg")
     assert "reading-shared" not in err
+
+
+def test_the_hint_has_the_options_that_read_the_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    arm, clock = write_arm(tmp_path), "Stempel 1"
+    train, check = (
+        as_table(small_recording(k), tmp_path / f"{k}.csv", "q{}", "tau{}", ("1", "2", "3")) for k in (1, 2)
+    )
+    for path in (train, check):
+        path.write_text(path.read_text().replace("t [ms]", clock, 1))
+    asked = ("identify", arm, train, "--validate", check, "--no-report", "--out", tmp_path / "run")
+    code, _, err = called(capsys, *asked)
+    hint = " ".join(err.split()).partition("hint: ")[2]
+    options = shlex.split(hint.partition("; in a study")[0])
+    assert code == 2 and options == ["--columns", f"time={clock}", "--time-unit", "0.001"]
+    assert 'columns = { time = "Stempel 1" }' in hint  # the words of a study come after
+    code, out, _ = called(capsys, "doctor", arm, train)
+    assert code == 1 and shlex.join(options[:2]) in " ".join(re.sub("[│┃]", " ", out).split())
+    assert called(capsys, *asked, *options)[0] == 0
+    assert called(capsys, "doctor", arm, train, *options)[0] == 0
+    # A run keeps the unit; another log of it may have its clock under another name.
+    check.write_text(check.read_text().replace(clock, "Marke", 1))
+    assert called(capsys, "validate", tmp_path / "run", check)[0] == 2
+    assert called(capsys, "validate", tmp_path / "run", check, "--columns", "time=Marke")[0] == 0
+
+
+def test_options_beside_a_study_are_refused_by_the_doctor(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    study = tmp_path / "study.toml"
+    study.write_text('[robot]\ndescription = "panda"\n[[recording]]\npath = "a.csv"\n')
+    code, _, err = called(capsys, "doctor", study, "--rate", "50")
+    assert code == 2 and "says all by itself" in err
+    code, _, err = called(capsys, "identify", study, "--columns", "q1")
+    assert code == 2 and "--columns q1: no quantity" in err

@@ -12,7 +12,7 @@ from armid.errors import Finding, StudyError
 from armid.measurement.reading import Reading
 from armid.measurement.remedy import BY_HAND, excluding, lines, naming
 from armid.study.doctor import diagnose_recording
-from armid.study.remedies import applied, as_option, as_study, tables_of
+from armid.study.remedies import applied, as_option, as_study, at_the_prompt, tables_of
 from armid.study.study import ModelChoice, RecordingChoice, RobotChoice, Study, parse_study
 from healing import TRUE, delay_error, is_right, told_after
 from sick import FAULTS, Case, sound
@@ -200,6 +200,9 @@ def test_what_is_no_line_of_a_study_is_refused():
         ("gravity = [0.0, 0.0, 9.81]  # in [robot]", "--gravity 0 0 9.81"),
         ('terms = ["rigid-body", "viscous"]  # in [model]', "--terms rigid-body,viscous"),
         ('units = "deg"', "--units deg"),
+        ('columns = { time = "Zeit [ms]", q = ["a", "b"] }', "--columns 'time=Zeit [ms]' --columns q=a,b"),
+        ('columns = { q = ["a,b", "c"] }', None),
+        ("slow = 0.05", "--slow 0.05"),
         ("torque_sign = [1, -1]", None),
         ("joint_offset = [0.1]", None),
         ("record it again", None),
@@ -215,3 +218,21 @@ def test_a_whole_study_says_what_no_option_does():
     assert found.model.terms == ("rigid-body",)
     assert found.robot.gravity == (0.0, 0.0, 9.81)
     assert found.recordings[0].reading.exclude == ((1.0, 2.0),) and found.recordings[0].reading.rate == 50.0
+
+
+@pytest.mark.parametrize(
+    ("remedy", "said"),
+    [
+        ("slow = 0.05", "--slow 0.05; in a study: slow = 0.05"),
+        ("rate = 50.0  # Hz", "in a study: rate = 50.0  # Hz"),  # where the command has no such option
+        ("delay = 0.1", "in a study: delay = 0.1"),
+        ("record it again.", "record it again."),
+        (
+            'They do not count; standstill = "keep" counts them.',
+            'They do not count; --standstill keep (in a study: standstill = "keep") counts them.',
+        ),
+        ("rename with joints = { file name = robot joint }.", "rename with joints = { file name = robot joint }."),
+    ],
+)
+def test_at_the_prompt_options_of_the_command_go_before_keys_of_a_study(remedy: str, said: str):
+    assert at_the_prompt(remedy, ("slow", "standstill")) == said

@@ -6,6 +6,8 @@ from typing import Any
 
 from typer.core import TyperCommand
 
+from armid.cli.hints import CONTEXT
+
 __all__ = ["Command"]
 
 
@@ -16,6 +18,11 @@ class Command(TyperCommand):
         super().__init__(*arguments, **options)
         for param in self.params:
             _bare(param)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; hints know its options."""
+        CONTEXT.set(ctx)
+        return super().invoke(ctx)
 
     def get_help_option(self, ctx: Any) -> Any:
         """The option for help, a switch as others are."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from rich.console import Console
@@ -15,6 +17,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from armid.cli.hints import hint
 from armid.errors import ArmidError, Finding
 from armid.shown import names_apart
 from armid.study.compare import MethodTable
@@ -35,6 +38,7 @@ __all__ = [
 ]
 
 WIDTH_IN_A_PIPE = 120
+"""Columns of what is no terminal, where `COLUMNS` does not say."""
 
 SHAPES = ("bodies-from-visuals", "mesh-missing", "visual-left-out", "visual-missing")
 """Findings about the shapes of an arm, which say nothing of its dynamics."""
@@ -51,12 +55,20 @@ MOST_COLUMNS = 2
 
 def output_console() -> Console:
     """Standard output; plain text where it is no terminal."""
-    return Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH_IN_A_PIPE, highlight=False)
+    return Console(file=sys.stdout, width=_width(sys.stdout), highlight=False)
 
 
 def error_console() -> Console:
     """Standard error."""
-    return Console(file=sys.stderr, width=None if sys.stderr.isatty() else WIDTH_IN_A_PIPE, highlight=False)
+    return Console(file=sys.stderr, width=_width(sys.stderr), highlight=False)
+
+
+def _width(stream: TextIO) -> int | None:
+    """Columns of a stream: of a terminal its own, in a pipe what `COLUMNS` says."""
+    asked = os.environ.get("COLUMNS", "")
+    if stream.isatty():
+        return None
+    return int(asked) if asked.isdecimal() and int(asked) > 0 else WIDTH_IN_A_PIPE
 
 
 def print_error(error: ArmidError) -> None:
@@ -83,7 +95,7 @@ def print_findings(findings: Sequence[Finding], *, shapes: bool = False) -> None
     for finding in sorted(told, key=lambda finding: list(colours).index(finding.severity)):
         where = f"{finding.channel}: " if finding.channel else ""
         stop = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
-        text = stop.join(part for part in (where + finding.evidence, finding.remedy) if part)
+        text = stop.join(part for part in (where + finding.evidence, hint(finding.remedy)) if part)
         colour = colours[finding.severity]
         console.print(f"[{colour}]{finding.severity}[/] [{colour}]{finding.code}[/] {escape(text)}")
 

@@ -14,15 +14,14 @@ from armid.cli.options import (
     Lock,
     Only,
     Package,
-    Rate,
     Terms,
     TipLink,
-    TorqueSign,
     known_arms,
     model_choice,
     robot_choice,
 )
-from armid.errors import ArmidError
+from armid.cli.reading import Columns, Rate, TimeUnit, TorqueSign, Units, given
+from armid.errors import ArmidError, StudyError
 
 if TYPE_CHECKING:
     from armid.study.doctor import Diagnosis
@@ -41,7 +40,9 @@ def doctor(
     ] = None,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
-    units: Annotated[str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles.")] = None,
+    units: Units = None,
+    columns: Columns = None,
+    time_unit: TimeUnit = None,
     period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
     gravity: Gravity = None,
     lock: Lock = None,
@@ -66,11 +67,15 @@ def doctor(
     from armid.study.records import to_json
     from armid.study.study import RecordingChoice, Study, load_study
 
-    given = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": period}
-    said: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    said = given(columns, rate, torque_sign, units, time_unit, period)
     if not recordings:
         if Path(subject).suffix != ".toml":
             raise ArmidError(f"{subject} is no study, and no recording is given.", remedy="give a recording of it.")
+        if said or any((gravity, lock, only, tip, package, terms)):
+            raise StudyError(
+                f"{subject} says all by itself; options are for an arm and recordings.",
+                remedy="write it into the study.",
+            )
         study = load_study(subject)
     else:
         reading = Reading(**said)
@@ -89,12 +94,13 @@ def _without_study(found: tuple[Diagnosis, ...], study: Study, said: dict[str, A
     """The findings with remedies for somebody who has no study: an option, or the study that is needed."""
     from dataclasses import replace
 
+    from armid.cli.hints import options_of_command
     from armid.study.remedies import as_option, as_study, tables_of
 
     def told(remedy: str, path: str) -> str:
         if not tables_of(remedy):
             return remedy
-        option = as_option(remedy)
+        option = as_option(remedy, options_of_command())
         return option or f"in a study.toml:\n{as_study(remedy, study, path, said)}"
 
     return tuple(

@@ -10,6 +10,7 @@ import typer
 
 from armid.cli.completion import EXPORTS, among
 from armid.cli.options import Json
+from armid.cli.reading import Data
 
 if TYPE_CHECKING:
     from armid.export.write import Exported
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["export"]
 
 Moved = Annotated[Path | None, typer.Option(metavar="FILE", help="Where the robot description is, if it was moved.")]
-Data = Annotated[
-    Path | None, typer.Option("--data", metavar="FOLDER", help="Where the recordings are, if they were moved.")
-]
 Limit = Annotated[
     list[str] | None,
     typer.Option(

@@ -19,17 +19,16 @@ from armid.cli.options import (
     Only,
     Out,
     Package,
-    Rate,
     Terms,
     Threads,
     TipLink,
-    TorqueSign,
     Verbose,
     known_arms,
     model_choice,
     robot_choice,
     run_folder,
 )
+from armid.cli.reading import Columns, Rate, TimeUnit, TorqueSign, Units, given
 from armid.cli.report import NoReport, write_page
 
 if TYPE_CHECKING:
@@ -67,6 +66,13 @@ HeldOut = Annotated[
 Cutoff = Annotated[
     str | None, typer.Option(metavar="HZ|auto", help="Cut-off of the filter, Hz; 5 by default; auto: by the motion.")
 ]
+Edges = Annotated[str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording; drop by default.")]
+Slow = Annotated[
+    float | None, typer.Option(help="Rows count for a joint only while it is as fast as this, rad/s or m/s; 0.")
+]
+Standstill = Annotated[
+    str | None, typer.Option(metavar="drop|keep", help="Rows of a joint that stands among others; drop by default.")
+]
 Method = Annotated[
     str | None,
     typer.Option(
@@ -92,14 +98,14 @@ def identify(
     terms: Terms = None,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
-    units: Annotated[
-        str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles; rad by default.")
-    ] = None,
+    units: Units = None,
+    columns: Columns = None,
+    time_unit: TimeUnit = None,
     period: Annotated[str | None, typer.Option(metavar="S|none", help=PERIOD_HELP)] = None,
     cutoff: Cutoff = None,
-    edges: Annotated[
-        str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording; drop by default.")
-    ] = None,
+    edges: Edges = None,
+    slow: Slow = None,
+    standstill: Standstill = None,
     method: Method = None,
     compare: Annotated[bool, typer.Option("--compare", help="Also try every other method; one table.")] = False,
     threads: Threads = 1,
@@ -125,9 +131,10 @@ def identify(
 
     if out is not None:
         refuse_folder(out)
-    said = {"rate": rate, "torque_sign": torque_sign, "units": units, "period": _period(period)}
+    said = given(columns, rate, torque_sign, units, time_unit, _period(period))
     study = _study(inputs, validate or [], said, (gravity, lock, only, tip, package), terms)
-    study = _overridden(study, preset, cutoff, edges, method)
+    how = {"cutoff": _cutoff(cutoff), "edges": edges, "slow": slow, "standstill": standstill}
+    study = _overridden(study, preset, how, method)
     prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
     print_findings(_shared(study, validate or []))
     folder, replaced = _save(result, table, out)
@@ -212,14 +219,13 @@ def _study(
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """The study that the arguments name or describe; of a reading counts what is not `None`."""
+    """The study that the arguments name or describe, with what they say of a reading."""
     from armid.measurement.reading import Reading
     from armid.study.study import RecordingChoice, Study, default_estimation
 
-    reading = {name: value for name, value in said.items() if value is not None}
     if len(inputs) == 1:
-        return _changed_study(inputs[0], validate, reading, arm, terms)
-    how = Reading(**reading)
+        return _changed_study(inputs[0], validate, said, arm, terms)
+    how = Reading(**said)
     recordings = tuple(RecordingChoice(path, reading=how) for path in inputs[1:])
     recordings += tuple(RecordingChoice(path, "validate", how) for path in validate)
     model = model_choice(terms)
@@ -277,11 +283,20 @@ def _changed_study(
     return replace(study, robot=robot, model=model, recordings=(*study.recordings, *extra), estimation=estimation)
 
 
-def _overridden(
-    study: Study, preset: Preset | None, cutoff: str | None, edges: str | None, method: str | None
-) -> Study:
-    """The study with what the command line says of processing and estimation."""
+def _cutoff(text: str | None) -> float | str | None:
+    """What --cutoff says."""
     from armid.errors import StudyError
+
+    if text is None or text == "auto":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise StudyError(f"--cutoff {text} is no frequency.", possible="a number [Hz], auto") from None
+
+
+def _overridden(study: Study, preset: Preset | None, how: dict[str, Any], method: str | None) -> Study:
+    """The study with what the command line says of processing and estimation; of `how` counts what is not `None`."""
     from armid.measurement.processing import THESIS
     from armid.study.study import EstimationChoice
 
@@ -290,15 +305,9 @@ def _overridden(
         processing = THESIS
         estimation = EstimationChoice("ols")
         model = model if model.terms else model_choice(None, default=BASE_TERMS)
-    changes: dict[str, Any] = {}
-    if cutoff is not None:
-        try:
-            changes["cutoff"] = cutoff if cutoff == "auto" else float(cutoff)
-        except ValueError:
-            raise StudyError(f"--cutoff {cutoff} is no frequency.", possible="a number [Hz], auto") from None
-    if edges is not None:
-        changes["edges"] = edges
-        changes["average"] = processing.average and edges == "periodic"
+    changes = {key: value for key, value in how.items() if value is not None}
+    if "edges" in changes:
+        changes["average"] = processing.average and changes["edges"] == "periodic"
     processing = replace(processing, **changes)
     if method is not None:
         estimation = replace(estimation, method=method)

@@ -23,6 +23,7 @@ from armid.cli.demo import demo
 from armid.cli.doctor import doctor
 from armid.cli.excite import excite
 from armid.cli.export import export
+from armid.cli.hints import hint
 from armid.cli.identify import identify
 from armid.cli.next_step import next_step
 from armid.cli.payload import payload
@@ -48,12 +49,15 @@ class _StoppedError(Exception):
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with Ctrl-C as an exception that `main` sees."""
+    """The command with Ctrl-C as an exception that `main` sees, and with hints that name its options."""
 
     @wraps(command)
     def run(**options: Any) -> None:
         try:
             command(**options)
+        except ArmidError as error:
+            error.remedy = hint(error.remedy)
+            raise
         except KeyboardInterrupt:
             raise _StoppedError from None
 

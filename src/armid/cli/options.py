@@ -92,8 +92,6 @@ Terms = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write.")]
-Rate = Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")]
-TorqueSign = Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also print every parameter with its interval.")]
 Threads = Annotated[int, typer.Option("--threads", min=1, help="Threads of the kernel.")]
 

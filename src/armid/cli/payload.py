@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armid.cli.options import Json, Out, Rate, TorqueSign
-from armid.cli.validate import changed_reading
+from armid.cli.options import Json, Out
+from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -37,6 +37,7 @@ def payload(
     ] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
+    columns: Columns = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -53,10 +54,11 @@ def payload(
     from armid.study.run import load_run
     from armid.values import replace_file
 
+    loaded = load_run(run)
     found = find_payload(
-        load_run(run),
+        loaded,
         recordings,
-        changed_reading(rate, torque_sign),
+        changed_reading(loaded.reading, rate, torque_sign, columns),
         mass=mass,
         com=com,
         gain_deviation=gain_deviation,

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from armid.cli.options import Json, TorqueSign
-from armid.cli.validate import changed_reading
+from armid.cli.options import Json
+from armid.cli.reading import Columns, TorqueSign, changed_reading
 from armid.errors import ArmidError
 
 __all__ = ["predict"]
@@ -30,6 +30,7 @@ def predict(
     plan_rate: Annotated[float, typer.Option(help="Samples a second of a plan, Hz.")] = 100.0,
     rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock, Hz.")] = None,
     torque_sign: TorqueSign = None,
+    columns: Columns = None,
     json: Json = False,
 ) -> None:
     """Predict joint torques along a recording's motion or a plan and write them to a file.
@@ -51,7 +52,8 @@ def predict(
     if out.resolve() == Path(motion).resolve():
         raise ArmidError(f"{out} is the motion itself.", remedy="write the torque to another file with --out.")
     loaded = load_run(run)
-    along = apply.motion_of(loaded, motion, rate=plan_rate, reading=changed_reading(rate, torque_sign))
+    how = changed_reading(loaded.reading, rate, torque_sign, columns)
+    along = apply.motion_of(loaded, motion, rate=plan_rate, reading=how)
     torque = apply.predict(loaded, along)
     width = apply.band(loaded, along) if band else None
     path = apply.write_torque(out, along, torque, loaded.robot.joint_names, band=width)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, known_arms, robot_choice
+from armid.cli.reading import Columns, Data, Rate, given
 
 if TYPE_CHECKING:
     from armid.measurement.reading import Reading
@@ -43,10 +44,9 @@ def preview(
     environment: Annotated[
         Path | None, typer.Option(metavar="FILE", help="TOML of boxes, spheres and half-spaces.")
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock, Hz.")] = None,
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="FOLDER", help="Where a run's recordings are, if moved.")
-    ] = None,
+    rate: Rate = None,
+    columns: Columns = None,
+    data: Data = None,
     gravity: Gravity = None,
     lock: Lock = None,
     only: Only = None,
@@ -75,35 +75,35 @@ def preview(
     from armid.study.study import load_choice
 
     require_extra("jinja2")
-    run, other = _run(robot), None if motion is None else _run(motion)
+    run, other = _run(robot), _run(motion)
     arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package)) if run is None else run.robot
-    known, beside = other or run, Path() if run is None or motion is not None else Path(robot)
+    known, beside = other or run, Path(robot) if run and motion is None else Path()
     with meshes_told(quiet=json):
         made = preview_of(
             arm,
             other or motion or run,
-            reading=_reading(known, rate),
+            reading=_reading(known, given(columns, rate)),
             data=data,
             surroundings=_surroundings(arm, floor, environment),
-            estimate=None if known is None else _estimate(known, arm),
+            estimate=_estimate(known, arm),
         )
         path = write_preview(made, out or beside / PAGE)
-    record = {"preview": str(path), "bytes": path.stat().st_size}
-    sys.stdout.write(to_json(record) + "\n" if json else f"page written to {path}\n")
+    told = to_json({"preview": str(path), "bytes": path.stat().st_size}) if json else f"page written to {path}"
+    sys.stdout.write(f"{told}\n")
 
 
-def _run(name: str) -> Run | None:
+def _run(name: str | None) -> Run | None:
     """The run in a folder; `None` where there is none."""
     from armid.study.run import MARKER, load_run
 
-    return load_run(name) if (Path(name) / MARKER).is_file() else None
+    return load_run(name) if name is not None and (Path(name) / MARKER).is_file() else None
 
 
-def _reading(run: Run | None, rate: float | None) -> Reading:
-    """How a recording is read: as the run's, or with a rate."""
+def _reading(run: Run | None, said: dict[str, Any]) -> Reading:
+    """How a recording is read: as the run's, or as the command line says."""
     from armid.measurement.reading import Reading
 
-    return Reading(rate=rate) if run is None or rate is not None else run.reading
+    return Reading(**said) if run is None or said else run.reading
 
 
 def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> tuple[Shape, ...]:
@@ -114,13 +114,13 @@ def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> 
     return around if floor is None else (*around, floor_at(floor, arm.gravity))
 
 
-def _estimate(run: Run, arm: Robot) -> MassLayer | None:
+def _estimate(run: Run | None, arm: Robot) -> MassLayer | None:
     """Link inertias that a run has found, or real bodies with its base values; nothing for another arm."""
     from armid.errors import ArmidError
     from armid.export.standard import values_to_write
     from armid.report.preview.sources import estimate_layer
 
-    if run.robot.joint_names != arm.joint_names:
+    if run is None or run.robot.joint_names != arm.joint_names:
         return None
     notes = {
         "estimated": "",

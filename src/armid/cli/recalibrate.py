@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Json, Out, Rate, TorqueSign, run_folder
-from armid.cli.validate import changed_reading
+from armid.cli.options import Json, Out, run_folder
+from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
 from armid.errors import OutputError, StudyError
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def recalibrate(
     ] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
+    columns: Columns = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -54,7 +55,8 @@ def recalibrate(
     if folder.resolve() == Path(run).resolve():
         raise OutputError(f"{folder} is the earlier run.", remedy="choose another folder with --out.")
     refuse_folder(folder)
-    found = stage(earlier, recordings, changed_reading(rate, torque_sign), changed=changed, held_out=validate or [])
+    how = changed_reading(earlier.reading, rate, torque_sign, columns)
+    found = stage(earlier, recordings, how, changed=changed, held_out=validate or [])
     save_run(found.result, folder)
     if json:
         record = estimate_record(found.result.estimate)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armid.cli.options import Json
+from armid.cli.reading import Data
 
 if TYPE_CHECKING:
     from armid.measurement.recording import Recording
@@ -31,9 +32,7 @@ def report(
         str | None, typer.Argument(metavar="[RUN]", help="A later run of the same arm: what changed since the first.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to write the page.")] = None,
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="FOLDER", help="Where the recordings are, if they were moved.")
-    ] = None,
+    data: Data = None,
     json: Json = False,
 ) -> None:
     """Write a page that opens without a network: verdict, torque, residuals, friction, parameters, provenance.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.options import Json, Out, Rate, TorqueSign
-from armid.cli.validate import changed_reading
+from armid.cli.options import Json, Out
+from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
 from armid.errors import StudyError
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def track(
     everything: Annotated[bool, typer.Option("--all", help="Every parameter may change.")] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
+    columns: Columns = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
@@ -58,7 +59,7 @@ def track(
     earlier = load_run(run)
     if out is not None:
         refuse(out, "track.json", "track")
-    how = changed_reading(rate, torque_sign)
+    how = changed_reading(earlier.reading, rate, torque_sign, columns)
     with progress() as tell:
         found = stage(earlier, recordings, how, memory=memory, block=block, changed=changed, progress=tell)
     print_findings(found.findings)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from armid.cli.options import Json, Rate, TorqueSign
+from armid.cli.options import Json
+from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
 
-__all__ = ["changed_reading", "validate"]
+__all__ = ["validate"]
 
 
 def validate(
@@ -18,6 +19,7 @@ def validate(
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings of the same arm.")],
     rate: Rate = None,
     torque_sign: TorqueSign = None,
+    columns: Columns = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Also roll the model out and compare motion, in short windows.")
     ] = False,
@@ -46,7 +48,7 @@ def validate(
     from armid.study.run import load_run
 
     loaded = load_run(run)
-    how, closed = changed_reading(rate, torque_sign), controller is not None
+    how, closed = changed_reading(loaded.reading, rate, torque_sign, columns), controller is not None
     found, findings = validate_run(loaded, recordings, how)
     wanted = simulate or closed
     motion = roll_out(loaded, recordings, how, window, tolerance, controller) if wanted else ()
@@ -67,9 +69,3 @@ def validate(
     print_findings(findings)
     if found.verdict == "fail":
         raise typer.Exit(1)
-
-
-def changed_reading(rate: float | None, torque_sign: int | None) -> dict[str, Any]:
-    """What the command line says of reading beyond the run."""
-    said = {"rate": rate, "torque_sign": torque_sign}
-    return {key: value for key, value in said.items() if value is not None}

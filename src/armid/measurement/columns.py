@@ -364,8 +364,8 @@ def _unknown(
     return RecordingError(
         f"{path}: {problem} for {quantity}.",
         possible=(", ".join(names[:LISTED]) or "the file has no columns") + more,
-        remedy=f"name them{order}, in a study: columns = {{ {quantity} = [{form}] }} with the names that it has; "
-        f"or give a preset ({', '.join(PRESETS)}).",
+        remedy=f"name them{order}, with the names that it has: columns = {{ {quantity} = [{form}] }}; or give a "
+        f"preset ({', '.join(PRESETS)}) in a study.",
     )
 
 

@@ -242,5 +242,5 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         "",
         f"No real arm has {', '.join(names[:NAMED])}{more}: negative with their whole intervals. The model lacks "
         "something that the motion shows, or the motion does not tell these parameters from others.",
-        'use method = "physical" (--method physical), and look at what the report says is left.',
+        'use method = "physical", and look at what the report says is left.',
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+import shlex
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +16,7 @@ from armid.measurement.remedy import BY_HAND
 from armid.study.study import EstimationChoice, ModelChoice, RobotChoice, Study
 from armid.toml import to_toml
 
-__all__ = ["applied", "as_option", "as_study", "tables_of"]
+__all__ = ["OF_READING", "OPTIONS", "applied", "as_option", "as_study", "at_the_prompt", "tables_of"]
 
 TABLES: Mapping[str, type] = {
     "robot": RobotChoice,
@@ -24,8 +26,12 @@ TABLES: Mapping[str, type] = {
 }
 """Tables by the values that they make; what none of them knows belongs to the processing."""
 
-OPTIONS = ("rate", "units", "period", "torque_sign", "gravity", "terms")
-"""Keys that `armid doctor` has options for."""
+OF_READING = ("rate", "time_unit", "columns", "units", "period", "torque_sign")
+OPTIONS = (*OF_READING, "gravity", "terms", "cutoff", "edges", "slow", "standstill", "method")
+"""Keys that commands have options for, under the same names."""
+
+ASSIGNMENT = re.compile(r'\b([a-z_]+) = ("[^"]*"|[-+.\de]*\d|\[[^\[\]]*\]|\{[^{}]*\})')
+"""A key of a study with its value, within a sentence."""
 
 
 def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
@@ -67,16 +73,61 @@ def applied(study: Study, path: str, remedy: str) -> Study:
     return replace(study, recordings=recordings, **others)
 
 
-def as_option(remedy: str) -> str | None:
-    """The options of the command line that say the same, or `None` where there are none."""
+def as_option(remedy: str, options: Collection[str] = OPTIONS) -> str | None:
+    """The options of the command line that say the same, or `None` where there are none.
+
+    Args:
+        remedy: As a finding has it.
+        options: Keys that the command has options for.
+    """
     said: list[str] = []
     for keys in tables_of(remedy).values():
         for key, value in keys.items():
-            if key not in OPTIONS or (isinstance(value, list) and key not in ("gravity", "terms")):
+            values = _values(key, value) if key in options else None
+            if values is None:
                 return None
-            parts = [",".join(value)] if key == "terms" else value if key == "gravity" else [value]
-            said.append(" ".join([f"--{key.replace('_', '-')}", *(_number(part) for part in parts)]))
+            said += [f"--{key.replace('_', '-')} {each}" for each in values]
     return " ".join(said) or None
+
+
+def at_the_prompt(remedy: str, options: Collection[str]) -> str:
+    """A remedy for somebody at the command line: the options of the command first, then the keys of a study.
+
+    Args:
+        remedy: Of a finding or an error.
+        options: Keys that the command has options for.
+    """
+    try:
+        whole = bool(tables_of(remedy))
+    except StudyError:  # a sentence
+        whole = False
+    if whole:
+        said = as_option(remedy, options)
+        lines = "\n".join(["in a study:", remedy]) if "\n" in remedy else f"in a study: {remedy}"
+        return lines if said is None else f"{said}; {lines}"
+
+    def option(found: re.Match[str]) -> str:
+        try:
+            said = as_option(found[0], options)
+        except StudyError:
+            said = None
+        return found[0] if said is None else f"{said} (in a study: {found[0]})"
+
+    return ASSIGNMENT.sub(option, remedy)
+
+
+def _values(key: str, value: Any) -> list[str] | None:
+    """What stands behind an option, once for each time it is given; `None` where it cannot say that."""
+    if key == "terms":
+        return [",".join(value)]
+    if key == "gravity":
+        return [" ".join(map(_number, value))]
+    if key == "columns":
+        named = {name: [each] if isinstance(each, str) else each for name, each in value.items()}
+        if any("," in each for names in named.values() for each in names):
+            return None
+        return [shlex.quote(f"{name}={','.join(names)}") for name, names in named.items()]
+    return None if isinstance(value, list | dict) else [_number(value)]
 
 
 def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -> str:
