@@ -279,6 +279,16 @@ def test_a_recalibration_that_does_worse_is_told(armid: Armid, tmp_path: Path):
     assert "recalibration-worse" in err
 
 
+def test_a_check_on_the_arm_as_it_was_is_told_to_be_one(armid: Armid, tmp_path: Path):
+    """What fails there are not the new values: longer motion or the earlier run would be no cure."""
+    write_recording(recorded(7), tmp_path / "cold.npz")
+    command = ("recalibrate", "run", "warm.npz", "--validate", tmp_path / "cold.npz", "--out", tmp_path / "new")
+    code, _, err = armid(*command)
+    said = " ".join(err.split())
+    assert code == 1 and "before the change" in said and "recording of after the change" in said
+    assert "record longer" not in said and "keep the earlier run" not in said
+
+
 def test_what_is_built_on_a_failed_run_says_so(armid: Armid, tmp_path: Path):
     failed = shutil.copytree("run", tmp_path / "failed")
     validation = json.loads((failed / "validation.json").read_text())

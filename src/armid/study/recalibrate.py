@@ -102,7 +102,11 @@ def recalibrate(
     unseen = [_held_out(beside, path) for path in held_out]
     result = _result(beside, estimate, found.information, unseen)
     before, _ = score_recordings(run.model, run.estimate, unseen or beside.recordings, run.processing)
-    findings = (*result.estimate.findings, *_doubts(beside, result, changed), *_worse(result, before, changed))
+    findings = (
+        *result.estimate.findings,
+        *_doubts(beside, result, changed),
+        *_worse(beside, result, before, changed),
+    )
     estimate = replace(result.estimate, findings=findings, seconds=time.perf_counter() - began)
     return Recalibration(replace(result, estimate=estimate), run.folder, changed, found.changes, before)
 
@@ -184,14 +188,19 @@ def _doubts(beside: Beside, result: Result, changed: Changed) -> list[Finding]:
     return [*found, *(finding for finding in further if finding is not None)]
 
 
-def _worse(result: Result, before: Sequence[Score], changed: Changed) -> list[Finding]:
-    """Held-out motion on which the earlier run is the better one."""
+def _worse(beside: Beside, result: Result, before: Sequence[Score], changed: Changed) -> list[Finding]:
+    """Held-out motion on which the earlier run is the better one, because it is of before the change or by itself."""
     scores = result.validation.recordings
     if not scores:
         return []
-    error, earlier = (float(np.sqrt(np.nansum([score.rms**2 for score in each]))) for each in (scores, before))
+    error, earlier = _error(scores), _error(before)
     if not error > earlier:
         return []
+    run = beside.run
+    trained = float(np.sqrt(np.nansum(run.estimate.fit.residual_rms**2)))
+    new = _error(score_recordings(run.model, run.estimate, beside.recordings, run.processing)[0])
+    if earlier <= STILL_THE_SAME * trained < new:
+        return [_of_before(error, earlier, new)]
     return [
         Finding(
             "recalibration-worse",
@@ -204,6 +213,24 @@ def _worse(result: Result, before: Sequence[Score], changed: Changed) -> list[Fi
             + " or keep the earlier run.",
         )
     ]
+
+
+def _error(scores: Sequence[Score]) -> float:
+    """Torque error [N·m or N]: root of the sum over joints, mean over recordings."""
+    return float(np.sqrt(np.nansum(np.mean([score.rms**2 for score in scores], axis=0))))
+
+
+def _of_before(error: float, earlier: float, new: float) -> Finding:
+    """A check on the arm as it was: what was recalibrated cannot hold there."""
+    return Finding(
+        "recalibration-worse",
+        "warning",
+        "",
+        f"On validation motion the torque error is {error:.3g}, the earlier run's is {earlier:.3g}, as in its "
+        f"training, and {new:.3g} on the new recordings. The validation recording shows the arm as it was before the "
+        "change, so that its verdict says nothing of the new values.",
+        "validate on a recording of after the change that was not recalibrated on: --validate RECORDING.",
+    )
 
 
 def changes_record(recalibration: Recalibration) -> dict[str, Any]:
