@@ -22,7 +22,8 @@ def recalibrate(
     run: Annotated[str, typer.Argument(help="The earlier run.")],
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="New recordings of the same arm.")],
     validate: Annotated[
-        list[str] | None, typer.Option("--validate", metavar="RECORDING…", help="Recordings of after the change to check on.")
+        list[str] | None,
+        typer.Option("--validate", metavar="RECORDING…", help="To check on: of after the change, too."),
     ] = None,
     tool: Annotated[bool, typer.Option("--tool", help="The tool has changed, too: the last link.")] = False,
     everything: Annotated[
