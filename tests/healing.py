@@ -11,6 +11,7 @@ import numpy as np
 from armid.errors import ArmidError, Finding
 from armid.measurement.columns import assemble, select
 from armid.measurement.interpret import interpret
+from armid.measurement.processing import Processing
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import BY_HAND
@@ -63,7 +64,9 @@ def told_after(case: Case, finding: Finding) -> set[str]:
     """Codes that are still told, but for information, when the remedy of a finding is followed."""
     again, choice, saturation = healed(case, finding.remedy)
     model = build_model(again.robot, choice) if choice.terms else None
-    found = diagnose_recording(again.robot, again.recording, again.reading, model, saturation=saturation)
+    found = diagnose_recording(
+        again.robot, again.recording, again.reading, model, processing=Processing(saturation=saturation)
+    )
     return {f.code for f in found if f.severity != "info"}
 
 

@@ -359,4 +359,5 @@ def test_friction_that_gives_way_is_no_delay(tmp_path: Path):
     sensing = Sensing(rate=250.0, effort=Channel(noise=0.03))
     plan = Excitation(2 * np.pi / 10.0, a, b, np.zeros(2))
     log = simulate(truth_of(robot), plan, LabOptions(repetitions=2, sensing=sensing), seed=1).recording
-    assert codes(diagnose_recording(robot, log, Reading()), "error", "warning") == set()
+    # It mostly stands, which is said; nothing is wrong with the log.
+    assert codes(diagnose_recording(robot, log, Reading()), "error", "warning") == {"sticking"}

@@ -12,11 +12,13 @@ from armid.lab.friction import Friction
 from armid.lab.options import LabOptions
 from armid.lab.sensors import Channel, Sensing
 from armid.lab.simulate import Simulated, simulate
+from armid.measurement.interpret import interpret
 from armid.measurement.process import THESIS, Processing
 from armid.measurement.reading import Reading
 from armid.measurement.standstill import BESIDE, SLIDING, position_noise, standing
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.study.doctor import diagnose_recording
 from armid.validation.doctor import EXPLAINS, examine
 from armid.validation.doctor.evidence import Evidence
 from labs import FRICTION
@@ -194,3 +196,14 @@ def test_joints_that_stick_are_no_delay_and_a_delay_is_one():
     assert (done.trace.dq == 0.0).mean(axis=0).max() > 0.01  # they do stick
     assert told(done) == []
     assert told(sticking(delay=0.02)) == ["channel-delay"]
+
+
+def test_the_doctor_tells_of_joints_that_stick_as_an_identification_does():
+    done, robot = sticking(), small_arm().robot
+    log = replace(done.recording, joint_names=robot.joint_names)
+    read = interpret(log, Reading(), robot).recording
+    (named,) = (f for f in one(read, Processing())[1] if f.code == "sticking")
+    (finding,) = (f for f in diagnose_recording(robot, log, Reading()) if f.code == "sticking")
+    assert (finding.severity, finding.evidence, finding.remedy) == (named.severity, named.evidence, named.remedy)
+    kept = diagnose_recording(robot, log, Reading(), processing=Processing(standstill="keep"))
+    assert "sticking" not in codes(kept)

@@ -234,9 +234,8 @@ def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
                 "info",
                 recording.source,
                 "Joints stand, or all but stand, among others that move, as where they stick at a reversal. Rows "
-                f"that this reaches: {named(gone)}.",
-                "They do not count for this joint, for dry friction at rest takes any value up to its bound; "
-                'standstill = "keep" counts them.',
+                f"that this reaches: {named(gone)}. They do not count for this joint, for dry friction at rest takes "
+                "any value up to its bound.",
             )
         )
     if spared.any():
@@ -245,9 +244,9 @@ def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
                 "sticking",
                 "warning",
                 recording.source,
-                f"Joints mostly stand still. Rows that this reaches: {named(spared)}.",
-                "They count, since too few others are left, and friction at rest biases the estimate by up to its "
-                "bound: record motion without rests, or joints that turn round faster.",
+                f"Joints mostly stand still. Rows that this reaches: {named(spared)}. They count, as too few others "
+                "are left, and friction at rest biases the estimate by up to its bound.",
+                "record motion without rests, or joints that turn round faster.",
             )
         )
     return findings

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from armid.errors import Finding, RecordingError
+from armid.errors import ArmidError, Finding, RecordingError
 from armid.measurement.interpret import interpret, understood
+from armid.measurement.process import process
+from armid.measurement.processing import Processing
 from armid.measurement.readers import load_recording
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
@@ -40,6 +42,9 @@ PLAUSIBLE_CONFLICT, PLAUSIBLE_CORRELATION, PLAUSIBLE_SCALE = 0.6, 0.7, 0.3
 """Conflict between joints up to which, and correlation with and share of the description from which, angles read
 as degrees are believed to be degrees: motors' angles are not, whatever limits they stay in."""
 
+
+USUAL = Processing()
+"""What a study has that says nothing of it."""
 
 OF_LOG = ("channel-dead", "saturation", "filtered-before-logging", "velocity-mismatch")
 """Checks of every log that an identification makes; gaps, unevenness and repetitions it reports as it processes."""
@@ -97,7 +102,7 @@ def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> t
         raw = (given or {}).get(choice.path)
         if raw is None:
             raw = load_recording(Path(study.folder) / choice.path, choice.reading, robot)
-        found = diagnose_recording(robot, raw, choice.reading, model, saturation=study.processing.saturation)
+        found = diagnose_recording(robot, raw, choice.reading, model, processing=study.processing)
         result.append(Diagnosis(choice.path, found))
     return tuple(result)
 
@@ -109,7 +114,7 @@ def diagnose_recording(
     reading: Reading,
     model: DynamicsModel | None = None,
     *,
-    saturation: float | None = None,
+    processing: Processing = USUAL,
 ) -> tuple[Finding, ...]:
     """Examine one recording.
 
@@ -121,7 +126,7 @@ def diagnose_recording(
         raw: As the file has it.
         reading: How it is read.
         model: The study's model; the usual terms if not given.
-        saturation: Share of a joint's limit from which its rows do not count, if the study gives one.
+        processing: The study's, which says which rows count: near limits, or at rest among others that move.
 
     Raises:
         RecordingError: The recording does not fit the robot at all.
@@ -145,12 +150,22 @@ def diagnose_recording(
             log, how = around
         else:
             recording = read.recording
-            noted += read.findings
+            noted += [*read.findings, *_sticking(recording, processing)]
             break
-    evidence = Evidence(robot, raw, how, recording, tuple(noted), model, EXPLAINS, saturation)
+    evidence = Evidence(robot, raw, how, recording, tuple(noted), model, EXPLAINS, processing.saturation)
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
         return _of_currents(evidence)
     return examine(_reconsidered(evidence))
+
+
+def _sticking(recording: Recording, processing: Processing) -> list[Finding]:
+    """What an identification would say of joints that stand among others; nothing of a log that it cannot use."""
+    plain = replace(processing, edges="drop", average=False, saturation=None)
+    try:
+        found = process(recording, plain)[1]
+    except ArmidError:
+        return []
+    return [replace(each, channel="") for each in found if each.code == "sticking"]
 
 
 def _of_currents(evidence: Evidence) -> tuple[Finding, ...]:

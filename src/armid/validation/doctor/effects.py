@@ -42,6 +42,7 @@ EFFECTS: Mapping[str, str] = {
     "contact": "Forces from outside are taken for parameters of the arm.",
     "description-rounded": "Spurious base parameters would appear; angles are taken as what they stand for.",
     "topic-chosen": "None: the others have no joints of the arm, or are commands.",
+    "sticking": "Dry friction at rest has any value up to its bound, which no law of the velocity says.",
     "standstill": "Such rows tell friction at rest and weight apart from nothing, and weigh as much as moving ones.",
 }
 """By code: the whole list of codes that the doctor has."""

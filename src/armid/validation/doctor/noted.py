@@ -29,6 +29,7 @@ CODES = (
     "rows-not-consecutive",
     "rows-repeated",
     "standstill",
+    "sticking",
     "topic-chosen",
     "units-of-header",
     "value-missing",
