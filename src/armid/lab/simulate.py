@@ -14,6 +14,7 @@ from armid.excitation.fourier import Excitation, required_series
 from armid.lab.controller import Gains
 from armid.lab.faults import spoil
 from armid.lab.options import LabOptions
+from armid.lab.placeholders import placeholder_finding
 from armid.lab.plant import stable_rate
 from armid.lab.sensors import sense
 from armid.lab.trace import Tell, Trace, closed_loop, inverse_dynamics
@@ -111,7 +112,7 @@ def simulate(
 
 
 def doubts(simulated: Simulated) -> tuple[Finding, ...]:
-    """Where the motion was one that the real arm could not make; the lab has no stops.
+    """Where the arm or its motion was one that is not real; the lab has no stops.
 
     What the plan itself asks for is told apart from what a controller adds that overshoots.
     """
@@ -119,6 +120,8 @@ def doubts(simulated: Simulated) -> tuple[Finding, ...]:
     asked = simulated.plan.sample(ASKED)
     efforts = simulated.options.drive.limits(simulated.truth) if simulated.gains is not None else None
     found: list[Finding] = []
+    odd = placeholder_finding(simulated.truth, trace.transmitted)
+    found += [] if odd is None else [odd]
     for j, joint in enumerate(joints):
         found += _range_doubts(joint, asked.q[:, j], trace.q[:, j])
         found += _speed_doubts(joint, float(np.abs(asked.dq[:, j]).max()), float(np.abs(trace.dq[:, j]).max()))

@@ -19,7 +19,7 @@ from armid.robot.massless import inertial_key, moving_nothing
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array, array
 
-__all__ = ["EFFECTS", "Truth", "truth_of", "with_effects"]
+__all__ = ["EFFECTS", "TYPICAL_COULOMB", "UNKNOWN_EFFORT", "Truth", "friction_of_limits", "truth_of", "with_effects"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -121,12 +121,17 @@ def truth_of(robot: Robot) -> Truth:
     if own is not None and len(own["coulomb"]) != robot.n:
         own = None  # some of its joints are locked
     if own is None:
-        limits = np.array([joint.effort_limit for joint in robot.joints])
-        coulomb = TYPICAL_COULOMB * np.where(np.isfinite(limits), limits, UNKNOWN_EFFORT)
-        friction = Friction(coulomb / TYPICAL_SPEED, coulomb)
+        friction = friction_of_limits(robot)
     else:
         friction = Friction(np.array(own["viscous"]), np.array(own["coulomb"]))
     return Truth(robot, _bodies(robot), friction, np.zeros(robot.n))
+
+
+def friction_of_limits(robot: Robot) -> Friction:
+    """Friction of an arm without numbers of its own, in proportion to its effort limits."""
+    limits = np.array([joint.effort_limit for joint in robot.joints])
+    coulomb = TYPICAL_COULOMB * np.where(np.isfinite(limits), limits, UNKNOWN_EFFORT)
+    return Friction(coulomb / TYPICAL_SPEED, coulomb)
 
 
 def _bodies(robot: Robot) -> Array:

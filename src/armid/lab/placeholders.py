@@ -1,0 +1,80 @@
+"""Effort limits that say nothing of an arm's drives, where the lab takes friction from them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.lab.truths import TYPICAL_COULOMB, UNKNOWN_EFFORT, Truth, friction_of_limits
+from armid.values import Array
+
+__all__ = ["placeholder_finding"]
+
+MUCH = 0.5
+"""Friction over the largest torque that the links take, in the joint where it is least, above which limits are no
+drive's: it would be more than twelve times as strong as the motion asks."""
+
+MUCH_OF_EQUAL = 0.25
+"""The same where one limit stands for all joints."""
+
+PROPOSED = 0.1
+"""Friction that is proposed instead, over the largest torque of the links: what gears of arms lose."""
+
+LEAST = 0.01
+"""The least of it, over that of the joint that carries most."""
+
+FEWEST = 3
+"""Joints of which one limit for all is suspicious."""
+
+
+def placeholder_finding(truth: Truth, transmitted: Array) -> Finding | None:
+    """A word on friction that was taken from effort limits which look like placeholders, or `None`.
+
+    Args:
+        truth: The arm.
+        transmitted: Torque that its links take along the motion, shape (N, n) [N·m or N].
+    """
+    robot, friction = truth.robot, friction_of_limits(truth.robot)
+    if not np.array_equal(truth.friction.viscous, friction.viscous):  # which effects leave as it is
+        return None
+    limits = np.array([joint.effort_limit for joint in robot.joints])
+    known, peak = np.isfinite(limits), np.abs(transmitted).max(axis=0)
+    largest = float(peak.max())
+    loaded = peak > LEAST * largest
+    if not loaded.any():
+        return None
+    share = friction.coulomb[loaded] / peak[loaded]
+    equal = robot.n >= FEWEST and len(set(friction.coulomb)) == 1
+    unknown = (share[~known[loaded]] > MUCH).any()
+    if not unknown and share.min() <= (MUCH_OF_EQUAL if equal else MUCH):
+        return None
+    units = " and ".join(sorted({joint.effort_unit for joint in robot.joints}))
+    proposed = ", ".join(f"{x:.2g}" for x in np.maximum(PROPOSED * peak, LEAST * largest))
+    return Finding(
+        "limits-placeholder",
+        "warning",
+        "",
+        f"Friction is {100 * TYPICAL_COULOMB:g} % of the effort limits: Coulomb friction {_list(friction.coulomb)} "
+        f"{units}, viscous friction as much at 1 rad/s (m/s). The links take at most {_list(peak)}, so that "
+        f"{_said(limits)}.",
+        "give friction of the arm's size in a lab.toml for --options, for instance [arm.friction] with "
+        f"coulomb = [{proposed}] and viscous = [{proposed}]; or the drives' effort limits in the description.",
+    )
+
+
+def _said(limits: Array) -> str:
+    """What is odd of the limits."""
+    known = np.isfinite(limits)
+    if not known.any():
+        return f"{UNKNOWN_EFFORT:g}, which is taken where the description gives no limit, is not of this arm's size"
+    told = ", ".join(f"{x:g}" if math.isfinite(x) else "not given" for x in limits)
+    missing = "" if known.all() else f" ({UNKNOWN_EFFORT:g} is taken where none is given)"
+    return f"the limits {told} look like placeholders{missing}"
+
+
+def _list(numbers: Array) -> str:
+    """Numbers one after another; one where all are the same."""
+    words = [f"{x:.3g}" for x in numbers]
+    return words[0] if len(set(words)) == 1 else ", ".join(words)
