@@ -276,6 +276,35 @@ def test_an_unknown_link_of_a_tool_is_refused(tmp_path, capsys):
     assert not (tmp_path / "plan").exists()
 
 
+def test_accelerations_without_a_limit_are_said_everywhere_and_once(small, tmp_path, capsys):
+    shown = run([small, *QUICK, "--out", tmp_path / "free"], capsys)
+    line, peak = "Acceleration is not limited, as no limit is given; the plan reaches first ", None
+    for text in (shown.out + shown.err, (tmp_path / "free" / "preflight.txt").read_text()):
+        text = " ".join(text.split())
+        assert text.count(line) == 1 and text.count("collisions not checked") <= 2
+        peak = float(text.partition(line)[2].split()[0])
+    motion = load_plan(tmp_path / "free" / "plan.json").sample(1000.0)
+    assert peak == pytest.approx(np.abs(motion.ddq[:, 0]).max(), rel=0.02)
+    record = json.loads((tmp_path / "free" / "preflight.json").read_text())
+    assert [f["code"] for f in record["findings"]].count("acceleration-unlimited") == 1
+    assert line in (tmp_path / "free" / "preflight.html").read_text()
+    each = [" ".join((f["evidence"], f["remedy"])) for f in record["findings"]]
+    screen = " ".join((shown.out + shown.err).split())
+    assert all(screen.count(" ".join(f["evidence"].split())) == 1 for f in record["findings"]), each
+    some = run([small, *QUICK, "--out", tmp_path / "some", "--limit", "first.acceleration=3"], capsys)
+    assert "the plan reaches second " in " ".join(some.err.split())
+    all_ = run([small, *QUICK, "--out", tmp_path / "all", "--acceleration", 3], capsys)
+    assert "Acceleration is not limited" not in all_.out + all_.err
+
+
+def test_a_search_that_time_cut_short_says_so(tmp_path, capsys):
+    asked = ["panda", "--budget", "0.3", "--workers", "0", "--no-collision", "--duration", "10", "--no-report"]
+    shown = run([*asked, "--out", tmp_path / "plan"], capsys)
+    assert "before any descent had come to its end" in " ".join(shown.err.split()) and "--budget 60" in shown.err
+    assert "search-unsettled" in (tmp_path / "plan" / "preflight.json").read_text()
+    assert "--budget 60" in (tmp_path / "plan" / "preflight.txt").read_text()
+
+
 WEIGHTLESS = """<robot name="weightless"><link name="base"/>
 <joint name="first" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
 <limit lower="-1" upper="1" velocity="1" effort="5"/></joint>

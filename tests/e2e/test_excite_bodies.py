@@ -96,7 +96,7 @@ def least(path: Path, plan: Path) -> tuple[float, float]:
 
 def test_bodies_keep_apart_by_default(arm, tmp_path, capsys):
     """From each other and from the floor that the arm stands on, in every account of the plan."""
-    code, text, _ = run(["excite", arm, *QUICK, "--out", tmp_path / "plan"], capsys)
+    code, text, told = run(["excite", arm, *QUICK, "--out", tmp_path / "plan"], capsys)
     assert code == 0
     apart, lowest = least(arm, tmp_path / "plan" / "plan.json")
     assert apart > 0.02 - 1e-4 and lowest > 0.0
@@ -110,7 +110,8 @@ def test_bodies_keep_apart_by_default(arm, tmp_path, capsys):
     assert "✓ every limit holds, and bodies keep apart" in page
     assert page.index("Motion") < page.index("What to expect")
     assert "1 times" not in text and "with the ways" not in text and "…3.0000 rad" in text
-    assert "; move it with --floor HEIGHT" in text
+    assert "; move it with --floor HEIGHT" in " ".join(told.split())
+    assert "; move it with --floor HEIGHT" in (tmp_path / "plan" / "preflight.txt").read_text()
 
 
 def test_the_preview_and_the_report_say_the_same_distance(arm, tmp_path, capsys):

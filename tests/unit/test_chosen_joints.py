@@ -106,6 +106,15 @@ def test_what_was_held_is_said(two):
     assert not {"joints-held"} & {finding.code for finding in load_robot(two, lock=["root"]).findings}
 
 
+def test_joints_that_were_locked_by_name_count_among_those_that_are_held(two):
+    robot = load_robot(two, only=["left_[12]"], lock=["root", "right_2=0.4"])
+    (said,) = (finding.evidence for finding in robot.findings if finding.code == "joints-held")
+    every = load_robot(two, lock=["root"])
+    joints = len({*every.described_joints, "root"} | {held.name for held in every.held})
+    assert said.startswith(f"{joints - 2} of {joints} joints are held still"), said
+    assert "root, right_2 as asked; as others were chosen, " in said and said.count("right_2") == 1
+
+
 def test_a_follower_of_a_joint_that_moves_is_held_and_said(two):
     robot = load_robot(two, lock={"root": 0.0, "right_finger": 0.05})
     assert "left_finger" in robot.joint_names and not any("other" in name for name in robot.joint_names)

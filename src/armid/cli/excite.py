@@ -198,7 +198,7 @@ def excite(robot: str, **options: Any) -> None:
     if options["json"]:
         sys.stdout.write(to_json({**design_record(designed), "folder": str(folder)}) + "\n")
     else:
-        sys.stdout.write(report_text(designed))
+        sys.stdout.write(report_text(designed, findings=False))
         output_console().print(f"written to [bold]{folder}[/]")
     print_findings((*arm.findings, *designed.findings), shapes=True)
     if designed.search.interrupted:

@@ -81,7 +81,7 @@ class Search:
         descents: Descents done.
         seconds: Wall time.
         interrupted: Whether somebody stopped it.
-        history: Seconds, and value of the best so far.
+        history: Seconds, and value of the best so far, at the start and after each descent.
     """
 
     best: Candidate
@@ -251,7 +251,6 @@ class _Board:
         """A plan inside the limits; kept where it is better."""
         if self.best is None or value < self.best.value:
             self.best = Candidate(x, value, number, kind)
-            self.history.append((time.time() - self._began, value))
         if self._progress is not None:
             self._progress(self.best, time.time() - self._began, self.descents)
 
@@ -260,6 +259,13 @@ class _Board:
         self.descents += outcome.begun
         if outcome.inside is not None:
             self.offer(outcome.inside, outcome.value, outcome.task.round, outcome.task.kind)
+        if outcome.begun:
+            self.note()
+
+    def note(self) -> None:
+        """Write down how far the search has come."""
+        assert self.best is not None  # the start is there before any descent
+        self.history.append((time.time() - self._began, self.best.value))
 
 
 def search(
@@ -302,6 +308,7 @@ def search(
         inside = drawn_together(board.problem, board.grid, x)
         if inside is not None:
             board.offer(inside, board.grid.value(inside), 0, "given")
+    board.note()
     done, interrupted = 0, False
     try:
         while (rounds is None or done < rounds) and time.time() < deadline:

@@ -129,6 +129,7 @@ def held_joints(
         value = lock[pattern]
         for joint in _fitting(outline, pattern, source, "to lock"):
             at[joint.name] = joint.rest if value is None else value
+    locked = set(at)
     if only:
         moving = {joint.name for pattern in only for joint in _fitting(outline, pattern, source, "to move")}
     else:
@@ -155,7 +156,7 @@ def held_joints(
             remedy=f"lock them (--lock {','.join(loose)}), which fixes what they carry; --tip LINK chooses one arm.",
         )
     if free:
-        findings = (_said(free, outline), *findings)
+        findings = (_said(free, [name for name in outline.names if name in locked], len(at), outline), *findings)
     return Held(at, findings)
 
 
@@ -212,10 +213,11 @@ MANY = 12
 """Held joints that a finding lists; of more it lists the first, and all that are not at zero."""
 
 
-def _said(free: Sequence[Named], outline: Outline) -> Finding:
-    """Joints that were held because others were chosen to move."""
+def _said(free: Sequence[Named], locked: Sequence[str], held: int, outline: Outline) -> Finding:
+    """Joints that were held because others were chosen to move, beside those that were locked by name."""
     listed = [joint for k, joint in enumerate(free) if joint.rest or k < MANY]
     names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in listed]
     more = f" and {len(free) - len(listed)} more" if len(listed) < len(free) else ""
-    what = f"{len(free)} of {len(outline.joints)} joints are held still, at zero where nothing else is said: "
-    return Finding("joints-held", "info", "", f"{what}{', '.join(names)}{more}")
+    what = f"{held} of {len(outline.joints)} joints are held still, at zero where nothing else is said: "
+    as_asked = f"{', '.join(locked)} as asked; as others were chosen, " if locked else ""
+    return Finding("joints-held", "info", "", f"{what}{as_asked}{', '.join(names)}{more}")

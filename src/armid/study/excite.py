@@ -24,6 +24,7 @@ from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.preflight import Preflight, preflight, worst
 from armid.excitation.sensitivity import Columns
 from armid.excitation.series import SeriesBasis
+from armid.excitation.settled import unsettled
 from armid.excitation.solver import Problem, about_start
 from armid.excitation.start import Holds, anywhere
 from armid.robot.kinematics import forward_kinematics
@@ -154,7 +155,21 @@ def design_plan(
     plan = _with_leads(basis, x, wish, limits, robot.name)
     _check_leads(plan, robot, collision)
     report = preflight(whole, x, collision, margins, placed.unchecked)
-    return Designed(plan, whole, x, limits, found, report, (*placed.findings, *said), collision)
+    noticed = (unsettled(found, goal.criterion, effort.budget), _unlimited(plan, limits, robot))
+    findings = (*placed.findings, *said, *(each for each in noticed if each is not None))
+    return Designed(plan, whole, x, limits, found, report, findings, collision)
+
+
+def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
+    """That accelerations are not limited, and how large they become; nothing where they are."""
+    free = np.flatnonzero(~np.isfinite(limits.acceleration))
+    if not free.size:
+        return None
+    peaks = np.abs(plan.excitation.sample(SPREAD).ddq).max(axis=0)
+    told = ", ".join(f"{robot.joint_names[j]} {peaks[j]:.3g} {robot.joints[j].unit}/s²" for j in free)
+    evidence = f"Acceleration is not limited, as no limit is given; the plan reaches {told}."
+    remedy = "limit it with --acceleration, or --limit JOINT.acceleration=VALUE."
+    return Finding("acceleration-unlimited", "info", "", evidence, remedy)
 
 
 def _finished(

@@ -61,8 +61,13 @@ def report_record(designed: Designed) -> dict[str, Any]:
     }
 
 
-def report_text(designed: Designed) -> str:
-    """The report for people."""
+def report_text(designed: Designed, *, findings: bool = True) -> str:
+    """The report for people.
+
+    Args:
+        designed: The design.
+        findings: Whether they stand at its end; a screen has them apart.
+    """
     report, goal, plan = designed.preflight, designed.problem.goal, designed.plan
     series, expected = plan.excitation, report.expected
     times = "once" if plan.repetitions == 1 else f"{plan.repetitions} times"
@@ -89,7 +94,8 @@ def report_text(designed: Designed) -> str:
     if left:
         lines += ["", f"not looked at, because they touch in nearly all poses (share of poses): {'; '.join(left)}"]
     lines += _expected_lines(designed)
-    lines += ["", *(_finding_line(finding) for finding in findings_of(designed))]
+    if findings:
+        lines += ["", *(_finding_line(finding) for finding in findings_of(designed))]
     return "\n".join(lines).rstrip() + "\n"
 
 
