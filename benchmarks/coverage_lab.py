@@ -71,7 +71,7 @@ def choice_of(text: str) -> RobotChoice:
     return RobotChoice(description, lock=tuple(locked))
 
 
-def planned(arm: RobotChoice, lab: Lab, folder: Path) -> Excitation:
+def planned(arm: RobotChoice, lab: Lab, folder: Path, seed: int = 1) -> Excitation:
     """The motion, made once."""
     path = folder / f"plan-{lab.seconds:g}-{lab.harmonics}.npz"
     if path.is_file():
@@ -84,9 +84,9 @@ def planned(arm: RobotChoice, lab: Lab, folder: Path) -> Excitation:
     rules = Rules(given=given, torque_margin=margin)  # pyright: ignore[reportArgumentType]
     wish = Wish(goal, lab.seconds, lab.harmonics)
     try:
-        plan = design_plan(wish, rules, Effort(lab.budget, 1, 0)).plan.excitation
+        plan = design_plan(wish, rules, Effort(lab.budget, seed, 0)).plan.excitation
     except ArmidError:  # an arm that cannot be held still in its start pose; the lab's drives have no limit here
-        plan = design_plan(wish, replace(rules, torque_margin=None), Effort(lab.budget, 1, 0)).plan.excitation
+        plan = design_plan(wish, replace(rules, torque_margin=None), Effort(lab.budget, seed, 0)).plan.excitation
     folder.mkdir(parents=True, exist_ok=True)
     save(plan, path)
     return plan
