@@ -15,7 +15,6 @@ from armid.lab.sensors import Channel, Sensing
 from armid.lab.simulate import Simulated, simulate
 from armid.lab.truths import Truth
 from armid.maths.inertia import com_inertia_to_vector
-from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.study.identify import identify
 from armid.study.run import Run, load_run, save_run
@@ -58,7 +57,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     study = Study(
         RobotChoice(str(write_arm(folder))),
         ModelChoice(("rigid-body", "viscous", "coulomb"), {"coulomb": {"width": 0.0}}),
-        (RecordingChoice(str(path), reading=Reading(period="none")),),  # wide intervals: how fast they are given up
+        (RecordingChoice(str(path)),),
     )
     return load_run(save_run(identify(study), folder / "run"))
 

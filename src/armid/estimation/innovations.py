@@ -29,11 +29,12 @@ def surprise(state: State, values: Array, new: Information) -> tuple[Array, Arra
     if state.root is None:
         return error, error
     news = state.innovations
+    known = (news.blocks > 0.0) & (news.level > 0.0)
     for j, joint in enumerate(new.joints):
         own, R = joint.parameters, state.weights[j] * joint.R[0]
-        unsure = np.sum((R[:, :-1] @ state.root[own]) ** 2)
+        # Noise has the usual level, whatever weights say of it; how unsure the estimate is does not go with that.
+        unsure = np.sum((R[:, :-1] @ state.root[own]) ** 2) / (news.level[j] if known[j] else 1.0)
         error[j] = np.sum((R[:, -1] - R[:, :-1] @ values[own]) ** 2) / (max(new.rows[0, j], 1) + unsure)
-    known = (news.blocks > 0.0) & (news.level > 0.0)
     level = np.where(known, news.level, np.where(error > 0.0, error, 1.0))
     return error, np.sqrt(error / level)
 

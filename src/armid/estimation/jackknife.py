@@ -22,7 +22,7 @@ from armid.information.information import Information
 from armid.information.observations import ObservedRun
 from armid.values import Array
 
-__all__ = ["Repeated", "block_products", "correlation", "grouped", "jackknife", "periods"]
+__all__ = ["Repeated", "block_products", "correlation", "filled", "grouped", "jackknife", "periods"]
 
 RIDGE = 1e-12
 """Added to the diagonal of H, relative: a block that alone shows a direction then gives a huge variance."""
@@ -161,6 +161,24 @@ def jackknife(
         own = own - own.mean(axis=0)
         covariance += own.T @ own * (len(own) - 1) / len(own)
     return covariance
+
+
+def filled(scatter: Array, textbook: Array, freedom: float) -> Array:
+    """A scatter that can be inverted.
+
+    With f degrees of freedom it has the rank f, and its inverse would take the estimate as exact in all further
+    directions; single variances are only known to √(2/f), too. It is drawn to the covariance under white residuals,
+    as much larger as it is on the whole, as if b degrees of freedom had shown that.
+
+    Args:
+        scatter: Covariance from the scatter between blocks or periods, shape (b, b).
+        textbook: That under white residuals, shape (b, b).
+        freedom: Degrees of freedom f of the scatter.
+    """
+    known = np.diag(textbook) > 0.0
+    larger = float(np.mean(np.diag(scatter)[known] / np.diag(textbook)[known])) if known.any() else 1.0
+    b = len(scatter)
+    return np.asarray((freedom * scatter + b * larger * textbook) / (freedom + b), dtype=np.float64)
 
 
 def correlation(information: Information, groups: Groups, values: Array, weights: Array, inverse: Array) -> float:

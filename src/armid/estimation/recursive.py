@@ -28,11 +28,12 @@ from armid.errors import EstimationError
 from armid.estimation.fit import CovarianceReport, Fit
 from armid.estimation.forgetting import put_aside, renew
 from armid.estimation.innovations import hear, surprise
+from armid.estimation.jackknife import filled
 from armid.estimation.tracked import JUMP, Innovations, Memory, State
 from armid.estimation.weighted import RESOLUTION, shortest
 from armid.information.information import Information, JointFactors, merge, stack, total
 from armid.kernel import factor_columns
-from armid.maths.linalg import condition, scaled_condition
+from armid.maths.linalg import condition, inverse_of, scaled_condition
 from armid.values import Array, array
 
 __all__ = ["JUMP", "Innovations", "Memory", "State", "begin", "fit", "resume", "update"]
@@ -66,7 +67,14 @@ def begin(block: Information, memory: Memory | None = None, *, weights: Array | 
     return State(block.names, joints, zero, empty, given, weights is not None, empty, None, chosen, news)
 
 
-def resume(block: Information, earlier: Fit, memory: Memory | None = None, *, further: Array | None = None) -> State:
+def resume(
+    block: Information,
+    earlier: Fit,
+    memory: Memory | None = None,
+    *,
+    further: Array | None = None,
+    factors: Information | None = None,
+) -> State:
     """A state that knows an earlier estimate with its covariance, noise levels of joints included.
 
     New rows weigh against it by what they are worth: the covariance of the earlier estimate over the textbook's says
@@ -78,6 +86,8 @@ def resume(block: Information, earlier: Fit, memory: Memory | None = None, *, fu
         memory: How the past is forgotten.
         further: Standard deviations of parameters that the blocks have beyond the estimate's and that are zero so
             far, shape (m,).
+        factors: What the earlier estimate was made from, for a covariance from a scatter of fewer degrees of freedom
+            than parameters: by itself that takes the estimate as exact in all directions it has not scattered in.
 
     Raises:
         EstimationError: The estimate is about other parameters.
@@ -94,7 +104,7 @@ def resume(block: Information, earlier: Fit, memory: Memory | None = None, *, fu
     worth = max(float(np.median(ratio)), 1.0) if known.any() else 1.0
     start = begin(block, memory, weights=earlier.weights / np.sqrt(worth))
     covariance = np.diag(np.concatenate([np.zeros(len(earlier.values)), more**2]))
-    covariance[: len(earlier.values), : len(earlier.values)] = earlier.covariance
+    covariance[: len(earlier.values), : len(earlier.values)] = _definite(earlier, factors)
     root = _root_of_inverse(covariance)
     kept = _triangle(np.column_stack([root, root[:, : len(earlier.values)] @ earlier.values]))
     first = np.full(block.n, FIRST)
@@ -102,6 +112,15 @@ def resume(block: Information, earlier: Fit, memory: Memory | None = None, *, fu
     jump = JUMP * np.sqrt(np.diag(covariance)) if start.memory.jump is None else start.memory.jump
     forgets = replace(start.memory, jump=jump)
     return replace(start, kept=kept, whole=kept, root=_root(covariance), memory=forgets, innovations=news)
+
+
+def _definite(earlier: Fit, factors: Information | None) -> Array:
+    """The covariance of an earlier estimate, of full rank where its factors are given, shape (b, b)."""
+    if factors is None or earlier.covariance_kind not in ("period", "block"):
+        return earlier.covariance
+    A = stack(total(factors), earlier.weights)[0]
+    prior = np.zeros_like(earlier.covariance) if earlier.prior_precision is None else earlier.prior_precision
+    return filled(earlier.covariance, inverse_of(A.T @ A + prior), float(np.min(earlier.freedom)))
 
 
 def update(state: State, block: Information, seconds: float) -> State:

@@ -14,6 +14,7 @@ __all__ = [
     "inverse_of",
     "null_directions",
     "orthonormal",
+    "root_of",
     "scaled_condition",
     "unit_columns",
 ]
@@ -94,3 +95,11 @@ def half_of(matrix: Array) -> Array:
             return size[:, None] * half
     values, vectors = np.linalg.eigh(scaled)
     return size[:, None] * vectors / np.sqrt(np.maximum(values, LEAST * values[-1]))
+
+
+def root_of(covariance: Array) -> Array:
+    """Factor r (b, b) of a covariance, r rᵀ = covariance, whatever the units; what rounding made negative is zero."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

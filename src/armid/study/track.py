@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from armid.study.identify import Progress, changing_parameters, silent
 from armid.study.recalibrate import Changed
 from armid.study.run import Run
 from armid.threads import one_blas_thread
-from armid.values import Array
+from armid.values import Array, load
 
 __all__ = ["SURPRISE", "Event", "Track", "track", "track_record", "track_table"]
 
@@ -132,7 +133,8 @@ def track(
         raise StudyError(
             f"The model of {run.folder} has no friction that could change.", remedy="use --tool or --all."
         )
-    state = resume(new, earlier, Memory(memory, own, SURPRISE, jump), further=further)
+    factors = load(Information, Path(run.folder) / "information.npz")
+    state = resume(new, earlier, Memory(memory, own, SURPRISE, jump), further=further, factors=factors)
     units = (*base.units, *(rigid_body_units() if changed == "tool" else ()))
     return _followed(run, state, new, ends, lengths, units, (*doubts(run), *findings, *found), tell)
 
