@@ -10,7 +10,7 @@ import pytest
 from armid.errors import EstimationError
 from armid.estimation.beside import Joined, join
 from armid.estimation.jointly import solve_joined
-from armid.estimation.payload import LOAD_NAMES, Load, find_gains, find_load
+from armid.estimation.payload import LOAD_NAMES, Load, _Region, find_gains, find_load
 from armid.information.information import stack, total
 from armid.maths.inertia import about_com, com_inertia_to_vector, pseudo_inertia
 from armid.values import Array
@@ -213,3 +213,19 @@ def test_names_stand_in_the_order_of_the_parameters():
     model, _ = arm()
     symbols = tuple(model.parameters[k].symbol for k in model.inertial_columns[-10:])
     assert symbols == LOAD_NAMES
+
+
+def test_parameters_that_nothing_shows_leave_rounding_for_a_covariance():
+    """As on an arm of parallel axes, which shows a load's mass, its centre across the axes and one moment."""
+    free, seen = np.ones(10, dtype=np.bool_), [0, 1, 2, 9]
+    free[0] = False
+    rng = np.random.default_rng(1)
+    for rounding in (1e-16, 1e-30):
+        half = rounding * rng.normal(size=(10, 10))
+        half[seen] += rng.normal(size=(4, 10)) * 1e-4
+        half[0] = 0.0
+        unseen = np.linalg.qr(np.eye(9)[:, [2, 3, 4, 5, 6, 7]] + rounding * rng.normal(size=(9, 6)))[0].T
+        estimate = np.where(np.isin(np.arange(10), seen), LOAD, 0.0)
+        values, moved = _Region(estimate, free, unseen, half @ half.T).nearest()
+        assert moved < 1e-3 and np.linalg.eigvalsh(pseudo_inertia(values))[0] > 0.0
+        np.testing.assert_allclose(values[seen], LOAD[seen], atol=1e-6)

@@ -226,6 +226,8 @@ class _Region:
         self.estimate, self.free = estimate, free
         self.covariance = covariance[np.ix_(free, free)]
         size = np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
+        # Of a parameter that nothing shows only rounding has a size.
+        size = np.where(size > SAME_SPACE * size.max(), size, size.max())
         # What the data see are combinations at right angles to all that they do not, in units of one deviation.
         seen = np.linalg.svd(unseen * size)[2][len(unseen) :] if len(unseen) else np.eye(len(size))
         share, directions = np.linalg.eigh(seen @ (self.covariance / np.outer(size, size)) @ seen.T)
