@@ -81,6 +81,7 @@ def _report(payload: Payload) -> None:
     from rich.table import Table
 
     from armid.cli.console import output_console
+    from armid.cli.result import intervals_line
     from armid.study.payload import payload_record
 
     console, record = output_console(), payload_record(payload)
@@ -91,6 +92,7 @@ def _report(payload: Payload) -> None:
             f"{payload.load.moved:.2f} standard deviations away"
         )
     console.print(_parameters(record))
+    console.print(escape(intervals_line(payload.load.solved.fit)))
     if record["gains"] is None:
         return
     table = Table(title="Drive gains")

@@ -78,6 +78,7 @@ def _report(found: Recalibration, recordings: int) -> None:
     from rich.table import Table
 
     from armid.cli.console import output_console, print_verdict, validation_table
+    from armid.cli.result import intervals_line
     from armid.shown import plural
 
     console, result = output_console(), found.result
@@ -99,4 +100,5 @@ def _report(found: Recalibration, recordings: int) -> None:
         console.print(f"none of {every} has changed beyond its 95 % interval since {escape(found.earlier)}")
     of_joints = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training[:recordings], of_joints, found.before))
+    console.print(escape(intervals_line(result.estimate.fit)))
     print_verdict(console, result.validation)

@@ -16,9 +16,10 @@ from armid.cli.report import PAGE
 from armid.estimation.links import link_table
 
 if TYPE_CHECKING:
+    from armid.estimation.fit import Fit
     from armid.study.identify import Result
 
-__all__ = ["print_next", "print_result"]
+__all__ = ["intervals_line", "print_next", "print_result"]
 
 KINDS = {
     "white": "the variance of the residuals, taken as uncorrelated",
@@ -28,6 +29,11 @@ KINDS = {
     "recursive": "what blocks said that was new",
 }
 """What a kind of covariance is made of, in words."""
+
+
+def intervals_line(fit: Fit) -> str:
+    """What intervals were made from, and why."""
+    return f"intervals from {KINDS[fit.covariance_kind]}: {fit.report.why}"
 
 
 def print_result(result: Result, *, verbose: bool = False) -> None:
@@ -52,7 +58,7 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
         console.print(status_line(fit.standard))
     console.print(
         f"condition number {fit.condition:.2f}, with columns of unit length {fit.scaled_condition:.2f}; "
-        f"{int(fit.rows.max())} rows\nintervals from {KINDS[fit.covariance_kind]}: {fit.report.why}\n"
+        f"{int(fit.rows.max())} rows\n{intervals_line(fit)}\n"
         f"{estimate.seconds:.2f} s from recordings to result"
     )
 

@@ -16,17 +16,41 @@ from numpy.typing import NDArray
 
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import separate_by_recording
+from armid.estimation.problem import Problem
 from armid.information.information import Information, JointFactors, merge, select, stack, total
 from armid.maths.linalg import null_directions, unit_columns
 from armid.values import Array
 
-__all__ = ["Joined", "join", "pulls", "triangular", "with_load_columns"]
+__all__ = ["Earlier", "Joined", "join", "pulls", "triangular", "with_load_columns"]
 
 SMALLEST_PRECISION = 1e-9
 """Smallest eigenvalue of a prior's precision, diagonal one, at which it still says something of every direction."""
 
 LEAST_KNOWN = 1e-6
 """Smallest share of an earlier variance that is left when the scales' part is taken out: rounding of the rest."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Earlier:
+    """How the earlier estimate errs, where its factors are among those of a joined problem.
+
+    Attributes:
+        blocks: Which blocks are its own, shape (blocks,).
+        prior: Number of rows, the last of the prior's, that are its own prior's.
+        pick: Its b' parameters = pick · x, shape (b', c).
+        covariance: Their covariance by noise, without scales of torque and reversals, shape (b', b').
+        freedom: Degrees of freedom of that, shape (b',).
+        moved: What reversals move them by, shape (b',).
+        reach: Share of that that counts as a deviation.
+    """
+
+    blocks: NDArray[np.bool_]
+    prior: int
+    pick: Array
+    covariance: Array
+    freedom: Array
+    moved: Array
+    reach: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,6 +65,9 @@ class Joined:
         after: Base parameters in the new recordings, without the load, = after · x, shape (b, c).
         load: Positions of the ten parameters of the load, shape (10,) or (0,).
         weights: Weights to begin with, shape (n,).
+        to_new: Base parameters in the new recordings, the load in them, = to_new · x, shape (b, c).
+        samples: The new recordings with their samples, where these are at hand.
+        earlier: How the earlier estimate errs; `None` where it stands among the prior's rows.
     """
 
     information: Information
@@ -50,10 +77,18 @@ class Joined:
     after: Array
     load: NDArray[np.intp]
     weights: Array
+    to_new: Array
+    samples: Problem | None = None
+    earlier: Earlier | None = None
 
 
 def join(
-    earlier: Information, fit: Fit, new: Information, own: NDArray[np.bool_], load: Array | None = None
+    earlier: Information,
+    fit: Fit,
+    new: Information,
+    own: NDArray[np.bool_],
+    load: Array | None = None,
+    samples: Problem | None = None,
 ) -> Joined:
     """Put new recordings beside an earlier estimate.
 
@@ -63,6 +98,7 @@ def join(
         new: Factors of the new recordings, about the same base parameters.
         own: Which of the b base parameters the new recordings have for themselves, shape (b,).
         load: Base parameters that each of ten further parameters adds in the new recordings, shape (b, 10).
+        samples: The new recordings with their samples, about the base parameters.
     """
     copied = {name.split("[", 1)[0] for name in fit.names if "[" in name}  # friction of each earlier recording
     recording = earlier.recording if copied else np.zeros(earlier.blocks, dtype=np.int64)
@@ -75,17 +111,22 @@ def join(
     is_new = np.arange(both.blocks) >= earlier.blocks
     prior = _ties(earlier, before, after, changing)
     moves = np.zeros((len(prior), earlier.n))
+    errs = None
     if fit.prior_precision is not None and _is_definite(fit.prior_precision):
         known = _as_believed(earlier, apart.names, fit)
         prior, moves = np.vstack([prior, known]), np.vstack([moves, np.zeros((len(known), earlier.n))])
+        errs = _errors(earlier, apart.names, fit, ~is_new, len(known))
     elif _is_determined(earlier, fit):
         apart = _towards_estimate(apart, ~is_new, earlier, fit)
+        errs = _errors(earlier, apart.names, fit, ~is_new, 0)
     else:
         known, known_moves = _as_estimated(earlier, apart.names, fit)
         prior, moves = np.vstack([prior, known]), np.vstack([moves, known_moves])
         apart, is_new = select(apart, is_new), np.ones(new.blocks, dtype=np.bool_)
+    apart = replace(apart, scale_deviation=new.scale_deviation)
     if load is None:
-        return Joined(apart, prior, moves, before, after, np.arange(0), fit.weights)
+        return Joined(apart, prior, moves, before, after, np.arange(0), fit.weights, after, samples, errs)
+    wide = None if errs is None else replace(errs, pick=np.hstack([errs.pick, np.zeros((len(errs.pick), 10))]))
     return Joined(
         with_load_columns(apart, is_new, after.T @ load),
         np.insert(prior, [-1] * 10, 0.0, axis=1),
@@ -94,6 +135,9 @@ def join(
         np.hstack([after, np.zeros((len(after), 10))]),
         np.arange(apart.count, apart.count + 10),
         fit.weights,
+        np.hstack([after, load]),
+        samples,
+        wide,
     )
 
 
@@ -150,6 +194,19 @@ def _towards_estimate(apart: Information, old: NDArray[np.bool_], earlier: Infor
     return replace(apart, joints=tuple(joints))
 
 
+def _errors(earlier: Information, names: tuple[str, ...], fit: Fit, blocks: NDArray[np.bool_], prior: int) -> Earlier:
+    """How the earlier estimate errs: arguments as in `Earlier`, and names of the unknowns."""
+    kept, pick = _of_estimate(earlier, names, fit)
+    moves = _moves_of(kept, fit)[[kept.names.index(name) for name in fit.names]] * earlier.scale_deviation
+    moved = fit.report.moved if len(fit.report.moved) == len(fit.names) else np.zeros(len(fit.names))
+    reach = fit.report.reach
+    covariance = fit.covariance - moves @ moves.T - reach**2 * np.outer(moved, moved)
+    whole, left = np.diag(fit.covariance), np.maximum(np.diag(covariance), 0.0)
+    # What was known for certain had no degrees of freedom to pay for.
+    share = np.divide(left, whole, out=np.ones_like(left), where=whole > 0.0)
+    return Earlier(blocks, prior, pick, covariance, np.maximum(fit.freedom * share**2, 1.0), moved, reach)
+
+
 def _is_definite(precision: Array) -> bool:
     """Whether every direction has a precision, in units of its diagonal."""
     if not (np.diag(precision) > 0.0).all():
@@ -203,7 +260,11 @@ def _moves_of(information: Information, fit: Fit) -> Array:
     """Change (b', n) of a least-squares estimate with a unit relative error of each joint's torque scale."""
     whole = total(information)
     A, length = unit_columns(stack(whole, fit.weights)[0])
-    inverse = np.linalg.pinv(A.T @ A, hermitian=True) / np.outer(length, length)
+    normal = A.T @ A
+    if fit.prior_precision is not None:
+        at = [fit.names.index(name) for name in whole.names]
+        normal = normal + fit.prior_precision[np.ix_(at, at)] / np.outer(length, length)
+    inverse = np.linalg.pinv(normal, hermitian=True) / np.outer(length, length)
     return inverse @ pulls(whole, fit.weights)
 
 

@@ -29,8 +29,9 @@ class CovarianceReport:
         whiteness: Probability of residuals as far from white as these, if they were white; `None` where not tested.
         noise: Standard deviation of a joint's torque about the model, in the band, shape (n,) [N·m or N]: what a band
             for a measured torque adds to the parameters' share. Empty where nothing but the residual is known.
-        moved: Part of the covariance that comes of reversals, as the move whose outer product it is, shape (b,);
-            empty where none was looked for.
+        moved: What leaving rows next to reversals out would move the estimate by, shape (b,); empty where that was
+            not looked for.
+        reach: Share of the move that counts as a deviation: the covariance has reach² moved movedᵀ in it.
     """
 
     why: str = "as the estimator gave it"
@@ -38,6 +39,7 @@ class CovarianceReport:
     whiteness: float | None = None
     noise: Array = field(default_factory=lambda: np.zeros(0))
     moved: Array = field(default_factory=lambda: np.zeros(0))
+    reach: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("noise", "moved"):

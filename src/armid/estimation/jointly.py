@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError
 from armid.estimation.beside import Joined, pulls, triangular
 from armid.estimation.fit import Fit
+from armid.estimation.together import Together, rest_of
 from armid.estimation.uncertainty import cover
-from armid.information.information import Information, JointFactors, stack, total
+from armid.information.information import Information, JointFactors, select, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 from armid.values import Array
 
@@ -50,7 +51,7 @@ class Solved:
         scale_covariance: Covariance of the scales, shape (n, n); zero unless estimated.
         unseen_scale: Whether nothing determines a scale, shape (n,).
         freedom: Degrees of freedom of the unknowns and the scales, shape (c + n,).
-        fit: Weights and residuals.
+        fit: Weights, residuals, and how the covariance was made; moves by reversals are those of the c unknowns.
     """
 
     values: Array
@@ -241,7 +242,7 @@ def _solved(joined: Joined, unknowns: _Unknowns, weights: Array, values: Array, 
     seen = _seen(_linear(joined.information, unknowns, values, scale), unknowns.prior, weights)
     basis, unseen, P = seen.basis, seen.unseen, seen.prior[:, :-1]
     least = _Least(total(seen.information), seen.prior, weights)
-    fit = cover(_fit(seen, least, weights), seen.information)
+    fit = _covered(joined, unknowns, seen, least, weights, values, scale)
     size, n, count = len(values), seen.information.n, unknowns.count
     moves = np.zeros((size, n))
     if not unknowns.scaled:
@@ -261,7 +262,51 @@ def _solved(joined: Joined, unknowns: _Unknowns, weights: Array, values: Array, 
         each = np.broadcast_to(fit.freedom, (basis.shape[1],))
         freedom[:size][unknowns.free] = each[:count]
         freedom[size:] = each[count:] if unknowns.scaled else freedom[size:]
+    if len(fit.report.moved):
+        moved = np.zeros(size)
+        moved[unknowns.free] = (basis @ fit.report.moved)[:count]
+        fit = replace(fit, report=replace(fit.report, moved=moved))
     return Solved(values, _among_all(every, unknowns), white, moves, left, scale, scales, blind, freedom, fit)
+
+
+def _covered(
+    joined: Joined, unknowns: _Unknowns, seen: _Seen, least: _Least, weights: Array, values: Array, scale: Array
+) -> Fit:
+    """The solution in z with its covariance: from samples where these are at hand, or else from factors."""
+    fit = _fit(seen, least, weights)
+    if joined.samples is None:
+        return cover(fit, seen.information)
+    earlier, prior = joined.earlier, unknowns.prior[:, :-1]
+    ties, rows, own = prior @ seen.basis, np.zeros((0, seen.basis.shape[1])), np.zeros((0, 0))
+    is_new = np.ones(joined.information.blocks, dtype=np.bool_)
+    if earlier is not None:
+        is_new = ~earlier.blocks
+        first, last = joined.prior.shape[0] - earlier.prior, joined.prior.shape[0]
+        whole = total(select(joined.information, earlier.blocks))
+        rows = np.vstack([_slopes(whole, unknowns, weights, values, scale), prior[first:last]]) @ seen.basis
+        ties = np.delete(prior, np.s_[first:last], axis=0) @ seen.basis
+        own = np.vstack([stack(whole, weights)[0], joined.prior[first:last, :-1]]) @ earlier.pick.T
+    through: list[Array] = []
+    for j in range(joined.information.n):
+        slope = scale[j] * joined.to_new[:, unknowns.free]
+        if unknowns.scaled:
+            further = np.zeros((len(slope), joined.information.n))
+            further[:, j] = joined.to_new @ values
+            slope = np.hstack([slope, further])
+        through.append(slope @ seen.basis)
+    rest = rest_of(ties, rows, own, earlier, least.inverse)
+    shown = np.outer(scale, joined.to_new @ values)
+    return Together(fit, joined.samples, select(seen.information, is_new), rest, through, shown).covered()
+
+
+def _slopes(whole: Information, unknowns: _Unknowns, weights: Array, values: Array, scale: Array) -> Array:
+    """Whitened rows in the unknowns, shape (m, u), as `_linear` has them, not made triangular."""
+    A = stack(whole, weights)[0]
+    joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
+    slopes = scale[joint][:, None] * A[:, unknowns.free]
+    if not unknowns.scaled:
+        return slopes
+    return np.hstack([slopes, (A @ values)[:, None] * (joint[:, None] == np.arange(whole.n))])
 
 
 def _fit(seen: _Seen, least: _Least, weights: Array) -> Fit:

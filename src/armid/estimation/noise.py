@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.estimation.bands import BandProducts
+from armid.maths.linalg import root_of
 from armid.values import Array
 
 __all__ = ["LARGEST", "NoiseModel", "Scatter", "hats"]
@@ -95,7 +96,10 @@ class NoiseModel:
         self.basis = hats(bands)
         self.pairs = np.triu_indices(bands.n)
         self.twice = np.where(self.pairs[0] == self.pairs[1], 1.0, 2.0)
-        self.root = np.linalg.cholesky(inverse)
+        try:
+            self.root = np.linalg.cholesky(inverse)
+        except np.linalg.LinAlgError:  # directions that are known to all digits beside others that hardly are
+            self.root = root_of(inverse)
         roots = [self.root] * bands.n if through is None else [each @ self.root for each in through]
         self.roots = [root[k] * w for root, k, w in zip(roots, bands.parameters, weights, strict=True)]
         self.spent = self._spent()

@@ -13,6 +13,7 @@ from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimate import collapse
 from armid.estimation.fit import Fit
 from armid.estimation.jointly import Solved, solve_joined
+from armid.estimation.problem import Problem
 from armid.information.information import Information, JointFactors, merge
 from armid.values import Array
 
@@ -68,6 +69,7 @@ def recalibrate_fit(
     new: Information,
     own: NDArray[np.bool_],
     tool: Array | None = None,
+    samples: Problem | None = None,
 ) -> Recalibrated:
     """Estimate anew.
 
@@ -77,15 +79,14 @@ def recalibrate_fit(
         new: Factors of the new recordings.
         own: Which base parameters may have changed freely, shape (b,).
         tool: What ten parameters of another tool add to the base parameters, shape (b, 10); `None` for the same tool.
+        samples: The new recordings with their samples.
 
     Raises:
         EstimationError: The new recordings do not show what the tool changes.
     """
-    joined = join(earlier, fit, new, own, tool)
+    joined = join(earlier, fit, new, own, tool, samples)
     solved = solve_joined(joined)
-    to_new = joined.after.copy()
-    if tool is not None:
-        to_new[:, joined.load] = tool
+    to_new = joined.to_new
     hidden = np.abs(to_new @ solved.unseen.T).max(axis=1, initial=0.0) > 0.0
     if hidden.any():
         names = ", ".join(name for name, each in zip(new.names, hidden, strict=True) if each)
@@ -107,7 +108,7 @@ def _fit(new: Information, to_new: Array, solved: Solved) -> Fit:
     """The new estimate in base parameters, with the residual of the new recordings: the arm is as they show it."""
     part = np.abs(to_new) / np.abs(to_new).sum(axis=1, keepdims=True)
     values = to_new @ solved.values
-    rows = new.rows.sum(axis=0)
+    rows, moved = new.rows.sum(axis=0), solved.fit.report.moved
     left = np.sqrt(held_out_squares(new, values) / np.maximum(rows, 1))
     return replace(
         solved.fit,
@@ -118,6 +119,7 @@ def _fit(new: Information, to_new: Array, solved: Solved) -> Fit:
         covariance=to_new @ solved.whole_covariance @ to_new.T,
         freedom=part @ solved.freedom[: len(solved.values)],
         prior_precision=None,
+        report=replace(solved.fit.report, moved=to_new @ moved if len(moved) else moved),
     )
 
 

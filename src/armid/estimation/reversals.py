@@ -9,6 +9,8 @@ the model is do [Hausman1978]: with these rows and without.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +23,7 @@ from armid.information.rows import rows
 from armid.information.setup import column_source
 from armid.values import Array
 
-__all__ = ["moved_by_reversals"]
+__all__ = ["moved_among_unknowns", "moved_by_reversals"]
 
 SLOW = 0.1
 """Share of its RMS speed below which a joint turns round."""
@@ -32,6 +34,9 @@ LOBE = 0.5
 LEAST = 1e-8
 """Smallest eigenvalue of the normal equations with unit columns, over the largest, at which the rows that are left
 determine an estimate."""
+
+LEFT = 0.1
+"""Share of a direction's information that rows away from reversals must have for a comparison there."""
 
 
 def moved_by_reversals(problem: Problem, values: Array, weights: Array, prior: Array) -> Array | None:
@@ -46,9 +51,54 @@ def moved_by_reversals(problem: Problem, values: Array, weights: Array, prior: A
     Returns:
         `None` where the rows that are left do not determine an estimate.
     """
+    normal, pull = np.array(prior, dtype=np.float64), np.zeros(len(values))
+    for _, mine, columns, side in _away(problem, weights):
+        normal[mine[:, None], mine] += columns @ columns.T
+        pull[mine] += columns @ (side - values[mine] @ columns)
+    return _solved(normal, pull)
+
+
+def moved_among_unknowns(
+    problem: Problem,
+    values: Array,
+    weights: Array,
+    through: Sequence[Array],
+    rest: tuple[Array, Array],
+    root: Array,
+) -> Array:
+    """The same for u unknowns that the parameters of the columns follow from, of which the samples show a part.
+
+    What rows next to reversals nearly alone show cannot be compared, and stays where it is.
+
+    Args:
+        problem: With its samples, about b parameters.
+        values: Parameters of each joint's torque, shape (n, b).
+        weights: Weight of each joint's rows, shape (n,).
+        through: How each joint's parameters follow from the unknowns, shapes (b, u).
+        rest: Normal equations (u, u) and pull (u,) of all that is not in the samples.
+        root: Factor of the inverse of the normal equations of everything, shape (u, u).
+
+    Returns:
+        The move, shape (u,).
+    """
+    n, b = values.shape
+    normals, pulls = np.zeros((n, b, b)), np.zeros((n, b))
+    for j, mine, columns, side in _away(problem, weights):
+        normals[j, mine[:, None], mine] += columns @ columns.T
+        pulls[j, mine] += columns @ (side - values[j, mine] @ columns)
+    normal, pull = np.array(rest[0], dtype=np.float64), np.array(rest[1], dtype=np.float64)
+    for own, of, by in zip(through, normals, pulls, strict=True):
+        normal += own.T @ of @ own
+        pull += own.T @ by
+    share, directions = np.linalg.eigh(root.T @ normal @ root)
+    inverse = np.where(share > LEFT, 1.0 / np.maximum(share, LEFT), 0.0)
+    return np.asarray(root @ (directions @ (inverse * (directions.T @ (root.T @ pull)))), dtype=np.float64)
+
+
+def _away(problem: Problem, weights: Array) -> Iterator[tuple[int, NDArray[np.int64], Array, Array]]:
+    """Weighted rows away from reversals: joint, numbers of its parameters, columns (k, M) and torque (M,)."""
     model, base, observations = problem.require_samples("cover")
-    source, b = column_source(model, base), len(values)
-    normal, pull = np.array(prior, dtype=np.float64), np.zeros(b)
+    source = column_source(model, base)
     for given in observations.runs:
         run = remember(model, given, observations.band)
         own = named_columns(source, problem.information.names, run)
@@ -56,9 +106,11 @@ def moved_by_reversals(problem: Problem, values: Array, weights: Array, prior: A
         for begin, x in rows(source, run, observations.band):
             for j, (first, last) in enumerate(zip(source.layout.offset, source.layout.offset[1:], strict=False)):
                 block = weights[j] * x[first:last][:, counts[begin : begin + x.shape[1], j]]
-                columns, mine = block[:-1], own[j]
-                normal[mine[:, None], mine] += columns @ columns.T
-                pull[mine] += columns @ (block[-1] - values[mine] @ columns)
+                yield j, own[j], block[:-1], block[-1]
+
+
+def _solved(normal: Array, pull: Array) -> Array | None:
+    """The move of an estimate that these pull at; `None` where they do not determine it."""
     size = np.sqrt(np.diag(normal))
     if not (size > 0.0).all():
         return None

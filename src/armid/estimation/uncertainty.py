@@ -42,7 +42,6 @@ from armid.values import Array
 __all__ = [
     "FEWEST_BLOCKS",
     "FEWEST_PERIODS",
-    "REACH",
     "Uncertainty",
     "block_covariance",
     "choose",
@@ -135,11 +134,14 @@ class Uncertainty:
         prior: Precision of what holds these beside the rows, shape (b, b).
         inverse: Inverse of the normal equations, prior included, shape (b, b).
         known: What is added to the scatter for certain, shape (b, b).
+        moved: What reversals move the estimate by, as far as intervals reach, shape (b,).
+        felt: Which parameters the rows show, shape (b,).
     """
 
-    def __init__(self, fit: Fit, problem: Problem) -> None:
+    def __init__(self, fit: Fit, problem: Problem, information: Information | None = None) -> None:
         self.fit, self.problem = fit, problem
-        self.information = problem.information if fit.information is None else fit.information
+        own = problem.information if fit.information is None else fit.information
+        self.information = own if information is None else information
         self.whole = total(self.information)
         b = self.whole.count
         self.prior = np.zeros((b, b)) if fit.prior_precision is None else fit.prior_precision
@@ -154,6 +156,7 @@ class Uncertainty:
         # An estimate at the border of what can be stands apart from the middle of it.
         self.apart: Array = np.zeros((b, b)) if own is None else np.outer(own.base_shift, own.base_shift)
         self.moved: Array = np.zeros(b)  # by reversals
+        self.felt: NDArray[np.bool_] = np.ones(b, dtype=np.bool_)
 
     def covered(self) -> Fit:
         """The fit with the covariance that fits the case."""
@@ -169,25 +172,37 @@ class Uncertainty:
             return replace(self.white(), report=replace(report, parts=0))
         if kind == "period" and motions is not None:
             return self._periods(motions, report)
-        self.moved, share = self._moved(scatter.covariance)
-        report = replace(report, moved=self.moved)
+        moved, reach, share = self.move(self.by_noise(scatter.covariance))
+        self.moved = reach * moved if len(moved) else self.moved
+        report = replace(report, moved=moved, reach=reach)
         if share:
             said = f"samples next to velocity reversals shift a parameter by up to {share:.1f} standard deviations"
             report = replace(report, why=f"{why}; {said}, by which intervals are widened")
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
 
-    def _moved(self, covariance: Array) -> tuple[Array, float]:
-        """What reversals move the estimate by beyond what chance does, (b,), and the largest share of a deviation."""
-        none = np.zeros(len(covariance))
+    def move(self, covariance: Array) -> tuple[Array, float, float]:
+        """What reversals move the estimate by (b,), how much of it is a deviation, and its most in deviations.
+
+        What chance does is left out of the second; the third is zero where there is no more.
+        """
         found = self.without_reversals()
         if found is None:
-            return none, 0.0
+            return np.zeros(0), 0.0, 0.0
+        reach, most = self.reach(found, covariance)
+        return found, reach, most
+
+    def reach(self, moved: Array, covariance: Array) -> tuple[float, float]:
+        """Share of a move (b,) that counts as a deviation beside noise, and its most in deviations by noise."""
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        ratio = np.divide(found, deviation, out=np.zeros_like(found), where=deviation > 0.0)
+        ratio = np.divide(moved, deviation, out=np.zeros_like(moved), where=deviation > 0.0)[self.felt]
         size = float(np.sqrt(np.mean(ratio**2)))
         if size <= BY_CHANCE:
-            return none, 0.0
-        return found * REACH * np.sqrt(1.0 - (BY_CHANCE / size) ** 2), float(np.abs(ratio).max())
+            return 0.0, 0.0
+        return float(REACH * np.sqrt(1.0 - (BY_CHANCE / size) ** 2)), float(np.abs(ratio).max())
+
+    def by_noise(self, scatter: Array) -> Array:
+        """All covariance that noise makes, with that of the scatter of these rows, shape (b, b)."""
+        return scatter
 
     def without_reversals(self) -> Array | None:
         """Move of the estimate without rows next to reversals, shape (b,); `None` where it is not known."""

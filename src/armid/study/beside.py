@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RobotError, StudyError
+from armid.estimation.problem import Problem
 from armid.information.information import Information
 from armid.information.stream import inform
 from armid.maths.inertia import transform
@@ -34,6 +35,7 @@ class Beside:
         base: Its base parameters.
         earlier: What the run's training recordings say.
         new: What the new recordings say about the same base parameters.
+        samples: The same with its samples.
         recordings: The new recordings.
         findings: What was noticed on the way.
     """
@@ -42,6 +44,7 @@ class Beside:
     base: BaseParameters
     earlier: Information
     new: Information
+    samples: Problem
     recordings: tuple[tuple[RecordingChoice, Recording], ...]
     findings: tuple[Finding, ...]
 
@@ -78,9 +81,9 @@ def beside_run(
     deviation = _deviation(recordings[0][0].reading, run.robot.n)
     if gain_deviation is not None:
         deviation = np.full(run.robot.n, gain_deviation)
-        earlier = replace(earlier, scale_deviation=deviation)
     new = replace(inform(run.model, base, observations), scale_deviation=deviation)
-    return Beside(run, base, earlier, new, recordings, (*doubts(run), *findings, *found))
+    samples = Problem(new, model=run.model, base=base, observations=observations)
+    return Beside(run, base, earlier, new, samples, recordings, (*doubts(run), *findings, *found))
 
 
 def read_new(

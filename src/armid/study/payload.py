@@ -91,7 +91,7 @@ def find_payload(
     added, to_link = load_columns(run)
     beside = beside_run(run, paths, reading, gain_deviation=gain_deviation)
     own = beside.changing & (not same_friction)
-    joined = join(beside.earlier, run.estimate.fit, beside.new, own, added)
+    joined = join(beside.earlier, run.estimate.fit, beside.new, own, added, beside.samples)
     if known is None:
         load, gains = find_load(joined), None
     else:
@@ -204,6 +204,7 @@ def payload_record(payload: Payload) -> dict[str, Any]:
         "distance_to_real": load.moved,
         "gains": None if payload.gains is None else _gains_record(payload),
         "residual": {"rms": load.solved.fit.residual_rms},
+        "covariance": {"kind": load.solved.fit.covariance_kind, "why": load.solved.fit.report.why},
         "recordings": [{"path": choice.path, "sha256": each.sha256} for choice, each in payload.beside.recordings],
         "warnings": [finding_record(finding) for finding in payload.findings],
     }

@@ -85,7 +85,7 @@ def recalibrate(
         raise StudyError(
             f"The model of {run.folder} has no friction that could have changed.", remedy="use --tool or --all."
         )
-    found = recalibrate_fit(beside.earlier, run.estimate.fit, beside.new, own, tool)
+    found = recalibrate_fit(beside.earlier, run.estimate.fit, beside.new, own, tool, beside.samples)
     estimate = replace(
         run.estimate,
         method=f"{run.estimate.method.removesuffix(AGAIN)}{AGAIN}",
