@@ -126,7 +126,7 @@ def test_an_mjcf_keeps_its_text_and_gets_attributes(tmp_path: Path):
     )
     assert '<inertial pos="0.0 0.0 0.0" mass="0.0" diaginertia="0.0 0.0 0.0"/><geom mesh="shell"/></body>' in found
     assert codes(exported)["mesh-mass-removed"].startswith("cover: other programs would make its inertia")
-    assert "ball keep what the description says" in codes(exported)["difference-taken"]
+    assert "ball keeps what the description says" in codes(exported)["difference-taken"]
 
 
 def test_what_an_mjcf_includes_is_put_in_its_place(tmp_path: Path):

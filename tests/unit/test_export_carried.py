@@ -119,3 +119,6 @@ def test_as_little_as_possible_is_changed():
     written, (said,) = as_carried(hand, "hand", [heavy, tip])
     assert said.code == "children-scaled" and "tip, not physically consistent" in said.evidence and said.remedy
     assert written[0].mass == pytest.approx(2.0 * written[1].mass / 0.08)
+    inside_out = Body("odd", 0, np.eye(4), InertialParameters.from_com(0.5, [0, 0, 0.3], -0.01 * np.eye(3)))
+    written, (said,) = as_carried(hand, "hand", [inside_out])
+    assert said.code == "carried-corrected" and is_possible(written[0])

@@ -26,6 +26,9 @@ LEFT = 0.5
 FLATTEST = 1e-3
 """Smallest second moment over the largest of a body whose tensor had to be corrected."""
 
+THINNEST = 1e-3
+"""Its smallest radius of gyration about a plane through the centre of mass [m]."""
+
 
 def is_possible(body: InertialParameters) -> bool:
     """Whether a distribution of positive mass has these parameters, with some room for rounding."""
@@ -65,20 +68,22 @@ def as_carried(
     described = [body.nominal or InertialParameters.zero() for body in bodies]
     if not bodies:
         return [], []
-    names = ", ".join(body.name for body in bodies)
+    names, one = ", ".join(body.name for body in bodies), len(bodies) == 1
     if lumped:
-        what = f"{names} are written without mass, as --lumped asks; {carrier} has all of the identified link"
+        written = f"{names} {'is' if one else 'are'} written without mass, as --lumped asks"
+        what = f"{written}; {carrier} has all of the identified link"
         empty = [SPECK if body.is_welded else InertialParameters.zero() for body in bodies]
         return empty, [Finding("carried-lumped", "info", carrier, what)]
     wrong = [k for k, each in enumerate(described) if not each.is_consistent()]
     if not is_possible(link) or is_possible(_rest(link, bodies, described)):
-        what = f"{names} keep what the description says; {carrier} takes the difference to the identified link"
+        kept = f"{names} {'keeps' if one else 'keep'} what the description says"
+        what = f"{kept}; {carrier} takes the difference to the identified link"
         found = [Finding("difference-taken", "info", carrier, what), *_thin(bodies)]
         return described, [*found, *([_impossible(bodies, wrong)] if wrong else [])]
     corrected = [_corrected(each) if k in wrong else each for k, each in enumerate(described)]
-    kept = [each for k, each in enumerate(corrected) if k not in wrong]
+    sound = [each for k, each in enumerate(corrected) if k not in wrong]
     others = [body for k, body in enumerate(bodies) if k not in wrong]
-    room = _rest(link, others, kept)
+    room = _rest(link, others, sound)
     if wrong and is_possible(room):
         factor = _factor(room, [bodies[k] for k in wrong], [corrected[k] for k in wrong])
         result = [_scaled(each, factor) if k in wrong else each for k, each in enumerate(corrected)]
@@ -115,7 +120,8 @@ def _corrected(inertial: InertialParameters) -> InertialParameters:
         return InertialParameters.zero()
     J, com = _about(inertial)
     moments, axes = np.linalg.eigh(J[:3, :3])
-    J[:3, :3] = (axes * np.maximum(moments, FLATTEST * max(moments[-1], 0.0))) @ axes.T
+    least = max(FLATTEST * moments[-1], THINNEST**2 * inertial.mass)
+    J[:3, :3] = (axes * np.maximum(moments, least)) @ axes.T
     return InertialParameters.from_vector(transform(vector_from_pseudo_inertia(J), np.eye(3), com))
 
 
@@ -130,8 +136,8 @@ def _thin(bodies: Sequence[Body]) -> list[Finding]:
     names = [body.name for body in bodies if body.nominal is not None and is_thin(body, body.nominal)]
     if not names:
         return []
-    what = f"{', '.join(names)}: no inertia in the description, and nothing was identified of them alone"
-    return [Finding("links-as-described", "info", names[0] if len(names) == 1 else "", f"{what}; left as they are")]
+    what = "no inertia in the description, and nothing was identified of it alone; left as it is"
+    return [Finding("links-as-described", "info", name, what) for name in names]
 
 
 def _impossible(bodies: Sequence[Body], wrong: Sequence[int]) -> Finding:
