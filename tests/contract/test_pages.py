@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
 
+from armid.excitation.formats import FORMATS
+from armid.measurement.readers import csv
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Term
 from armid.robot import load_robot
+from armid.robot.readers import urdf
 
 ROOT = Path(__file__).parents[2]
 PAGES = {
@@ -85,6 +92,21 @@ def test_the_example_of_a_term(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 5, 6))
     Y = DynamicsModel(load_robot("ur5e"), (term,)).regressor(Motion.of_states(q, dq, ddq))
     np.testing.assert_allclose(np.einsum("njj->nj", Y), np.abs(dq) * dq, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("read", csv), ("recognises", urdf), ("outline", urdf), ("write", FORMATS["csv"])]
+)
+def test_signatures_of_the_page_are_those_of_the_code(name: str, kind: ModuleType):
+    """The block that shows a contract, executed, and beside it one that keeps to the contract."""
+    known: dict[str, Any] = {"Path": Path, "Mapping": Mapping}
+    known |= dict.fromkeys(("Reading", "Robot", "Recording", "Outline", "Track"), object)
+    blocks = re.findall(r"```python\n(.*?)```", PAGES["docs/extending.md"], re.DOTALL)
+    shown = next(block for block in blocks if f"def {name}(" in block and "class" not in block)
+    exec(shown, known)
+    told, real = (inspect.signature(each).parameters for each in (known[name], getattr(kind, name)))
+    assert list(told) == list(real)
+    assert [each.default for each in told.values()] == [each.default for each in real.values()]
 
 
 def test_the_example_of_a_recursive_estimate(capsys: pytest.CaptureFixture[str]):

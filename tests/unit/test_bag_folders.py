@@ -61,6 +61,18 @@ def assert_all(recording):
         np.testing.assert_array_equal(getattr(recording, name), truth)
 
 
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_a_compressed_file_alone_is_a_recording(tmp_path, suffix):
+    folder = write_bag_folder(tmp_path / "bag", states(), compression="FILE", suffix=suffix)
+    packed = next(folder.glob(f"*{suffix}.zstd"))
+    alone = packed.rename(tmp_path / packed.name)
+    assert_all(load_recording(alone))
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == [alone.name]
+    alone.write_bytes(alone.read_bytes()[:200])
+    with pytest.raises(RecordingError, match="cannot be unpacked"):
+        load_recording(alone)
+
+
 def parts(folder: Path, pieces: int, suffix: str) -> Path:
     """A bag split into files, as `ros2 bag record --max-bag-duration` leaves it."""
     whole = write_bag_folder(folder / "split", states()[: N // pieces], suffix=suffix)

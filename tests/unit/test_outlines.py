@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -195,6 +196,25 @@ def test_several_writers_leave_one_whole_entry(tmp_path):
         thread.join()
     assert len(seen) == 80 and all(seen)
     assert entries() == [f"{name}.npz"]
+
+
+def test_entries_that_were_not_used_for_longest_go(monkeypatch, tmp_path):
+    arrays = {"x": np.zeros(1000)}
+    store.keep("first", arrays)
+    size = (tmp_path / "cache" / "first.npz").stat().st_size
+    monkeypatch.setattr(store, "LARGEST", int(3.5 * size))
+    for age, name in ((300, "first"), (200, "second"), (100, "third")):
+        store.keep(name, arrays)
+        os.utime(tmp_path / "cache" / f"{name}.npz", (time.time() - age,) * 2)
+    assert store.kept("first") is not None  # used just now
+    half = tmp_path / "cache" / ".half-made.npz"
+    half.write_bytes(b"")
+    os.utime(half, (time.time() - 2 * store.LEFT_BEHIND,) * 2)
+    store.keep("fourth", arrays)
+    assert {path.name for path in (tmp_path / "cache").iterdir()} == {"first.npz", "third.npz", "fourth.npz"}
+    monkeypatch.setattr(store, "LARGEST", 0)
+    store.keep("fifth", arrays)  # what was made last stays, however large it is
+    assert {path.name for path in (tmp_path / "cache").iterdir()} == {"fifth.npz"}
 
 
 def test_the_folder_is_the_users(monkeypatch, tmp_path):

@@ -1,13 +1,15 @@
 """Arrays kept in the user's cache folder, for what is slow to make and depends on the content of a file alone.
 
 An entry is written beside its name and then renamed, so that another process reads all of it or nothing. An entry
-that cannot be read is made again; where the folder cannot be written, nothing is kept, and nothing is said.
+that cannot be read is made again; where the folder cannot be written, nothing is kept, and nothing is said. Where all
+entries together are larger than `LARGEST`, those go that were not used for longest.
 """
 
 from __future__ import annotations
 
 import os
 import tempfile
+import time
 import zlib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -18,6 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["Arrays", "cache_folder", "keep", "kept"]
+
+LARGEST = 200_000_000
+"""Bytes of all entries together; a humanoid's hulls are some megabytes."""
+
+LEFT_BEHIND = 86_400.0
+"""Age [s] from which a file that nobody has renamed was left by a process that was killed."""
 
 Arrays = Mapping[str, NDArray[np.generic]]
 
@@ -38,9 +46,13 @@ def kept(name: str) -> dict[str, NDArray[np.generic]] | None:
     folder = cache_folder()
     if folder is None:
         return None
+    path = folder / f"{name}.npz"
     try:
-        with (folder / f"{name}.npz").open("rb") as file, np.load(file, allow_pickle=False) as entry:
-            return dict(entry)
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
+            found = dict(entry)
+        with suppress(OSError):  # a folder that can only be read
+            os.utime(path)
+        return found
     except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error, RuntimeError):
         return None
 
@@ -60,3 +72,23 @@ def keep(name: str, arrays: Arrays) -> None:
         except OSError:
             os.unlink(made)
             raise
+        _prune(folder, f"{name}.npz")
+
+
+def _prune(folder: Path, newest: str) -> None:
+    """Remove entries that were not used for longest, but not the newest, until the rest are small enough together."""
+    found: list[tuple[float, int, Path]] = []
+    for path in folder.glob("*.npz"):
+        with suppress(OSError):  # another process was faster
+            state = path.stat()
+            found.append((state.st_mtime, state.st_size, path))
+    whole = sum(size for _, size, path in found if not path.name.startswith("."))
+    for used, size, path in sorted(found, key=lambda each: each[0]):
+        if path.name.startswith("."):
+            gone = time.time() - used > LEFT_BEHIND
+        else:
+            gone = whole > LARGEST and path.name != newest
+            whole -= size if gone else 0
+        if gone:
+            with suppress(OSError):
+                path.unlink()

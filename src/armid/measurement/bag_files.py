@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from armid.errors import RecordingError
+from armid.errors import MissingExtraError, RecordingError
 from armid.values import digest, sha256_of_file
 
-__all__ = ["METADATA", "STORAGE", "bag_paths", "data_files", "sha256_of_recording"]
+__all__ = [
+    "COMPRESSED",
+    "METADATA",
+    "STORAGE",
+    "bag_paths",
+    "data_files",
+    "is_packed",
+    "opened",
+    "sha256_of_recording",
+]
 
 METADATA = "metadata.yaml"
 
@@ -22,6 +37,43 @@ OURS = {
     "estimate.json": "it is a run of armid identify; give a recording.",
 }
 """Folders that armid writes, by a file in them, and what to do with them."""
+
+
+def is_packed(path: Path) -> bool:
+    """Whether it is a single file of a bag that ROS 2 has compressed whole, as `run_0.db3.zstd`."""
+    return path.name.lower().endswith(tuple(f"{suffix}{COMPRESSED}" for suffix in STORAGE))
+
+
+@contextmanager
+def opened(path: Path) -> Generator[list[Path]]:
+    """Paths to open for a bag, as `bag_paths` says; a compressed file is unpacked into a folder that goes again.
+
+    Raises:
+        RecordingError: A folder in which there is no bag, or a file that cannot be unpacked.
+        MissingExtraError: Nothing unpacks zstd.
+    """
+    if path.is_dir() or not is_packed(path):
+        yield bag_paths(path)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / path.name[: -len(COMPRESSED)]
+        zstd = _zstd()
+        try:
+            plain.write_bytes(zstd.decompress(path.read_bytes()))
+        except (zstd.ZstdError, EOFError, ValueError, OSError) as error:
+            raise RecordingError(
+                f"{path} cannot be unpacked ({error}).", remedy="copy the file again; its end may be missing."
+            ) from error
+        yield [plain]
+
+
+def _zstd() -> Any:
+    """Python's own module, or the one that comes with rosbags."""
+    name = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise MissingExtraError(name.partition(".")[0], "Unpacking a compressed bag", "io") from error
 
 
 def bag_paths(path: Path) -> list[Path]:

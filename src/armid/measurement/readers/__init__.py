@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from armid.errors import RecordingError
-from armid.measurement.bag_files import sha256_of_recording
+from armid.measurement.bag_files import COMPRESSED, STORAGE, is_packed, sha256_of_recording
 from armid.measurement.readers import bag, csv, excel, mat, npz, parquet
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
@@ -35,6 +35,7 @@ READERS: tuple[Reader, ...] = (csv, parquet, npz, mat, bag, excel)
 ENDINGS: tuple[str, ...] = (
     *(suffix for reader in READERS for suffix in reader.SUFFIXES),
     *(f"{suffix}{packed}" for suffix in csv.SUFFIXES for packed in csv.PACKED),
+    *(f"{suffix}{COMPRESSED}" for suffix in STORAGE),
 )
 """Endings of files that can be read; the folder of a ROS bag can be, too."""
 
@@ -62,7 +63,7 @@ def _reader(path: Path) -> Reader:
         return bag
     known = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}
     packed = path.suffix.lower() in csv.PACKED and Path(path.stem).suffix.lower() in csv.SUFFIXES
-    reader = csv if packed else known.get(path.suffix.lower())
+    reader = csv if packed else bag if is_packed(path) else known.get(path.suffix.lower())
     if reader is None:
         raise RecordingError(
             f"{path} is of an unknown format.",

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import Finding, MissingExtraError, RecordingError
-from armid.measurement.bag_files import STORAGE, bag_paths
+from armid.measurement.bag_files import STORAGE, opened
 from armid.measurement.joint_states import FIELDS, JointStates, Publisher, collect, joined, names_of
 from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
@@ -50,7 +50,7 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     """Read joint states, matched by name. Times are the header stamps, in seconds since the first one.
 
     Args:
-        path: One bag file, or the folder of a bag.
+        path: One bag file, also compressed as .db3.zstd, or the folder of a bag.
         reading: `topic` chooses among several topics; the names in `joints` choose among several publishers.
         robot: The arm, whose joints choose where the reading does not.
 
@@ -58,24 +58,24 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
         RecordingError: A damaged bag, no topic or several with the joints, or joints that nobody publishes.
         MissingExtraError: rosbags is not installed.
     """
-    paths = bag_paths(path)
     try:
         from rosbags.highlevel import AnyReader
     except ImportError as error:
         raise MissingExtraError("rosbags", "Reading ROS bags", EXTRA) from error
-    store = None if paths[0].suffix == ".bag" else _store()
     try:
-        with AnyReader(paths, default_typestore=store) as bag:
-            if store is not None:
-                missing = {
-                    name: each for name, each in store.fielddefs.items() if name not in bag.typestore.fielddefs
-                }
-                bag.typestore.register(missing)
-            return _read_open(bag, reading, robot, path)
+        with opened(path) as paths:
+            store = None if paths[0].suffix == ".bag" else _store()
+            with AnyReader(paths, default_typestore=store) as bag:
+                if store is not None:
+                    missing = {
+                        name: each for name, each in store.fielddefs.items() if name not in bag.typestore.fielddefs
+                    }
+                    bag.typestore.register(missing)
+                return _read_open(bag, reading, robot, path)
     except _faults() as error:
         raise RecordingError(
             f"{path} cannot be read as a bag ({error}).",
-            remedy="copy it again, or repair it (rosbag reindex, ros2 bag reindex); compressed, give its folder.",
+            remedy="copy it again, or repair it (rosbag reindex, ros2 bag reindex).",
         ) from error
 
 
