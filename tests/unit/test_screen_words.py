@@ -45,3 +45,14 @@ def test_every_rule_and_every_prior_has_its_words():
 def test_parameters_in_a_line(tmp_path):
     said = folded_line(load_run(make_run(tmp_path).folder).estimate)
     assert "σ" not in said and ("relative standard deviation" in said or ";" not in said)
+
+
+def test_a_preflight_speaks_of_uncorrelated_noise_and_of_fisher_information(tmp_path, capsys):
+    path = tmp_path / "flat.urdf"
+    path.write_text(URDF.format(ixx=0.01).replace("</joint>", '<limit velocity="2" effort="9"/></joint>'))
+    plan = ("--budget", 1, "--harmonics", 2, "--duration", 2, "--acceleration", 9, "--out", tmp_path / "plan")
+    assert armid("excite", path, *plan) == 0
+    capsys.readouterr()
+    text = (tmp_path / "plan" / "preflight.txt").read_text()
+    assert "log-determinant of the Fisher information" in text and "uncorrelated torque noise" in text
+    assert "white" not in text and "log det" not in text

@@ -26,7 +26,7 @@ KINDS = {
     "period": "the scatter between periods",
     "spectral": "the spectrum of the residuals",
     "block": "the scatter between blocks",
-    "recursive": "what blocks said that was new",
+    "recursive": "the innovations of the recursive estimate",
 }
 """What a kind of covariance is made of, in words."""
 

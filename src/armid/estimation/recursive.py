@@ -186,7 +186,7 @@ def fit(state: State) -> Fit:
     c = state.innovations.correlation
     free = np.maximum(state.rows - spent, 1.0)
     known = state.kept[:, :-1].T @ state.kept[:, :-1]
-    why = f"what blocks said that was new pulls {c.min():.3g} to {c.max():.3g} times as white noise"
+    why = f"innovations of the blocks weigh {c.min():.3g} to {c.max():.3g} times as for uncorrelated noise"
     return Fit(
         state.names,
         values,

@@ -112,7 +112,7 @@ def export_run(
     record = side_record(run, content, theta, written.data, path.name, kind)
     side = _write_both(path, written.data, to_json(record) + "\n")
     far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind)
-    findings = (*findings, *far, *written.findings, *_not_placed(run, exporter), *verified.findings)
+    findings = (*findings, *far, *written.findings, *_not_placed(run, exporter, side.name), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
 
@@ -205,11 +205,11 @@ def _identified(run: Run, theta: Array) -> Robot:
     return replace(run.robot, links=tuple(links))
 
 
-def _not_placed(run: Run, exporter: Exporter) -> list[Finding]:
-    """What stands in the side file alone."""
+def _not_placed(run: Run, exporter: Exporter, side: str) -> list[Finding]:
+    """What stands in the file beside the description alone."""
     findings: list[Finding] = []
     for term, names in without_place(run.model, exporter.PLACES).items():
-        what = f"the format has no place for {', '.join(names)}; the side file has them"
+        what = f"the format has no place for {', '.join(names)}; {side} has them"
         severe = term == "rotor-inertia"
         findings.append(Finding("no-place", "warning" if severe else "info", term, what))
     if any("[" in name for name in run.estimate.fit.names):

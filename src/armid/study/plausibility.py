@@ -240,7 +240,7 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         "not-physical",
         "warning",
         "",
-        f"No real arm has {', '.join(names[:NAMED])}{more}: negative with their whole intervals. The model lacks "
+        f"{', '.join(names[:NAMED])}{more}: negative with the whole 95 % interval, as in no arm. The model lacks "
         "something that the motion shows, or the motion does not tell these parameters from others.",
         'use method = "physical", and look at what the report says is left.',
     )

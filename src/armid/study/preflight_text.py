@@ -125,7 +125,8 @@ def _expected_lines(designed: Designed) -> list[str]:
         lines.append(f"  {expected.names[k]:<12}{expected.deviation[k]:12.3g} {expected.units[k]}")
     if len(order) > MOST_LINES:
         lines.append(f"  … {len(order) - MOST_LINES} more are smaller; preflight.json has all")
-    lines.append(f"  predicted torque {', '.join(f'{x:.3g}' for x in expected.torque)} (N·m or N, joint by joint)")
+    torque = ", ".join(f"{x:.3g}" for x in expected.torque)
+    lines.append(f"  of the torque predicted afterwards: {torque} (N·m or N, joint by joint)")
     return lines
 
 

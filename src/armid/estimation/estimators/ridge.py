@@ -191,6 +191,6 @@ def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, sha
     found = [Finding("prior-weight", "info", "", f"{said}independent samples, {how}.")]
     decided = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]
     if decided:
-        said = f"More of the prior than of the data is in {', '.join(decided)}."
+        said = f"The prior determines these more than the data do: {', '.join(decided)}."
         found.append(Finding("prior-dominated", "warning", "", said, "record a motion that shows them."))
     return found
