@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from armid.errors import OutputError
 from armid.export.carried import as_carried, is_possible, moved
-from armid.export.content import Body
+from armid.export.content import Body, Content
+from armid.export.doubtful import far_bodies
 from armid.export.write import export_run
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import InertialParameters, load_robot
@@ -122,3 +124,18 @@ def test_as_little_as_possible_is_changed():
     inside_out = Body("odd", 0, np.eye(4), InertialParameters.from_com(0.5, [0, 0, 0.3], -0.01 * np.eye(3)))
     written, (said,) = as_carried(hand, "hand", [inside_out])
     assert said.code == "carried-corrected" and is_possible(written[0])
+
+
+def test_a_prior_that_was_used_already_is_no_remedy_for_far_masses(tmp_path):
+    run, _ = the_run(tmp_path, "urdf", 0.05)
+    links = [
+        replace(link, inertial=InertialParameters.from_vector(40 * link.inertial.vector)) for link in run.robot.links
+    ]
+    heavy = replace(run.robot, links=tuple(links))
+    kept = run.estimate.fit.standard
+    for kind, proposed in (("none", True), ("log-det", False)):
+        standard = replace(kept, prior=replace(kept.prior, kind=kind))
+        fit = replace(run.estimate.fit, standard=standard)
+        same = replace(run, estimate=replace(run.estimate, fit=fit))
+        (said,) = far_bodies(same, Content(heavy, {}), None, "nearest")
+        assert ("log-det" in said.remedy) is proposed and said.remedy

@@ -126,11 +126,15 @@ def far_bodies(run: Run, content: Content, bodies: Sequence[Body] | None, kind: 
     if not said:
         return []
     what = f"{said} in the file: torques do not tell these masses apart from others. Torque is the same"
-    remedy = (
-        'identify with physical = { prior = "log-det" } in [estimation] of a study, which keeps near the description'
+    ways = (
+        ["--nearest writes the bodies nearest to the description with the same torque"] if kind == "estimated" else []
     )
-    if kind == "estimated":
-        remedy = f"--nearest writes the bodies nearest to the description with the same torque; or {remedy}"
+    kept = run.estimate.fit.standard
+    if kept is None or kept.prior.kind != "log-det":
+        near = 'physical = { prior = "log-det" } in [estimation] of a study'
+        ways.append(f"identify with {near}, which keeps near the description")
+    ways = ways or ["give the description masses nearer to the real ones where they are known, and identify again"]
+    remedy = "; or ".join(ways)
     return [Finding("mass-far-from-description", "warning", "", what, remedy)]
 
 
