@@ -75,7 +75,7 @@ DRAWS, AT_ONCE = 50000, 500
 
 @dataclass(frozen=True)
 class Entry:
-    """Where an arm is described, which joints are held, how high the floor is, how far bodies keep apart [m]."""
+    """Description of an arm: which joints are held, how high the floor is, how far bodies keep apart [m]."""
 
     name: str
     path: Path
@@ -86,7 +86,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Asked:
-    """What plan is looked for, and how long: lengths in s, the budget of wall time, or whole rounds in its place."""
+    """Effort for a plan: lengths in s, the budget of wall time, or whole rounds in its place."""
 
     seconds: float = 20.0
     harmonics: int = 10
@@ -98,7 +98,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured; `wall` and `cpu` are of the whole command [s]."""
+    """Measurements; `wall` and `cpu` are of the whole command [s]."""
 
     arm: str
     start: str
@@ -262,7 +262,7 @@ def measure(entry: Entry, asked: Asked) -> Row:
 
 
 def usual(plan: dict[str, Any]) -> bool:
-    """Whether a plan starts where its arm usually does."""
+    """Tell whether a plan starts where its arm usually does."""
     return all(finding["code"] != "start-chosen" for finding in plan["findings"])
 
 

@@ -50,7 +50,7 @@ WIDE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """How far from the bound an arm's estimates are.
+    """Distance of an arm's estimates from the bound.
 
     Attributes:
         arm: Its name.

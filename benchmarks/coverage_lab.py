@@ -55,7 +55,7 @@ MEAN, WORST = (0.92, 0.98), 0.88
 
 @dataclass(frozen=True)
 class Lab:
-    """How logs are made."""
+    """Making of logs."""
 
     seconds: float
     harmonics: int

@@ -1,4 +1,4 @@
-"""How often the doctor is right: `python benchmarks/doctor.py [--logs N] [--first K] [--fault NAME]… [--json]`.
+"""Rate at which the doctor is right: `python benchmarks/doctor.py [--logs N] [--first K] [--fault NAME]… [--json]`.
 
 N logs with each fault and four times as many without any, of five arms on motions drawn at random, by inverse
 dynamics. A line a class: how often the fault was found; how often it was found, nothing else called an error, and the

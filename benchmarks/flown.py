@@ -35,7 +35,7 @@ THICK = 1.0
 
 @dataclass
 class Arm:
-    """What the checker knows of an arm: model, bodies with the joints that carry them, limits by joint."""
+    """Arm as the checker knows it: model, bodies with the joints that carry them, limits by joint."""
 
     model: pin.Model
     geometry: pin.GeometryModel
@@ -48,7 +48,7 @@ class Arm:
 
 @dataclass
 class Flight:
-    """What was seen: largest share of each limit, pairs that came too close, pairs that were not looked at."""
+    """Observations: largest share of each limit, pairs that came too close, pairs that were not looked at."""
 
     shares: dict[str, float] = field(default_factory=dict)
     close: dict[str, int] = field(default_factory=dict)
@@ -247,7 +247,7 @@ class _Watch:
         return len(self.above[one] ^ self.above[two])
 
     def floor(self, pair: pin.CollisionPair) -> bool:
-        """Whether one of a pair is the floor."""
+        """Tell whether one of a pair is the floor."""
         return "floor" in (self.bodies[pair.first].name, self.bodies[pair.second].name)
 
     def name(self, k: int) -> str:
@@ -256,7 +256,7 @@ class _Watch:
         return " - ".join(self.bodies[i].name for i in (pair.first, pair.second))
 
     def touching(self, pose: np.ndarray) -> np.ndarray:
-        """Which pairs are too close in a pose, shape (m,)."""
+        """Tell which pairs are too close in a pose, shape (m,)."""
         q = placed(self.model, pose)
         near = self._found(self.around, self.hulls, q, ~self.skip)
         return self._found(self.geometry, self.gaps, q, near) if near.any() else near
@@ -264,7 +264,7 @@ class _Watch:
     def _found(
         self, geometry: pin.GeometryModel, gaps: pin.GeometryData, q: np.ndarray, ask: np.ndarray
     ) -> np.ndarray:
-        """Which of the pairs asked for are too close, shape (m,)."""
+        """Tell which of the pairs asked for are too close, shape (m,)."""
         for k in np.flatnonzero(ask):
             gaps.activateCollisionPair(int(k))
         for k in np.flatnonzero(~ask):

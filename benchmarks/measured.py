@@ -1,4 +1,4 @@
-"""What `armid bench` measures, and beside it Pinocchio in C++, growth with the number of samples, and memory.
+"""Measurements of `armid bench`, and beside it Pinocchio in C++, growth with the number of samples, and memory.
 
 Every benchmark is a function that returns one or more records; armid and its peer run in turn and medians are
 compared, so that whatever else the machine does meets both alike. `run.py` starts this file with the BLAS held to one
@@ -93,7 +93,7 @@ def cpu(work: Callable[[], object]) -> float:
 
 
 def record(name: str, peer: str, armid: float, other: float, **more: object) -> Record:
-    """What every benchmark returns; a ratio above one means that armid is faster."""
+    """Return the record of every benchmark; a ratio above one means that armid is faster."""
     return {"name": name, "peer": peer, "armid_seconds": armid, "peer_seconds": other, "ratio": other / armid, **more}
 
 

@@ -28,7 +28,7 @@ class PeerMissingError(Exception):
 
 
 def _prefix() -> Path:
-    """Where the wheels of Pinocchio and Eigen put their headers."""
+    """Tell where the wheels of Pinocchio and Eigen put their headers."""
     found = importlib.util.find_spec("cmeel")
     if found is None or found.origin is None:
         raise PeerMissingError("Pinocchio is not installed as a wheel.")

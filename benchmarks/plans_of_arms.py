@@ -54,7 +54,7 @@ ASKED = re.compile(r"how far or how fast these may move: (.*?)\.\s", re.DOTALL)
 
 @dataclass
 class Row:
-    """What came of one arm."""
+    """Result for one arm."""
 
     arm: str
     joints: int
@@ -172,7 +172,7 @@ class ByPinocchio:
         self.names = list(self.model.names[1:])
 
     def overlapping(self, q: np.ndarray, ask: np.ndarray) -> np.ndarray:
-        """Which of the pairs asked for overlap in a pose."""
+        """Tell which of the pairs asked for overlap in a pose."""
         pose = np.empty(self.model.nq)
         for joint, angle in zip(self.model.joints[1:], q, strict=True):
             pose[joint.idx_q : joint.idx_q + joint.nq] = (
@@ -226,7 +226,7 @@ class ByMujoco:
         self.labels = [f"{self.body(a)} - {self.body(b)}" for a, b in self.pairs]
 
     def touchable(self, geom: int) -> bool:
-        """Whether a geom is there for contacts."""
+        """Tell whether a geom is there for contacts."""
         return bool(self.model.geom_contype[geom] or self.model.geom_conaffinity[geom])
 
     def body(self, geom: int) -> str:
@@ -246,7 +246,7 @@ class ByMujoco:
         return len(above(a) ^ above(b))
 
     def overlapping(self, q: np.ndarray, ask: np.ndarray) -> np.ndarray:
-        """Which of the pairs asked for overlap in a pose."""
+        """Tell which of the pairs asked for overlap in a pose."""
         self.data.qpos[self.at] = q
         mujoco.mj_kinematics(self.model, self.data)
         found = np.zeros(len(ask), dtype=bool)
@@ -262,7 +262,7 @@ class ByMujoco:
         return found
 
     def by_triangles(self, a: int, b: int) -> bool:
-        """Whether two geoms overlap by the triangles of their meshes; MuJoCo goes by the hulls of these."""
+        """Tell whether two geoms overlap by the triangles of their meshes; MuJoCo goes by the hulls of these."""
         bodies = [self.body_of(geom) for geom in (a, b)]
         if None in bodies or int(mujoco.mjtGeom.mjGEOM_MESH) not in self.model.geom_type[[a, b]].tolist():
             return True

@@ -113,7 +113,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Outcome:
-    """What one simulated identification gave.
+    """Result of one simulated identification.
 
     Attributes:
         error: Of each parameter, shape (b,).

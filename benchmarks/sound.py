@@ -1,4 +1,4 @@
-"""What the doctor says of sound logs: `python benchmarks/sound.py [ARM …] [--strangers DIR] [--seeds N] [--json]`.
+"""Words of the doctor on sound logs: `python benchmarks/sound.py [ARM …] [--strangers DIR] [--seeds N] [--json]`.
 
 Each arm is moved by the lab along a motion drawn at random, by inverse dynamics and in closed loop, and the log is
 examined as `armid doctor` does it and as an identification does it. Motions keep the limits of position and speed,
@@ -101,7 +101,7 @@ SHARE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What was said of one log.
+    """Words of the doctor on one log.
 
     Attributes:
         arm: Its name.
@@ -235,7 +235,7 @@ def show(told: Told, *, verbose: bool) -> None:
 
 
 def counted(results: list[Told]) -> dict[str, Any]:
-    """How many logs were told an error, a warning or anything."""
+    """Tell how many logs were told an error, a warning or anything."""
     of = {
         key: [f for t in results for f in (*t.doctor, *t.inside) if f.severity == key] for key in ("error", "warning")
     }

@@ -1,4 +1,4 @@
-"""How criterion, duration and harmonics trade off, on the geometry of eight real arms.
+"""Trade of criterion, duration and harmonics, on the geometry of eight real arms.
 
     python benchmarks/trade_off.py [--descents 2] [--arms 8] [--out docs/pictures/trade-off.svg] [--json]
 
@@ -61,7 +61,7 @@ ITERATIONS = (60, 60, 60)
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one combination gives on one arm."""
+    """Gain of one combination on one arm."""
 
     arm: str
     criterion: str

@@ -1,4 +1,4 @@
-"""What a clean environment has to do: `python smoke.py EXTRA…`, in an empty folder, with the extras installed.
+"""Duties of a clean environment: `python smoke.py EXTRA…`, in an empty folder, with the extras installed.
 
 The core identifies an arm by itself. Each extra's feature works where the extra is installed, and says how to get it
 where it is not. Called by `scripts/packages`.

@@ -34,7 +34,7 @@ LOAD = com_inertia_to_vector(2.0, np.array([0.03, -0.02, 0.08]), np.diag([0.012,
 
 
 class Carrying(NamedTuple):
-    """What a simulated recording says, and what is true of it."""
+    """Claims of a simulated recording, and what is true of it."""
 
     information: Information
     base_values: Array
@@ -48,13 +48,13 @@ def arm() -> tuple[DynamicsModel, BaseParameters]:
 
 
 def load_columns() -> Array:
-    """What the load's ten parameters add to the base parameters."""
+    """Return what the load's ten parameters add to the base parameters."""
     model, base = arm()
     return base.regrouping[:, model.inertial_columns[-10:]]
 
 
 def changing() -> Array:
-    """Which base parameters are friction."""
+    """Tell which base parameters are friction."""
     return np.array([name.startswith(tuple(FRICTION)) for name in arm()[1].names])
 
 

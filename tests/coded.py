@@ -136,7 +136,7 @@ def write_files(files: Mapping[str, str], folder: Path) -> Path:
 
 
 def along(each: Case, call: Callable[[str, tuple[Array, ...]], Array]) -> dict[str, Array]:
-    """What a function `call(name, inputs)` gives along the motion; inputs in the order of q, dq, ddq."""
+    """Return what a function `call(name, inputs)` gives along the motion; inputs in the order of q, dq, ddq."""
     motion = each.motion
     reads = {"gravity_torque": 1, "mass_matrix": 1}
     if not any("load" in str(law.expression) for _, law in each.model.laws):
@@ -195,7 +195,7 @@ def run_module(each: Case, module: Mapping[str, Any], *, parameters_first: bool)
 
 
 def is_julia(text: str) -> bool:
-    """Whether a text keeps the grammar of Julia."""
+    """Tell whether a text keeps the grammar of Julia."""
     language = tree_sitter.Language(tree_sitter_julia.language())
     return not tree_sitter.Parser(language).parse(text.encode()).root_node.has_error
 

@@ -1,4 +1,4 @@
-"""Whether distances of bodies have the gradients that central differences find."""
+"""Gradients of distances of bodies against those that central differences find."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def healed(case: Case, remedy: str) -> tuple[Case, ModelChoice, float | None]:
 
 
 def read_again(log: Recording, reading: Reading) -> Recording:
-    """What a reader makes of a table of the log."""
+    """Return what a reader makes of a table of the log."""
     table = {} if log.time is None else {"t": log.time}
     for name, pattern in PATTERNS.items():
         values = getattr(log, name)
@@ -71,7 +71,7 @@ def told_after(case: Case, finding: Finding) -> set[str]:
 
 
 def is_right(case: Case, name: str, findings: tuple[Finding, ...]) -> bool:
-    """Whether the remedy of a fault whose truth is known gives what the arm did."""
+    """Tell whether the remedy of a fault whose truth is known gives what the arm did."""
     remedies = [f.remedy for f in findings if f.code == name]
     if name not in TRUE or not remedies:
         return True

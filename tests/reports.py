@@ -26,7 +26,7 @@ def make_run(folder: Path, method: str = "wls") -> Run:
 
 @dataclass
 class Page(HTMLParser):
-    """What a page holds. Parsing fails where elements are not closed in order."""
+    """Content of a page. Parsing fails where elements are not closed in order."""
 
     text: str
     words: list[str] = field(default_factory=list)

@@ -30,7 +30,7 @@ PROGRAMS = ("pinocchio", "mujoco")
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """What came of one description.
+    """Result for one description.
 
     Attributes:
         joints: Joints that move.
@@ -46,7 +46,7 @@ class RoundTrip:
 
     @property
     def holds(self) -> bool:
-        """Whether the file is what it should be, as far as programs take it."""
+        """Tell whether the file is what it should be, as far as programs take it."""
         return self.kept and bool(self.errors) and all(error <= TOLERANCE for error in self.errors.values())
 
 

@@ -34,7 +34,7 @@ class Made(SphinxDirective, ABC):
 
     @abstractmethod
     def markdown(self) -> str:
-        """What the page is to say."""
+        """Return what the page is to say."""
 
     def run(self) -> list[nodes.Node]:
         """The parsed Markdown, headings included."""
@@ -81,7 +81,7 @@ def blocks(lines: list[str]) -> list[list[str]]:
 
 
 def language_of(block: list[str]) -> str:
-    """What a block of code is written in, as far as it can be parsed."""
+    """Return what a block of code is written in, as far as it can be parsed."""
     for language, parse in (("toml", tomllib.loads), ("python", ast.parse)):
         with suppress(ValueError, SyntaxError):
             parse(cleandoc("\n".join(block)))

@@ -33,7 +33,7 @@ def pages() -> dict[Path, str]:
 
 
 def _head(path: Path) -> str:
-    """What is written by hand above the line."""
+    """Return what is written by hand above the line."""
     head, found, _ = path.read_text(encoding="utf-8").partition(MADE)
     if not found:
         raise SystemExit(f"{path} has no line {MADE!r}")
@@ -152,7 +152,7 @@ def table(title: str, *kinds: type, without: tuple[str, ...] = ()) -> list[str]:
 
 
 def default_of(field: dataclasses.Field[Any]) -> str:
-    """What holds where a key is not written, as TOML."""
+    """Return what holds where a key is not written, as TOML."""
     if field.default is MISSING and field.default_factory is MISSING:
         return "*needed*"
     value = field.default if field.default is not MISSING else field.default_factory()  # pyright: ignore
@@ -165,7 +165,7 @@ def default_of(field: dataclasses.Field[Any]) -> str:
 
 
 def attributes(docstring: str) -> dict[str, str]:
-    """What a Google docstring says of each attribute."""
+    """Return what a Google docstring says of each attribute."""
     found = re.search(r"^Attributes:\n((?:[ ]{4}.*\n?|\n)*)", docstring, re.MULTILINE)
     said: dict[str, str] = {}
     for part in re.split(r"^ {4}(?=\w+:)", found[1] if found else "", flags=re.MULTILINE):

@@ -1,4 +1,4 @@
-"""How values show themselves: they say what their table holds, and here it becomes HTML or a few lines of text.
+"""Display of values: they say what their table holds, and here it becomes HTML or a few lines of text.
 
 Any value takes part by deriving from `Shown` and giving a `summary`. Text is escaped; nothing is fetched or executed.
 """
@@ -28,7 +28,7 @@ WIDEST = 28
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a value shows of itself.
+    """Summary of a value.
 
     Attributes:
         title: What it is, one line.

@@ -37,5 +37,5 @@ def junk() -> Iterator[bytes]:
 
 
 def is_helpful(error: ArmidError) -> bool:
-    """Whether an error says more than that something is wrong: what is possible, what must be, or what to do."""
+    """Tell whether an error says more than that something is wrong: what is possible, what must be, or what to do."""
     return bool(error.remedy or error.possible or " must " in error.problem)

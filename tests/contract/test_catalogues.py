@@ -56,7 +56,7 @@ def test_every_module_is_listed(kind: str):
 
 @pytest.mark.parametrize("kind", CATALOGUES)
 def test_names_are_those_of_the_files(kind: str):
-    """What a study calls a thing is what its file is called."""
+    """A study's name for a thing is the name of its file."""
     _, catalogue, _ = CATALOGUES[kind]
     if hasattr(catalogue, "items"):
         assert {name: name.replace("-", "_") for name in catalogue} == {

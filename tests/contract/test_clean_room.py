@@ -1,4 +1,4 @@
-"""What must not be in the repository: leftovers, one machine's paths, hosts, other people's recordings."""
+"""Contents that must not be in the repository: leftovers, one machine's paths, hosts, recordings of others."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ HOSTS = {
 
 
 def ignored(path: Path) -> bool:
-    """Whether .gitignore leaves a path out; its patterns are names, folders and endings."""
+    """Tell whether .gitignore leaves a path out; its patterns are names, folders and endings."""
     parts = path.relative_to(ROOT).parts
     for line in (ROOT / ".gitignore").read_text().split():
         pattern = line.strip("/")

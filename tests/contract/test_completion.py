@@ -1,4 +1,4 @@
-"""What shells complete is what the catalogues hold, and help is clean."""
+"""Completion offers what the catalogues hold, and help is clean."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every estimator must do, from information alone."""
+"""Duties of every estimator, from information alone."""
 
 from __future__ import annotations
 

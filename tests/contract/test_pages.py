@@ -1,4 +1,4 @@
-"""What the pages say is there, and the example in docs/extending.md is a term."""
+"""Claims of the pages about what is there; the example in docs/extending.md is a term."""
 
 from __future__ import annotations
 

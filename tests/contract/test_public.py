@@ -102,7 +102,7 @@ def test_docstrings(module: str):
 
 
 def wrong_names(node: Definition) -> dict[str, list[str]]:
-    """What a docstring explains and what there is, where the two differ."""
+    """Return what a docstring explains and what there is, where the two differ."""
     docstring = ast.get_docstring(node) or ""
     if not isinstance(node, ast.ClassDef):
         there, explained = parameters(node), section(docstring, "Args")
@@ -132,7 +132,7 @@ def test_the_package_alone_loads_nothing():
 
 @pytest.mark.parametrize("arguments", ["", "'--help'", "'identify', '--help'"])
 def test_help_is_light(arguments: str):
-    """What is asked first, and again and again, waits for no arithmetic."""
+    """The first questions, which come again and again, wait for no arithmetic."""
     script = f"""
 import sys
 from armid.cli.main import main

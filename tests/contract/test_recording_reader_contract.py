@@ -1,4 +1,4 @@
-"""What every reader of recordings must do. A new reader adds a writer of a small file for each of its endings."""
+"""Duties of every reader of recordings. A new reader adds a writer of a small file for each of its endings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every reader of robot descriptions must do. `arms/` holds one arm in every format: a new one adds its own."""
+"""Duties of every reader of robot descriptions. `arms/` holds one arm in every format: a new one adds its own."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_suffixes(name: str):
 
 @READER
 def test_recognises_its_own_and_no_other(name: str):
-    """Where readers share an ending, the text decides."""
+    """The text decides where readers share an ending."""
     text = sample(name).read_text()
     sharing = [r for r in READERS.values() if set(r.SUFFIXES) & set(READERS[name].SUFFIXES)]
     assert [r for r in sharing if r.recognises(text)] == [READERS[name]]

@@ -1,4 +1,4 @@
-"""What every torque term must do, on every built-in arm."""
+"""Duties of every torque term, on every built-in arm."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ BANDS = {"open": Band(), "filtered": Band("butterworth", 4.0, 4, "pad"), "period
 @pytest.mark.parametrize("band", BANDS)
 @MADE_TERM
 def test_streamed_in_pieces(name: str, band: str, short_arm: Robot, monkeypatch: pytest.MonkeyPatch):
-    """What the stream makes of a term, chunk by chunk, is what dense columns through the same filter are; and rows
+    """The stream makes of a term, chunk by chunk, what dense columns through the same filter are; and rows
     before its memory is known do not count."""
     model = model_of(short_arm, *bodies_and(make(name, short_arm)))
     base = find_base_parameters(model)

@@ -163,7 +163,7 @@ def test_a_truncated_parquet_is_refused(identify):
 
 
 class Bomb:
-    """What an attacker would pickle."""
+    """Pickle of an attacker."""
 
     def __reduce__(self):
         return exec, ("open('exploded', 'w').close()",)

@@ -83,7 +83,7 @@ def assert_quiet(tab: Tab, path: Path) -> None:
 
 
 def is_inside(tab: Tab) -> bool:
-    """Whether nothing makes the page scroll sideways."""
+    """Tell whether nothing makes the page scroll sideways."""
     return tab.run("document.documentElement.scrollWidth <= innerWidth")
 
 

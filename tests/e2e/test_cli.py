@@ -43,7 +43,7 @@ COMMANDS = [str(command.callback.__name__) for command in cli.app.registered_com
 
 
 class Done(NamedTuple):
-    """How a command ended and what it said."""
+    """End of a command and its output."""
 
     code: int
     out: str
@@ -121,7 +121,7 @@ def keys_of(table: dict[str, Any], *names: str) -> None:
 
 
 def only_faster(err: str) -> bool:
-    """Whether nothing was noticed but repetitions, and that the second run is faster than the one that trained."""
+    """Tell whether nothing was noticed but repetitions, and that the second run is faster than the training."""
     found = re.findall(r"^(?:info|warning|error) (\S+)", err, re.M)
     beyond = re.search(r"^warning speed-beyond \S*run2\.csv", err.replace("\n", ""))
     return beyond is not None and found.count("speed-beyond") == 1 and set(found) <= {"speed-beyond", "period-found"}

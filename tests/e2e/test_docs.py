@@ -43,7 +43,7 @@ BOX = {
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the first tutorial leaves behind; to follow it is its test."""
+    """Files of the first tutorial; to follow it is its test."""
     folder = tmp_path_factory.mktemp("arm")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)

@@ -64,7 +64,7 @@ def run(arguments, capsys) -> tuple[int, str, str]:
 
 
 def prose(page: Path) -> str:
-    """What a page says."""
+    """Return what a page says."""
     return Page(page.read_text(encoding="utf-8")).prose
 
 

@@ -280,7 +280,7 @@ def test_a_recalibration_that_does_worse_is_told(armid: Armid, tmp_path: Path):
 
 
 def test_a_check_on_the_arm_as_it_was_is_told_to_be_one(armid: Armid, tmp_path: Path):
-    """What fails there are not the new values: longer motion or the earlier run would be no cure."""
+    """The new values are not what fails there: longer motion or the earlier run would be no cure."""
     write_recording(recorded(7), tmp_path / "cold.npz")
     command = ("recalibrate", "run", "warm.npz", "--validate", tmp_path / "cold.npz", "--out", tmp_path / "new")
     code, _, err = armid(*command)

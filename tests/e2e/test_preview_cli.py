@@ -35,7 +35,7 @@ def armid(*arguments: object) -> int:
 
 
 def shown(path: Path) -> dict[str, Any]:
-    """What a page's script is given."""
+    """Return what a page's script is given."""
     return Page(path.read_text(encoding="utf-8")).data
 
 

@@ -51,7 +51,7 @@ def test_a_shell_completes_arms(tmp_path: Path):
 
 
 def completed(words: str, cwd: Path) -> list[str]:
-    """What a shell would offer for the last of the words."""
+    """Return what a shell would offer for the last of the words."""
     line = f"armid {words}"
     asked = {"_ARMID_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)}
     return program(cwd=cwd, **asked).stdout.split()

@@ -50,7 +50,7 @@ def test_the_plain_demo_is_the_default_with_periodic_edges():
 
 @pytest.mark.parametrize(("processing", "times"), [("default", (5.0, 50.0)), ("thesis", (1.02, 1.5))])
 def test_padded_edges_are_worse(record_property, processing: str, times: tuple[float, float]):
-    """Where both sides are filtered the edges are most of what is left; where one is, its bias hides them."""
+    """The edges are most of what is left where both sides are filtered; where one is, its bias hides them."""
     periodic, padded = demo(processing, "periodic", 1), demo(processing, "pad", 1)
     ratios = (
         padded.torque_error / periodic.torque_error,

@@ -1,4 +1,4 @@
-"""What the thesis's published parameters are worth: no real body has those of Table 4.1 or of Table 4.2."""
+"""Worth of the thesis's published parameters: no real body has those of Table 4.1 or of Table 4.2."""
 
 from __future__ import annotations
 

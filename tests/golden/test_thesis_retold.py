@@ -382,7 +382,7 @@ def test_the_page_is_whole(thesis: Thesis):
 def test_the_folder(
     thesis: Thesis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    """What the command writes and prints, the study itself being at hand."""
+    """The command writes and prints the whole folder, the study itself being at hand."""
     asked: list[Extent] = []
 
     def at_hand(extent: Extent, progress: object) -> Thesis:

@@ -20,7 +20,7 @@ WORST = 0.90
 
 
 def measured(runs: int, *cases: str) -> dict[str, Any]:
-    """What the benchmark found, by case; it fails where its short cut and the real path differ."""
+    """Return what the benchmark found, by case; it fails where its short cut and the real path differ."""
     chosen = [option for case in cases for option in ("--case", case)]
     command = [sys.executable, str(BENCHMARK), "--json", "--runs", str(runs), "--seed", "7", *chosen]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

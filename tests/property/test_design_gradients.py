@@ -123,7 +123,7 @@ def test_law_that_couples_joints():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_hides_between_the_points_of_a_grid(goal, kind):
-    """What `between` allows for covers what a grid of forty times the points finds."""
+    """The allowance of `between` covers what a grid of forty times the points finds."""
     basis = basis_of(goal)
     channel = channels(goal, basis)[kind]
     x = 0.6 * np.random.default_rng(6).normal(size=basis.unknowns)

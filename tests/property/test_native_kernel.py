@@ -83,7 +83,7 @@ def test_sines_at_the_borders_of_quadrants():
 
 
 def test_columns_are_those_of_the_regressor():
-    """What a layout promises: each joint's columns belong to its parameters, its torque stands last."""
+    """A layout promises that each joint's columns belong to its parameters and that its torque stands last."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         tree = random_tree(rng, 1 + seed % 9, branching=0.4)

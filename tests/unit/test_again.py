@@ -21,7 +21,7 @@ def test_a_missing_recording_names_where_it_was_looked_for(folder, tmp_path, mon
 
 
 def test_an_export_of_the_demo_is_checked_on_unseen_motion(tmp_path, monkeypatch):
-    """What a demo was validated on is in no file: it is simulated once more, as for the report."""
+    """The validation log of a demo is in no file: it is simulated once more, as for the report."""
     run = load_run(make_run(tmp_path).folder)
     asked = []
 

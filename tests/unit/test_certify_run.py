@@ -1,4 +1,4 @@
-"""What a certificate says of a run: the numbers, and what they mean for who made it."""
+"""Certificate of a run: the numbers, and what they mean for who made it."""
 
 from __future__ import annotations
 

@@ -257,7 +257,7 @@ def test_a_study_and_the_command_line_say_the_same(two):
 
 @pytest.mark.parametrize("chosen", [{"only": ["left_[12]"]}, {"tip": "left_fore", "lock": ["torso"]}], ids=str)
 def test_a_run_remembers_the_choice(two, tmp_path, chosen):
-    """What a study chose is found again in the run's record, for an export, say, without a word."""
+    """The choice of a study is found again in the run's record, for an export, say, without a word."""
     run = run_of(tmp_path / "run", two, locked=held_of(two, **chosen))
     record = tmp_path / "run" / "study.json"
     robot = {"description": str(two), "gravity": None, "lock": [], "tip": None, "only": [], **chosen}

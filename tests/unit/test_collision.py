@@ -95,7 +95,7 @@ def test_nothing_hides_between_the_points_of_a_grid(collision):
 
 
 def test_the_certificate_of_a_long_motion_asks_for_no_more_than_its_speed():
-    """Where the arm is far from the floor a rough bound does; it is none for where the arm is near."""
+    """A rough bound does far from the floor; it is none for an arm that is near."""
     robot = load_robot("ur10e")
     start = np.array([0.0, -1.57, 0.5, 0.0, 0.5, 0.0])
     made = collision_of(robot, limits_of(robot), start, [floor()])
@@ -131,7 +131,7 @@ def test_the_closest_approach_of_a_slow_motion_is_that_of_all_its_poses(name):
 
 
 def inside(capsules, points):
-    """How far points lie outside the nearest of capsules that the base carries, shape (v,)."""
+    """Tell how far points lie outside the nearest of capsules that the base carries, shape (v,)."""
     distances = []
     for capsule in capsules:
         local = (points - capsule.placement[:3, 3]) @ capsule.placement[:3, :3]

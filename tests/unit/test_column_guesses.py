@@ -1,4 +1,4 @@
-"""What the names of columns say, by a table of the headers that people write."""
+"""Meanings of the names of columns, by a table of the headers that people write."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""Which columns are taken, by pattern, list, preset or usual name."""
+"""Columns that are taken, by pattern, list, preset or usual name."""
 
 import numpy as np
 

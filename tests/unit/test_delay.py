@@ -30,7 +30,7 @@ def torque(t: np.ndarray) -> np.ndarray:
 
 
 def log(t: np.ndarray, late: float | np.ndarray = 0.0, **more: object) -> Recording:
-    """What is logged at times t when each joint's torque is so late."""
+    """Return what is logged at times t when each joint's torque is so late."""
     each = np.broadcast_to(late, 3)
     effort = np.column_stack([torque(t - each[j])[:, j] for j in range(3)])
     return Recording(t, np.column_stack([t, t, t]), effort=effort, consecutive=True, **more)  # pyright: ignore[reportArgumentType]

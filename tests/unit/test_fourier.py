@@ -98,7 +98,7 @@ def test_plans_that_cannot_be_read(excitation, tmp_path):
 
 
 def test_the_name_of_a_file_is_no_motion(excitation, tmp_path):
-    """What takes a motion says so, and how a file becomes one."""
+    """Every command that takes a motion says so, and how a file becomes one."""
     path = save_plan(excitation, tmp_path / "plan.json")
     for take in (Plan, required_series, lambda plan: save_plan(plan, tmp_path / "copy.json")):
         with pytest.raises(ArmidError, match=r"load_plan\(\"plan.json\"\)"):

@@ -1,4 +1,4 @@
-"""What parameters alone say about the sign of gravity."""
+"""Signs of gravity that parameters alone show."""
 
 from __future__ import annotations
 

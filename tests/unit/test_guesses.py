@@ -1,4 +1,4 @@
-"""Who mistypes a name is told which one was meant; who types nothing like it gets no guess."""
+"""Guesses for mistyped names: the one that was meant, and none where nothing is like it."""
 
 from __future__ import annotations
 

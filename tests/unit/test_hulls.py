@@ -74,7 +74,7 @@ def tetrahedra(path, corners):
 
 
 def outside(points, hull):
-    """How far points (v, 3) are outside a hull at most [m]."""
+    """Tell how far points (v, 3) are outside a hull at most [m]."""
     return float((points @ hull.equations[:, :3].T + hull.equations[:, 3]).max())
 
 

@@ -1,4 +1,4 @@
-"""What goes around meshes: it holds them, is kept between runs, and is made anew where what is kept cannot be had."""
+"""Outlines of meshes: they hold them, are kept between runs, and are made anew where what is kept is gone."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def afresh(shape):
 
 
 def same(one, other):
-    """Whether two outlines are equal number by number."""
+    """Tell whether two outlines are equal number by number."""
     arrays = [outlines._written(each) for each in (one, other)]
     return arrays[0].keys() == arrays[1].keys() and all(
         np.array_equal(arrays[0][key], arrays[1][key]) for key in arrays[0]

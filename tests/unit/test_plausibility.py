@@ -1,4 +1,4 @@
-"""What is remarked: a gravity that is none, a motion that tells little apart."""
+"""Remarks: a gravity that is none, a motion that tells little apart."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def weak(
     chosen: bool = False,
     weight: float | Literal["auto"] = "auto",
 ):
-    """What is remarked of so many seconds of the motion, with a prior or by plain least squares."""
+    """Return what is remarked of so many seconds of the motion, with a prior or by plain least squares."""
     model, motion, _ = measured()
     part = motion[slice(100, 100 + int(50.0 * seconds))]
     part = Motion(part.time, slowly * part.q, slowly * part.dq, slowly * part.ddq)

@@ -214,7 +214,7 @@ def test_whole_numbers_and_nulls_in_parquet(tmp_path):
 
 
 class Bomb:
-    """What an attacker would pickle."""
+    """Pickle of an attacker."""
 
     def __reduce__(self):
         return exec, ("raise SystemExit('unpickled')",)

@@ -1,4 +1,4 @@
-"""What a report folds, names and puts first; what a plot of residuals shows."""
+"""Folding, names and order of a report; plots of residuals."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def named(material: Material) -> Material:
 
 
 def details(html: str) -> list[str]:
-    """What is folded, outermost parts."""
+    """Return what is folded, outermost parts."""
     found, depth, begin = [], 0, 0
     for mark in re.finditer(r"<(/?)details", html):
         if not mark[1]:

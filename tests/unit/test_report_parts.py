@@ -1,4 +1,4 @@
-"""What pages are built of: numbers, tables, thinned traces, reversals, shares of variance, TOML."""
+"""Parts of pages: numbers, tables, thinned traces, reversals, shares of variance, TOML."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def test_warnings_are_passed_on_and_notes_are_not(material: Material):
 
 
 def test_a_line_of_a_study_stays_one(material: Material):
-    """What is to be written into a study is code, with the table that it belongs to, and no sentence."""
+    """Remedies for a study are code, with the table that it belongs to, and no sentence."""
     findings = (
         Finding(
             "a", "warning", "", "Light.", 'physical = { prior = "log-det" }  # in [estimation]: near the description'

@@ -50,7 +50,7 @@ def test_intervals_reach_as_far_as_reversals_move_the_estimate(lack: float, tmp_
 
 
 def test_one_parameter_has_one_interval_in_both_tables(tmp_path: Path):
-    """What stands alone reaches as far as its base parameter does, cut where physics forbids values."""
+    """A standard parameter alone reaches as far as its base parameter does, cut where physics forbids values."""
     estimate = identified(tmp_path, 2.0, "physical")
     fit, base = estimate.fit, estimate.base
     assert fit.standard is not None and "reversals" in fit.report.why

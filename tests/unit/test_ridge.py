@@ -155,7 +155,7 @@ def test_data_that_do_not_determine_parameters_are_enough_with_a_prior():
 
 
 def test_intervals_know_the_prior():
-    """Where only the prior speaks they are no shorter than it allows, however alike the blocks."""
+    """Intervals where only the prior speaks are no shorter than it allows, however alike the blocks."""
     given = problem(off=0.0)
     fit = Ridge("nominal", 1e8).estimate(given)
     covered = cover(fit, given)

@@ -60,7 +60,7 @@ def test_a_joint_slides_at_a_bound_or_sticks_between(seed: int):
 
 
 def test_sweeping_finds_the_same(monkeypatch: pytest.MonkeyPatch):
-    """Where the active set cycles, sweeps have to do; they are slow where joints are coupled as much as here."""
+    """Sweeps have to do where the active set cycles; they are slow where joints are coupled as much as here."""
     rng = np.random.default_rng(3)
     root = 0.3 * rng.normal(size=(4, 5, 5))
     mobility = root @ np.swapaxes(root, 1, 2) + np.eye(5)

@@ -1,4 +1,4 @@
-"""What a study says and what it refuses, and what is resolved in its result."""
+"""Content of a study and what it refuses, and what is resolved in its result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each torque term says; what all of them must do stands in the contract."""
+"""Laws of each torque term; what all of them must do stands in the contract."""
 
 from __future__ import annotations
 

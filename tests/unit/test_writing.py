@@ -1,4 +1,4 @@
-"""What is written is read back: every format, every bit."""
+"""Written files are read back: every format, every bit."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def energy(truth: Truth, q, dq) -> np.ndarray:
 
 @pytest.mark.parametrize("effects", [None, (), ("rotor", "stribeck", "asymmetric", "load")])
 def test_energy_balance_of_a_closed_loop(effects: tuple[str, ...] | None):
-    """What drives put in is what links have more and what friction takes, to 1e-4 of what went in and out."""
+    """Drives put in what links have more and what friction takes, to 1e-4 of what went in and out."""
     frictionless = effects is None
     truth = smooth_arm(rotor=np.full(3, 0.1)) if frictionless else with_effects(small_arm(), effects)
     trace, _ = closed_loop(truth, short_plan(period=2.0), Controller(), Drive(), rate=8000.0, lead_in=0.25)

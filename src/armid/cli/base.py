@@ -30,7 +30,7 @@ __all__ = ["base"]
 
 
 class Style(StrEnum):
-    """How formulas are written."""
+    """Rules for writing formulas."""
 
     text = "text"
     latex = "latex"

@@ -1,4 +1,4 @@
-"""How a command shows its usage and options: arguments as they are written, switches without a type."""
+"""Usage and options of a command as it shows them: arguments as they are written, switches without a type."""
 
 from __future__ import annotations
 

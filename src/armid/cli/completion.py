@@ -1,4 +1,4 @@
-"""What a shell completes after an option: names from catalogues, and joints and links of the arm on the line.
+"""Completion in a shell: names from catalogues, and joints and links of the arm on the line.
 
 A shell waits for each key, so nothing heavy is loaded: names of catalogues stand here, which a contract test compares
 with them, and names of an arm are picked from the text of its description without reading it as a robot.

@@ -1,4 +1,4 @@
-"""What people see: tables on standard output, progress and messages on standard error."""
+"""Output for people: tables on standard output, progress and messages on standard error."""
 
 from __future__ import annotations
 

@@ -235,7 +235,7 @@ def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats:
 
 
 def _signature() -> inspect.Signature:
-    """What the parser is to see of `excite`."""
+    """Return what the parser is to see of `excite`."""
     robot = RobotName
     kind = inspect.Parameter.KEYWORD_ONLY
     parameters = [inspect.Parameter("robot", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=robot)]

@@ -126,7 +126,7 @@ def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:
 
 
 def _report(exported: Exported) -> None:
-    """What was written on standard output, what is to be known of it on standard error."""
+    """Print what was written on standard output, what is to be known of it on standard error."""
     from armid.cli.console import print_findings
 
     how = f"{exported.edited}, edited" if exported.edited else "a file of its own"

@@ -40,7 +40,7 @@ def options_of_command() -> tuple[str, ...]:
 
 
 def _has_study(context: Any) -> bool:
-    """Whether the command was given a study in the place of an arm and recordings."""
+    """Tell whether the command was given a study in the place of an arm and recordings."""
     names = [param.name for param in context.command.params if param.param_type_name == "argument"]
     given: list[Any] = []
     for name in names:

@@ -234,7 +234,7 @@ def _study(
 
 
 def _period(text: str | None) -> float | str | None:
-    """What --period says."""
+    """Return what --period says."""
     from armid.errors import StudyError
 
     if text is None or text == "none":
@@ -284,7 +284,7 @@ def _changed_study(
 
 
 def _cutoff(text: str | None) -> float | str | None:
-    """What --cutoff says."""
+    """Return what --cutoff says."""
     from armid.errors import StudyError
 
     if text is None or text == "auto":

@@ -1,4 +1,4 @@
-"""What `armid` says alone: what to do next, by what lies in the working folder."""
+"""Answer of `armid` alone: what to do next, by what lies in the working folder."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ BOX = re.compile(r"[-+.\deE]+(,[-+.\deE]+){5}")
 
 
 def _separate(given: list[str] | None) -> tuple[str, ...]:
-    """What repeated options with commas list."""
+    """Return what repeated options with commas list."""
     parts = (part.strip() for each in given or () for part in each.split(","))
     return tuple(part for part in parts if part)
 
@@ -165,7 +165,7 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
 
 
 def run_folder(out: Path | None, robot: str) -> Path:
-    """Where a run goes: what the command line says, else `runs/` and the arm's name, numbered where that is taken."""
+    """Choose the run's folder: what the command line says, else `runs/` and the arm's name, numbered where taken."""
     if out is not None:
         return out
     usual = Path("runs") / (re.sub(r"[^\w.+-]+", "-", robot).strip(".-") or "robot")

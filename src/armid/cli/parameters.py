@@ -42,7 +42,7 @@ PRIORS = {
 
 
 def folded_line(estimate: Estimate) -> str:
-    """How many parameters there are and how well they are known, in one line."""
+    """Count the parameters and say how well they are known, in one line."""
     names = estimate.fit.names
     poor = int(estimate.fit.poorly_identified.sum())
     known = f"; relative standard deviation of {poor} more than ten times the smallest" if poor else ""
@@ -124,7 +124,7 @@ def _bodies(table: LinkTable, columns: Sequence[int], names: Sequence[str], titl
 
 
 def _links_note(table: LinkTable) -> str:
-    """What the numbers are, and which of them the torques determine, with intervals."""
+    """Name the numbers, and those of them that the torques determine, with intervals."""
     lines = ["centre of mass x y z and axes in the link frame; inertia about the centre of mass, kg·m²"]
     short = ("mass", "x", "y", "z", *QUANTITIES[4:])
     for body in table.links:
@@ -155,7 +155,7 @@ def _plain(value: float, decimals: int) -> str:
 
 
 def status_line(standard: StandardFit) -> str:
-    """What the data say of the standard parameters, in one line, and the prior that says the rest."""
+    """Return what the data say of the standard parameters, in one line, and the prior that says the rest."""
     kinds = ("identified", "prior-dominated", "not identifiable")
     counts = ", ".join(f"{standard.status.count(kind)} {kind}" for kind in kinds)
     prior = standard.prior

@@ -100,7 +100,7 @@ def _run(name: str | None) -> Run | None:
 
 
 def _reading(run: Run | None, said: dict[str, Any]) -> Reading:
-    """How a recording is read: as the run's, or as the command line says."""
+    """Tell how a recording is read: as the run's, or as the command line says."""
     from armid.measurement.reading import Reading
 
     return Reading(**said) if run is None or said else run.reading

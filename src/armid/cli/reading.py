@@ -42,7 +42,7 @@ def given(
     time_unit: float | None = None,
     period: float | str | None = None,
 ) -> dict[str, Any]:
-    """What the command line says of a reading, without what it leaves open."""
+    """Return what the command line says of a reading, without what it leaves open."""
     keys = {"rate": rate, "torque_sign": torque_sign, "units": units, "time_unit": time_unit, "period": period}
     said: dict[str, Any] = {key: value for key, value in keys.items() if value is not None}
     return said | ({"columns": columns_given(columns)} if columns else {})
@@ -51,7 +51,7 @@ def given(
 def changed_reading(
     reading: Reading, rate: float | None, torque_sign: int | None, columns: list[str] | None
 ) -> dict[str, Any]:
-    """What the command line says of reading beyond a run's; columns that it does not name stay those of the run."""
+    """Return what the command line says of reading beyond a run's; columns that it does not name stay the run's."""
     said = given(columns, rate, torque_sign)
     return said | ({"columns": {**reading.columns, **said["columns"]}} if columns else {})
 

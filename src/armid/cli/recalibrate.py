@@ -73,7 +73,7 @@ def recalibrate(
 
 
 def _report(found: Recalibration, recordings: int) -> None:
-    """What has changed, and the torque error, on standard output."""
+    """Print what has changed, and the torque error, on standard output."""
     from rich.markup import escape
     from rich.table import Table
 

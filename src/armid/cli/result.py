@@ -32,7 +32,7 @@ KINDS = {
 
 
 def intervals_line(fit: Fit) -> str:
-    """What intervals were made from, and why."""
+    """Return what intervals were made from, and why."""
     return f"intervals from {KINDS[fit.covariance_kind]}: {fit.report.why}"
 
 
@@ -64,7 +64,7 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
 
 
 def _method_said(result: Result) -> str:
-    """How the estimate that follows chosen friction was made, where that is other than without."""
+    """Tell how the estimate that follows chosen friction was made, where that is other than without."""
     from armid.study.study import AUTOMATIC_METHOD, PLAIN_METHOD
 
     method = result.estimate.method
@@ -83,7 +83,7 @@ def _method_said(result: Result) -> str:
 def print_next(
     result: Result, folder: Path, *, page: bool, replaced: bool = False, asked: Sequence[str] = ()
 ) -> None:
-    """Where the run is, its page, and commands that go on with it.
+    """Print where the run is, its page, and commands that go on with it.
 
     Args:
         result: What was identified.

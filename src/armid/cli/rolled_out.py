@@ -65,7 +65,7 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
 
 
 def _nominal(scores: Sequence[MotionScore], count: int) -> str:
-    """Why there is no nominal error, where there is none."""
+    """Tell why there is no nominal error, where there is none."""
     if all(score.prior_rms is None for score in scores):
         return ", which has no inertias here"
     lost = sum(score.losses.nominal for score in scores)

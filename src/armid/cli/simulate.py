@@ -105,7 +105,7 @@ def _told(
 
 
 def _report(done: Written, *, json: bool) -> None:
-    """What was written and how far the arm was from its plan."""
+    """Print what was written and how far the arm was from its plan."""
     import numpy as np
 
     from armid.shown import plural

@@ -154,7 +154,7 @@ def _place(x: Scalar) -> tuple[int, float]:
 
 
 def _inside_negative(x: Scalar) -> Scalar | None:
-    """What x is the negative of, if its sign stands in front."""
+    """Return what x is the negative of, if its sign stands in front."""
     if isinstance(x, Node):
         return x.operands[0] if x.operation == "neg" else None
     return -x if x < 0.0 else None

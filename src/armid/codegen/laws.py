@@ -43,12 +43,12 @@ KNOWN = frozenset({"add", "mul", "pow", "sign", "tanh", "abs", "exp", "sin", "co
 
 
 def uses(model: DynamicsModel, name: str) -> bool:
-    """Whether a law of the model reads `load` or `state`."""
+    """Tell whether a law of the model reads `load` or `state`."""
     return any(name in symbols(law.expression) for _, law in model.laws)
 
 
 def is_inertia(law: Law) -> bool:
-    """Whether a law is in proportion to the acceleration, so that it belongs to the mass matrix."""
+    """Tell whether a law is in proportion to the acceleration, so that it belongs to the mass matrix."""
     return derivative(law.expression, "ddq") != number(0.0)
 
 
@@ -66,7 +66,7 @@ def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scal
 def rotor_matrix(
     model: DynamicsModel, theta: Mapping[int, Scalar], q: Sequence[Scalar]
 ) -> dict[tuple[int, int], Scalar]:
-    """What laws in proportion to the acceleration add to the mass matrix, for parameters by column."""
+    """Return what laws in proportion to the acceleration add to the mass matrix, for parameters by column."""
     zero: list[Scalar] = [0.0] * model.n
     inputs = {"q": q, "dq": zero, "ddq": zero}
     matrix: dict[tuple[int, int], Scalar] = {}

@@ -70,13 +70,13 @@ class Program:
 
     @cached_property
     def uses(self) -> Counter[Node]:
-        """How many operations and results read each node."""
+        """Tell how many operations and results read each node."""
         read = [x for node in self.nodes for x in node.operands] + list(self.results.values())
         return Counter(x for x in read if isinstance(x, Node))
 
     @property
     def operations(self) -> Counter[str]:
-        """How many operations of each kind one call takes."""
+        """Tell how many operations of each kind one call takes."""
         return Counter(node.operation for node in self.nodes)
 
     @property

@@ -299,7 +299,7 @@ def _gathered(geometry: Geometry, joints: Sequence[_Joint], wrenches: list[tuple
 
 
 def _along(geometry: Geometry, j: int, wrench: tuple[Symbols, Symbols]) -> Scalar:
-    """What a joint feels of a force and a moment at its frame."""
+    """Return what a joint feels of a force and a moment at its frame."""
     return geometry.axis[j] @ (wrench[0] if geometry.prismatic[j] else wrench[1])
 
 

@@ -1,4 +1,4 @@
-"""What a language is given to write: the functions of a model, its parameters and their names."""
+"""Input of a language: the functions of a model, its parameters and their names."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ Integers = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TapeRecord:
-    """What the kernel makes a tape of.
+    """Source of the kernel's tapes.
 
     Values stand in one array: inputs one after another, constants, then what each operation gives, in order.
 
@@ -51,7 +51,7 @@ def make_tape(program: Program, given: Mapping[str, Array]) -> _native.Tape:
 
 
 def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
-    """What `make_tape` makes a tape of."""
+    """Return what `make_tape` makes a tape of."""
     inputs = [argument for argument in program.arguments if argument.name not in given]
     sizes = [argument.length for argument in inputs]
     starts = dict(zip((a.name for a in inputs), np.cumsum([0, *sizes]).tolist(), strict=False))

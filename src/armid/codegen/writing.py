@@ -21,7 +21,7 @@ NEGATIVE, ATOM = 3, 4
 
 @dataclass(frozen=True, slots=True)
 class Notation:
-    """How a language writes things.
+    """Syntax of a language.
 
     Attributes:
         element: An element of an input, from its name and index from 0.

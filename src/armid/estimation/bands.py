@@ -292,7 +292,7 @@ class _Collector:
                 self._clear()
 
     def rest(self) -> Iterator[Gathered]:
-        """What folding has put together."""
+        """Return what folding has put together."""
         if self.folded:
             yield self._gathered(len(self.stretches))
 
@@ -319,7 +319,7 @@ class _Collector:
         self.apart += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
 
     def _gathered(self, periods: int) -> Gathered:
-        """What was added, with rows scaled to keep products and white noise at their size."""
+        """Return what was added, with rows scaled to keep products and white noise at their size."""
         scale = 1.0 / np.sqrt(np.maximum(self.count, 1.0))
         residual = self.residual * scale
         within = np.zeros((2, len(self.width)))
@@ -357,7 +357,7 @@ def _runs(problem: Problem) -> tuple[ObservedRun, ...]:
 
 
 def _is_short(problem: Problem) -> bool:
-    """Whether all rows fit in memory together, so that they need to be made only once."""
+    """Tell whether all rows fit in memory together, so that they need to be made only once."""
     return sum(rows for rows, _ in _lengths(problem)) <= SEGMENT
 
 

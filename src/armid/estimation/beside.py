@@ -32,7 +32,7 @@ LEAST_KNOWN = 1e-6
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Earlier:
-    """How the earlier estimate errs, where its factors are among those of a joined problem.
+    """Errors of the earlier estimate, where its factors are among those of a joined problem.
 
     Attributes:
         blocks: Which blocks are its own, shape (blocks,).
@@ -172,7 +172,7 @@ def _ties(earlier: Information, before: Array, after: Array, changing: NDArray[n
 
 
 def _is_determined(earlier: Information, fit: Fit) -> bool:
-    """Whether the factors alone determine every parameter."""
+    """Tell whether the factors alone determine every parameter."""
     return not len(null_directions(stack(total(earlier), fit.weights)[0]))
 
 
@@ -195,7 +195,7 @@ def _towards_estimate(apart: Information, old: NDArray[np.bool_], earlier: Infor
 
 
 def _errors(earlier: Information, names: tuple[str, ...], fit: Fit, blocks: NDArray[np.bool_], prior: int) -> Earlier:
-    """How the earlier estimate errs: arguments as in `Earlier`, and names of the unknowns."""
+    """Errors of the earlier estimate: arguments as in `Earlier`, and names of the unknowns."""
     kept, pick = _of_estimate(earlier, names, fit)
     moves = _moves_of(kept, fit)[[kept.names.index(name) for name in fit.names]] * earlier.scale_deviation
     moved = fit.report.moved if len(fit.report.moved) == len(fit.names) else np.zeros(len(fit.names))
@@ -208,7 +208,7 @@ def _errors(earlier: Information, names: tuple[str, ...], fit: Fit, blocks: NDAr
 
 
 def _is_definite(precision: Array) -> bool:
-    """Whether every direction has a precision, in units of its diagonal."""
+    """Tell whether every direction has a precision, in units of its diagonal."""
     if not (np.diag(precision) > 0.0).all():
         return False
     size = np.sqrt(np.diag(precision))

@@ -1,4 +1,4 @@
-"""Which requirements contradict each other: the fewest that do, of those that were asked.
+"""Requirements that contradict each other: the fewest that do, of those that were asked.
 
 Each in turn is left out, for good where the rest still leave no body. What remains is a set of which none can be
 missed.

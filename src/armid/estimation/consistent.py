@@ -58,7 +58,7 @@ class Bodies:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Program:
-    """What is asked of the parameters, whatever the data.
+    """Demands on the parameters, whatever the data.
 
     Attributes:
         standard: The standard parameters.
@@ -143,7 +143,7 @@ class Program:
     def _otherwise(
         self, feasible: Feasible, problem: Smooth, rough: Nearest | None, aim: float | None
     ) -> Nearest | SmoothSolution:
-        """Where the conic solver had no digits: by Newton's method if there is an aim, or else what it found."""
+        """Refine where the conic solver had no digits: by Newton's method if there is an aim, else what it found."""
         trouble = UnsolvedError(
             "The conic solver left too large a gap.", remedy="give a prior, or identify with --method log-cholesky."
         )
@@ -206,7 +206,7 @@ class Program:
         return found
 
     def _contradiction(self) -> ContradictionError:
-        """What is said of requirements that leave no body."""
+        """Return what is said of requirements that leave no body."""
 
         def empty(asked: Requirements) -> bool:
             try:
@@ -227,7 +227,7 @@ class Program:
         return np.where(bounded, 0.0, values)
 
     def _holds(self, values: Array, feasible: Feasible) -> bool:
-        """Whether the bodies are physical and every other constraint holds, computed from the values."""
+        """Tell whether the bodies are physical and every other constraint holds, computed from the values."""
         least = smallest_eigenvalues(self.standard, values)
         estimated = (feasible.basis[self.standard.inertial] != 0.0).any(axis=(1, 2))
         x = feasible.unknowns(values)

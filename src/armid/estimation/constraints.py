@@ -1,4 +1,4 @@
-"""What may be required of standard parameters beside physical consistency: cones, and a smaller set of unknowns.
+"""Requirements on standard parameters beside physical consistency: cones, and a smaller set of unknowns.
 
 θ = origin + basis · x        fixed parameters stand in the origin, equal ones share an unknown
 """
@@ -159,7 +159,7 @@ def _affine(standard: Standard, asked: Requirements) -> tuple[Array, Array]:
 
 
 def at_mass_limit(standard: Standard, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
-    """Which parameters (p,) are masses that stand at a limit of their own.
+    """Tell which parameters (p,) are masses that stand at a limit of their own.
 
     Args:
         standard: The standard parameters.

@@ -1,4 +1,4 @@
-"""What an estimator returns: values of the base parameters and how well the data determine them."""
+"""Result of an estimator: values of the base parameters and how well the data determine them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ POORLY_IDENTIFIED = 10.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CovarianceReport:
-    """Why a covariance is of its kind, and what was seen of the noise on the way.
+    """Reason for the kind of a covariance, and what was seen of the noise on the way.
 
     Attributes:
         why: The reason in words.

@@ -1,4 +1,4 @@
-"""What a block of rows lets be forgotten, and what has to be put aside before it is lost.
+"""Forgetting by a block of rows, and what has to be put aside before it is lost.
 
 Exponential forgetting takes the same share of everything that is known. Directions that the motion no longer shows
 then lose all of it, and the first rounding error that looks like them moves the estimate far: it winds up. So only

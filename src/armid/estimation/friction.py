@@ -63,7 +63,7 @@ STRENGTHS = np.logspace(4.0, -4.0, 17)
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What stretches that were left out say of a candidate on a joint, beside what the joint then had.
+    """Evidence of left-out stretches for a candidate on a joint, beside what the joint then had.
 
     Attributes:
         joint: Name of the joint.

@@ -1,4 +1,4 @@
-"""What may be added to the friction of a joint: candidates rung by rung, their columns, and the terms they become.
+"""Candidates for the friction of a joint, rung by rung, their columns, and the terms that they become.
 
 A piece is a law of one shape, such as the Stribeck effect at one velocity. A candidate is a set of pieces that a
 joint gets together. All pieces of all joints stand beside the model in one superset whose columns are made once;

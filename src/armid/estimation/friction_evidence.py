@@ -1,4 +1,4 @@
-"""When a candidate of friction counts as shown by the stretches that were left out.
+"""Rule by which the stretches that were left out show a candidate of friction.
 
 Its gain over the folds must exceed its own standard error by a margin, and a share of what is left. In a rung where
 the joints of an arm are alike (hysteresis of the same kind of gear), the sum of their gains is evidence for each, and
@@ -57,7 +57,7 @@ class Offer:
 
     @property
     def gain(self) -> float:
-        """What it takes away on all folds."""
+        """Return what it takes away on all folds."""
         return float(self.gains.sum())
 
 
@@ -75,7 +75,7 @@ def of_the_arm(rung: Rung, offers: list[Offer]) -> list[Offer] | None:
 
 
 def of_the_joint(rung: Rung, own: list[Offer], shared: list[Offer] | None) -> Offer | None:
-    """What a joint takes: that of its arm unless it clearly does better otherwise, else what is clear by itself."""
+    """Choose for a joint: as its arm does unless it clearly does better otherwise, else what is clear by itself."""
     if not own:
         return None
     best = max(own, key=lambda offer: offer.gain)
@@ -89,7 +89,7 @@ def of_the_joint(rung: Rung, own: list[Offer], shared: list[Offer] | None) -> Of
 
 
 def _is_clear(gains: Array, changes: Array, clear: float, least: float) -> bool:
-    """Whether a gain is worth it and stands out of its scatter between folds, in size or in proportion.
+    """Tell whether a gain is worth it and stands out of its scatter between folds, in size or in proportion.
 
     One fold on which the model was far off may bring most of the gain and of its scatter; proportions then tell, or
     that there is a gain on every fold, which happens by chance once in 256.
@@ -102,7 +102,7 @@ def _is_clear(gains: Array, changes: Array, clear: float, least: float) -> bool:
 
 
 def _shown_by_few(gains: Array) -> bool:
-    """Whether a few stretches gain much, more than one of them, while the others hardly lose.
+    """Tell whether a few stretches gain much, more than one of them, while the others hardly lose.
 
     What only slow reversals show is in two or three stretches, and no scatter of eight is small beside that.
     """

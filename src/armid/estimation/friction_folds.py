@@ -63,7 +63,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reduced:
-    """What is left of the columns beside those of the model, the torque last, in each of F stretches.
+    """Rest of the columns beside those of the model, the torque last, in each of F stretches.
 
     Attributes:
         training: S of every stretch, shape (F, r + 1, r + 1).
@@ -84,7 +84,7 @@ class Reduced:
     squares: Array
 
     def gains(self, joint: int, columns: NDArray[np.intp], ridge: float) -> tuple[Array, Array] | None:
-        """How much less is left on each stretch with some columns of a joint more; `None` where they are zero.
+        """Tell how much less is left on each stretch with some columns of a joint more; `None` where they are zero.
 
         Returns:
             Of the joint's own squared residual, and of that of all joints together, shapes (F,).
@@ -134,7 +134,7 @@ class Stretches:
         )
 
     def reduced(self, kept: NDArray[np.intp], ridge: Array, *, all_anew: bool) -> Reduced:
-        """What the model's own columns leave of the others.
+        """Return what the model's own columns leave of the others.
 
         Args:
             kept: Positions of the model's columns.
@@ -168,7 +168,7 @@ class Stretches:
     def _left_of(
         self, part: Information, joint: int, columns: NDArray[np.intp], kept: NDArray[np.intp], E: Array
     ) -> Array:
-        """What a joint's own rows of a stretch leave of its own columns and the torque, weighted."""
+        """Return what a joint's own rows of a stretch leave of its own columns and the torque, weighted."""
         factors = part.joints[joint]
         number = np.full(part.count, -1, dtype=np.intp)
         number[factors.parameters] = np.arange(len(factors.parameters))
@@ -227,6 +227,6 @@ def _left(products: Array, kept: NDArray[np.intp], rest: NDArray[np.intp], E: Ar
 
 
 def _gain(x: Array, M: Array, at: NDArray[np.intp]) -> Array:
-    """What coefficients (F, c) take away, shape (F,)."""
+    """Return what coefficients (F, c) take away, shape (F,)."""
     inner = M[:, at[:, None], at]
     return 2.0 * np.einsum("fi,fi->f", x, M[:, at, -1]) - np.einsum("fi,fij,fj->f", x, inner, x)

@@ -61,7 +61,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What a joint took in one round.
+    """Choice of a joint in one round.
 
     Attributes:
         rung: The kind of friction.
@@ -78,7 +78,7 @@ class Taken:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Climb:
-    """What was chosen.
+    """Choice of friction.
 
     Attributes:
         taken: What joints took and kept, in its order.
@@ -191,7 +191,7 @@ class _Search:
         return bool(taken)
 
     def together(self) -> Rung:
-        """What is large on a joint but not clear by itself, one of each rung: things that hide each other."""
+        """Return what is large on a joint but not clear by itself, one of each rung: things that hide each other."""
         options: list[tuple[Piece, ...]] = []
         for joint, chosen in enumerate(self.chosen):
             best: dict[str, Trial] = {}
@@ -250,7 +250,7 @@ class _Search:
             self.trials[each.joint, rest] = replace(trial, pieces=rest)
 
     def _left(self, stretches: Stretches, *, all_anew: bool) -> Reduced:
-        """What the model by now leaves, made anew only where it has changed."""
+        """Return what the model by now leaves, made anew only where it has changed."""
         key, state = (stretches is self.long, all_anew), tuple(self.taken)
         if key not in self.made or self.made[key][0] != state:
             self.made[key] = state, stretches.reduced(self.kept, self.ridge, all_anew=all_anew)
@@ -292,7 +292,7 @@ class _Search:
         return offers
 
     def _contradicted(self, pick: Offer, strict: Reduced, elsewhere: Reduced | None) -> bool:
-        """Whether the stricter ways of judging speak against a candidate."""
+        """Tell whether the stricter ways of judging speak against a candidate."""
         columns = self._columns(pick.joint, pick.pieces)
         gains = strict.gains(pick.joint, columns, pick.ridge)
         if gains is None or any(each.sum() < -CONTRARY * standard_error(each) for each in gains):

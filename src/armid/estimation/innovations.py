@@ -1,4 +1,4 @@
-"""What a block says that the estimate before it did not know: surprise, and the colour of the noise."""
+"""News of a block, which the estimate before it did not know: surprise, and the colour of the noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CREEP = 2.0
 
 
 def surprise(state: State, values: Array, new: Information) -> tuple[Array, Array]:
-    """How far new rows are from what the estimate before them says.
+    """Tell how far new rows are from what the estimate before them says.
 
     Args:
         state: Before the rows.
@@ -49,7 +49,7 @@ def hear(
     *,
     usual: bool,
 ) -> Innovations:
-    """What blocks said that was new, one more taken in.
+    """Return what blocks said that was new, one more taken in.
 
     Args:
         before: The state before the block, with the weights that hold after it.

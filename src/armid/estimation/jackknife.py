@@ -182,7 +182,7 @@ def filled(scatter: Array, textbook: Array, freedom: float) -> Array:
 
 
 def correlation(information: Information, groups: Groups, values: Array, weights: Array, inverse: Array) -> float:
-    """How far groups pull the same way as their neighbours: s_kᵀ H⁻¹ s_k+1 over s_kᵀ H⁻¹ s_k, summed.
+    """Tell how far groups pull the same way as their neighbours: s_kᵀ H⁻¹ s_k+1 over s_kᵀ H⁻¹ s_k, summed.
 
     Args:
         information: Factors, one set a block.

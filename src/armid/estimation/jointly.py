@@ -105,7 +105,7 @@ def solve_joined(joined: Joined, *, scale_deviation: Array | None = None, fixed:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Unknowns:
-    """Which of the c parameters are unknown, and what is known beforehand.
+    """Unknowns among the c parameters, and what is known beforehand.
 
     Attributes:
         known: Values of those that are known, zero elsewhere, shape (c,).

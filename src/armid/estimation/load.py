@@ -23,7 +23,7 @@ __all__ = ["reads_load", "with_load"]
 
 
 def reads_load(model: DynamicsModel) -> bool:
-    """Whether a term of the model depends on the load."""
+    """Tell whether a term of the model depends on the load."""
     return any("load" in symbols(law.expression) for _, law in model.laws)
 
 

@@ -52,7 +52,7 @@ LARGEST = 30_000_000
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scatter:
-    """What noise does to an estimate.
+    """Effect of noise on an estimate.
 
     Attributes:
         covariance: Shape (b, b).
@@ -125,7 +125,7 @@ class NoiseModel:
         return self._possible(self._square(np.asarray(theta, dtype=np.float64)))
 
     def scatter(self, moments: Array, squares: Array, rows: Array) -> Scatter:
-        """What the noise behind these residuals does to the estimate.
+        """Return what the noise behind these residuals does to the estimate.
 
         Args:
             moments: Products of residuals in each band, shape (E, n, n).

@@ -183,14 +183,14 @@ class Outcome:
         return fit, (*self.belief.findings, *self._findings(price, held, limited, moved))
 
     def _bounded(self) -> Array:
-        """What cannot be negative, shape (p,)."""
+        """Return what cannot be negative, shape (p,)."""
         bounded = self.standard.nonnegative.copy()
         for own in self.standard.inertial:
             bounded[own[[0, 4, 6, 9]]] = True  # mass and the moments of inertia about the axes
         return bounded.astype(np.float64)
 
     def _moved(self, pulled: Array) -> NDArray[np.bool_]:
-        """Which bodies' parameters (p,) prior and constraints hold far from where the data would have them.
+        """Tell which bodies' parameters (p,) prior and constraints hold far from where the data would have them.
 
         Args:
             pulled: Pull of the data on each parameter, over what white noise makes of it, shape (p,).
@@ -201,7 +201,7 @@ class Outcome:
         return result
 
     def _limited(self, deviation: Array) -> Array:
-        """Which parameters (p,) a limit of the study holds; what is one with such a mass is held with it."""
+        """Tell which parameters (p,) a limit of the study holds; what is one with such a mass is held with it."""
         if self.asked is None:
             return np.zeros(len(self.values), dtype=bool)
         near = AT_BOUND * np.maximum(deviation, np.abs(self.values))
@@ -209,7 +209,7 @@ class Outcome:
         return np.asarray((self.basis != 0.0) @ (self.basis[at] != 0.0).any(axis=0), dtype=bool)
 
     def _findings(self, price: float, held: Array, limited: Array, moved: Array) -> list[Finding]:
-        """What the reader of the result should know."""
+        """Return what the reader of the result should know."""
         found: list[Finding] = []
         for own, smallest in zip(self.standard.inertial, self.least, strict=True):
             if smallest < PHYSICAL:

@@ -92,7 +92,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Gains:
-    """How far the joints' torques are from what was measured: true = (1 + correction) · measured.
+    """Gains of the joints' torques: true = (1 + correction) · measured.
 
     Attributes:
         correction: Shape (n,).
@@ -298,7 +298,7 @@ class _Region:
 
 
 def _status(values: Array, half: Array, blind: NDArray[np.bool_]) -> tuple[Status, ...]:
-    """What the recording says of each parameter, beside what mass and extension of a real body allow by themselves.
+    """Return the share of the recording in each parameter, beside what mass and extension of a real body allow.
 
     `half` are half widths (10,) of intervals without the condition. With r² the mean square distance of the load's
     mass from the origin, |MX| ≤ M r and |XX| ≤ M r².

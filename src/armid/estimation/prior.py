@@ -1,4 +1,4 @@
-"""What is believed of the standard parameters before the data: how it is measured, and what it weighs.
+"""Belief about the standard parameters before the data: how it is measured, and what it weighs.
 
 `log-det`: for each link the divergence tr(J₀⁻¹J) - log det(J₀⁻¹J) - 4 from the description's pseudo-inertia J₀
 [Lee2020]. It does not depend on frames and units, grows beyond bounds where a body stops to be one, and is half the
@@ -162,7 +162,7 @@ def believe(kind: str, standard: Standard, weighted: Weighted) -> Belief:
 
 
 def carried(precision: Array, regrouping: Array) -> Array:
-    """What is believed of unknowns as it shows in base parameters: their covariance L P⁻¹ Lᵀ, shape (b, b).
+    """Return what is believed of unknowns as it shows in base parameters: their covariance L P⁻¹ Lᵀ, shape (b, b).
 
     Args:
         precision: P of the unknowns, positive definite, shape (x, x).

@@ -1,4 +1,4 @@
-"""What an estimator is given: the information, and as far as a method needs it, what lies behind it."""
+"""Problem of an estimator: the information, and as far as a method needs it, what lies behind it."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ class Standard:
 
     @property
     def described(self) -> bool:
-        """Whether there are links and the description gives each a mass, so that a prior may lean on it."""
+        """Tell whether there are links and the description gives each a mass, so that a prior may lean on it."""
         masses = np.zeros(0) if self.nominal is None else self.nominal[self.inertial[:, 0]]
         return len(masses) > 0 and bool((masses > 0.0).all())
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Problem:
-    """What is to be estimated and from what.
+    """Problem: what is to be estimated and from what.
 
     Attributes:
         information: Factors of the recordings, block by block.

@@ -164,7 +164,7 @@ def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, sol
 
 
 def _place(position: dict[str, int], name: str, recording: int) -> int:
-    """Where the value of an earlier recording stands: shared, its own, or that of all earlier ones."""
+    """Tell where the value of an earlier recording stands: shared, its own, or that of all earlier ones."""
     for each in (name, f"{name}[{recording + 1}]", f"{name}[1]"):
         if each in position:
             return position[each]

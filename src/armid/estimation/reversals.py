@@ -1,4 +1,4 @@
-"""What reversals do to an estimate: a comparison with the estimate that leaves out rows next to them.
+"""Effect of reversals on an estimate: a comparison with the estimate that leaves out rows next to them.
 
 Where a joint turns round, dry friction takes all of its range within milliseconds: the joint sticks for a moment, or
 its velocity, filtered as it is, passes zero a little earlier or later than the true one. What the model lacks there

@@ -82,7 +82,7 @@ class PriorUse:
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What the solution was checked by, computed from the answer and not from the solver's word.
+    """Certificate of a solution, computed from the answer and not from the solver's word.
 
     Attributes:
         price: By how much constraints and prior raise the weighted squared residual, over what noise makes of it.
@@ -99,7 +99,7 @@ class Proof:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Lift:
-    """How the uncertainty of b base parameters becomes that of p standard ones.
+    """Way from the uncertainty of b base parameters to that of p standard ones.
 
     Attributes:
         share: Change of each standard parameter with the base parameters, the least under the prior, shape (p, b).
@@ -209,7 +209,7 @@ def shares(information: Array, precision: Array) -> tuple[Array, Array]:
 
 
 def lift(precision: Array, regrouping: Array, basis: Array, correlation: float, shift: Array, bounded: Array) -> Lift:
-    """What a prior shares out among standard parameters when base parameters are known.
+    """Return what a prior shares out among standard parameters when base parameters are known.
 
     With P the prior's precision and L the regrouping, known base parameters π leave θ with the mean G π, where
     G = P⁻¹Lᵀ(L P⁻¹Lᵀ)⁻¹, and the covariance P⁻¹ - G L P⁻¹: nothing for a parameter that stands alone. With H the

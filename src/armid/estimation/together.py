@@ -59,7 +59,7 @@ class Rest:
 
 
 def rest_of(ties: Array, rows: Array, own: Array, earlier: Earlier | None, inverse: Array) -> Rest:
-    """What stands beside the new recordings.
+    """Return what stands beside the new recordings.
 
     Args:
         ties: Rows of variance one, shape (k, u).
@@ -134,7 +134,7 @@ class Together(Uncertainty):
         return replace(fit, report=report)
 
     def move(self, covariance: Array) -> tuple[Array, float, float]:
-        """What reversals in all recordings move the estimate by, and a part of each by itself."""
+        """Return what reversals in all recordings move the estimate by, and a part of each by itself."""
         result = super().move(covariance)
         for part in (self.rest.moved, result[0] - self.rest.moved):
             share = UNLIKE * self.reach(part, covariance)[0]
@@ -179,5 +179,5 @@ class Together(Uncertainty):
         return self._shown
 
     def through(self) -> tuple[Array, ...]:
-        """How the parameters of each joint's columns follow from the unknowns, shapes (b, u)."""
+        """Tell how the parameters of each joint's columns follow from the unknowns, shapes (b, u)."""
         return self._through

@@ -1,4 +1,4 @@
-"""What a recursive estimate knows: factors, what is kept beside them, and how it forgets."""
+"""State of a recursive estimate: factors, what is kept beside them, and how it forgets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WHITE = 0.3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Memory:
-    """How the past is forgotten.
+    """Forgetting of the past.
 
     Attributes:
         seconds: Time constant; after it 37 % of what was known is left. Infinite for no forgetting.
@@ -46,7 +46,7 @@ class Memory:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Innovations:
-    """What blocks said that the estimate before them did not know, joint by joint.
+    """News of blocks, which the estimate before them did not know, joint by joint.
 
     Attributes:
         surprise: RMS torque error of the last block by the estimate before it, over what such errors usually are,

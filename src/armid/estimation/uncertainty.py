@@ -1,4 +1,4 @@
-"""How uncertain an estimate is: a covariance whose intervals cover, and why it is of its kind.
+"""Uncertainty of an estimate: a covariance whose intervals cover, and why it is of its kind.
 
 Residuals of filtered recordings are correlated over many rows, and an interval made as if they were white covers a
 third of what it says. What the samples and the motion allow decides what is used instead:
@@ -104,7 +104,7 @@ def cover(fit: Fit, source: Problem | Information) -> Fit:
 
 
 def choose(white: float, free: int | None, repeated: float) -> tuple[str, str]:
-    """Which kind of covariance it should be where the samples are at hand, and why.
+    """Tell which kind of covariance it should be where the samples are at hand, and why.
 
     Args:
         white: Probability of such residuals if they were white.
@@ -125,7 +125,7 @@ def choose(white: float, free: int | None, repeated: float) -> tuple[str, str]:
 
 
 class Uncertainty:
-    """What every kind of covariance needs.
+    """Needs of every kind of covariance.
 
     Attributes:
         fit: As the estimator gave it.
@@ -181,7 +181,7 @@ class Uncertainty:
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
 
     def move(self, covariance: Array) -> tuple[Array, float, float]:
-        """What reversals move the estimate by (b,), how much of it is a deviation, and its most in deviations.
+        """Return what reversals move the estimate by (b,), how much of it is a deviation, and its most in deviations.
 
         What chance does is left out of the second; the third is zero where there is no more.
         """
@@ -211,7 +211,7 @@ class Uncertainty:
         return moved_by_reversals(self.problem, self.fit.values, self.fit.weights, self.prior)
 
     def _motions(self) -> Repeated | None:
-        """Which blocks are one repetition of which motion; `None` where motion does not repeat."""
+        """Tell which blocks are one repetition of which motion; `None` where motion does not repeat."""
         runs = () if self.problem.observations is None else self.problem.observations.runs
         known = [run.repetition is not None for run in runs]
         if not any(known):
@@ -265,7 +265,7 @@ class Uncertainty:
         return replace(fit, covariance=scatter + certain, freedom=each * share**2, standard=standard)
 
     def _spectrum(self) -> tuple[_Spectrum | None, str]:
-        """What the samples say about the noise; `None` and the reason where they say nothing."""
+        """Return what the samples say about the noise; `None` and the reason where they say nothing."""
         observations, rows = self.problem.observations, self.whole.rows[0]
         if self.fit.information is not None:
             return None, "rows have weights of their own"
@@ -293,7 +293,7 @@ class Uncertainty:
         return self.fit.values
 
     def through(self) -> tuple[Array, ...] | None:
-        """How the parameters of each joint's columns follow from those of the fit; `None` where they are the same."""
+        """Map the fit's parameters to those of each joint's columns; `None` where they are the same."""
         return None
 
     def _noise(self) -> Array:
@@ -310,7 +310,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Spectrum:
-    """What the samples said.
+    """Evidence of the samples.
 
     Attributes:
         model: Equations for the levels of the noise.
@@ -353,7 +353,7 @@ def block_covariance(
 
 
 def _same(problem: Problem, rows: NDArray[np.int64]) -> bool:
-    """Whether samples and information are about the same rows and parameters."""
+    """Tell whether samples and information are about the same rows and parameters."""
     model, base, observations = problem.require_samples("cover")
     known = {name.split("[", 1)[0] for name in problem.information.names}  # copies for each recording are FV_1[1], …
     counted = sum(remember(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
@@ -372,7 +372,7 @@ def _repeated(bands: BandProducts, scatter: Scatter, rows: Array, weights: Array
 
 
 def scale_covariance(whole: Information, weights: Array, inverse: Array) -> Array:
-    """What uncertain scales of the joints' torques, such as drive gains, add to the covariance (b, b).
+    """Return what uncertain scales of the joints' torques, such as drive gains, add to the covariance (b, b).
 
     With torque j off by a factor 1 + δ_j, the estimate moves by δ_j H⁻¹ w_j² R_jᵀ ρ_j; the δ_j are independent.
     """

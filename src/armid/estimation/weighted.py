@@ -29,7 +29,7 @@ RESOLUTION = 1e-7
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Weighted:
-    """What data say, whitened: half the squared length of rows · (π - values) is what any π costs over the best.
+    """Data, whitened: half the squared length of rows · (π - values) is what any π costs over the best.
 
     Attributes:
         whole: The information as one block.

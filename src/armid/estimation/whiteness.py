@@ -1,4 +1,4 @@
-"""Whether residuals are white: the test that the textbook's intervals have to pass.
+"""Whiteness of residuals: the test that the textbook's intervals have to pass.
 
 Were the noise white and alike on all weighted rows, the spectrum of the residual would be flat but for what the
 estimate took out of it, joints would have nothing in common, and no joint and no part of the time would be noisier

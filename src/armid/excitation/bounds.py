@@ -1,4 +1,4 @@
-"""What the torque of rigid links cannot exceed in its second derivative, whatever happens between points of a grid.
+"""Bound of the torque of rigid links in its second derivative, whatever happens between points of a grid.
 
 Along a series every derivative of a joint's position is bounded by a sum of amplitudes. Through the chain these
 bounds become bounds of norms: a vector fixed in a link turns with it, u' = ω x u, so that the norms of its

@@ -97,7 +97,7 @@ def cuts_of(corners: Array, faces: NDArray[np.intp]) -> Cuts:
 
 
 def smallest(cuts: Cuts, make: Callable[[Points], Made], volume: Callable[[Made], float]) -> tuple[Made, ...]:
-    """What goes around a body, cut into slabs as long as that brings the volume down.
+    """Return what goes around a body, cut into slabs as long as that brings the volume down.
 
     Args:
         cuts: The body.

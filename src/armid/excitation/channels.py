@@ -1,4 +1,4 @@
-"""What must not be exceeded, as numbers that are at most one, with exact gradients.
+"""Limits as numbers that are at most one, with exact gradients.
 
 A channel has m values along N samples of a series, each a share of its limit: 1 is at the limit. A search needs one
 smooth number for the highest of them; it is taken as
@@ -66,14 +66,14 @@ class States:
 
     @cached_property
     def speed_bound(self) -> Array:
-        """What the speed of each joint cannot exceed at any time, shape (n,) [rad/s or m/s]."""
+        """Return what the speed of each joint cannot exceed at any time, shape (n,) [rad/s or m/s]."""
         return np.minimum(
             self.basis.peaks_between(self.x, 1),
             np.abs(self.derivatives[1]).max(axis=0) + self._rise(1),
         )
 
     def _rise(self, order: int) -> Array:
-        """How far a derivative of the positions may rise between points of the grid, shape (n,)."""
+        """Tell how far a derivative of the positions may rise between points of the grid, shape (n,)."""
         step = self.basis.period / len(self.derivatives[0])
         return step**2 / 8.0 * self.basis.peaks_between(self.x, order + 2)
 
@@ -100,12 +100,12 @@ class Channel(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is."""
+        """Return what it is."""
         ...
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What each value belongs to."""
+        """Return what each value belongs to."""
         ...
 
     def values(self, states: States) -> Array:
@@ -117,7 +117,7 @@ class Channel(Protocol):
         ...
 
     def between(self, states: States, step: float) -> Array:
-        """How far each value may rise between points of the grid, whose step is given [s]; shape (m,)."""
+        """Tell how far each value may rise between points of the grid, whose step is given [s]; shape (m,)."""
         ...
 
 

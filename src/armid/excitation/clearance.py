@@ -42,7 +42,7 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -> tuple[Array, Array]:
-    """Where two segments are nearest each other, 0 at their beginnings a and b and 1 at their ends a + u and b + v.
+    """Find where two segments are nearest each other, 0 at their beginnings a and b and 1 at their ends a + u, b + v.
 
     Args:
         uu: Squared length of the first.
@@ -125,7 +125,7 @@ class Bodies:
 
     @property
     def first(self) -> NDArray[np.intp]:
-        """Where the capsules of each pair of bodies begin among `pairs`, shape (m,)."""
+        """Tell where the capsules of each pair of bodies begin among `pairs`, shape (m,)."""
         return np.flatnonzero(np.diff(self.groups, prepend=-1))
 
     @property
@@ -224,7 +224,7 @@ class Bodies:
         return distance, (s, t), slopes
 
     def axes(self, poses: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Where the axes of the capsules begin, and from there to their ends, base frame, (N, c, 3)."""
+        """Tell where the axes of the capsules begin, and from there to their ends, base frame, (N, c, 3)."""
         R, p = poses
         begin, along = (np.empty((len(p), len(self.capsules), 3)) for _ in range(2))
         for k, capsule in enumerate(self.capsules):
@@ -237,7 +237,7 @@ class Bodies:
         return begin, along
 
     def lengths(self, poses: tuple[Array, Array], tree: Tree) -> Array:
-        """How far the points of each capsule are at most from each joint's axis, shape (N, c, n) [m].
+        """Tell how far the points of each capsule are at most from each joint's axis, shape (N, c, n) [m].
 
         The distance to a line is convex, so one of the ends of the capsule's axis is the furthest.
         """
@@ -329,7 +329,7 @@ class Clearance:
         return states.pull_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """How far each pair may come together between points of a grid beyond its closest there, as a share.
+        """Tell how far each pair may come together between points of a grid beyond its closest there, as a share.
 
         Two bodies approach each other no faster than the joints between them move the points of either, so half a
         step brings them together by no more than that. For pairs that are far apart a rougher bound does: no point of
@@ -349,7 +349,7 @@ class Clearance:
         return total / SCALE
 
     def _approach(self, states: States, step: float, bodies: Bodies, fastest: float) -> Array:
-        """How far (N, m) [m] pairs may come together within half a step of each point of a grid.
+        """Tell how far (N, m) [m] pairs may come together within half a step of each point of a grid.
 
         Args:
             states: The motion.
@@ -362,7 +362,7 @@ class Clearance:
         return half * bodies.approach(states.poses, states.tree, speed, half * fastest)
 
     def _hulls(self, states: States) -> Nearest | None:
-        """What the hulls say, asked once a point of a search."""
+        """Return what the hulls say, asked once a point of a search."""
         if not len(self.bodies.hulls):
             return None
         if id(self) not in states.hulls:

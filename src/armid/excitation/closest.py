@@ -1,4 +1,4 @@
-"""How close bodies come along a motion, measured anew when a plan is done.
+"""Distances of bodies along a motion, measured anew when a plan is done.
 
 The search and its certificate know bodies by capsules and hulls on a grid of their own; here every pair is looked at
 once more, pose by pose, by Coal: primitives as they are, meshes as the convex hulls of their slabs, which contain
@@ -52,7 +52,7 @@ class Approach:
 
     @property
     def kept(self) -> bool:
-        """Whether they do."""
+        """Tell whether they do."""
         return self.distance >= self.asked - ROUNDING
 
 

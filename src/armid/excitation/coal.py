@@ -168,7 +168,7 @@ def apart(body: Any, points: Array) -> Array:
 
 
 def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
-    """Where a body is along a motion, with rotations (N, n, 3, 3) and origins (N, n, 3) of the links."""
+    """Tell where a body is along a motion, with rotations (N, n, 3, 3) and origins (N, n, 3) of the links."""
     transform = _coal().Transform3s
     turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
     R, p = poses
@@ -250,7 +250,7 @@ def nearest(
 def too_close(
     shapes: Sequence[Shape], pair: NDArray[np.intp], margin: float, poses: tuple[Array, Array]
 ) -> NDArray[np.bool_]:
-    """Whether two bodies as they are come closer than a margin [m], pose by pose, which is less work than a distance.
+    """Tell whether two bodies as they are come closer than a margin [m], pose by pose: less work than a distance.
 
     Args:
         shapes: Bodies.

@@ -1,4 +1,4 @@
-"""Which bodies could meet, and which of them a plan keeps apart: links with each other and with the surroundings."""
+"""Bodies that could meet, and those of them that a plan keeps apart: links, and links and surroundings."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Collision:
-    """What a plan keeps apart.
+    """Pairs that a plan keeps apart.
 
     Attributes:
         searched: Pairs that could come near each other, for the search.
@@ -87,7 +87,7 @@ class Collision:
         return self.shapes[self.own :]
 
     def clear(self, robot: Robot, q: Array) -> NDArray[np.bool_]:
-        """Whether all pairs keep what they should in poses (N, n), shape (N,)."""
+        """Tell whether all pairs keep what they should in poses (N, n), shape (N,)."""
         poses = forward_kinematics(robot, q)
         result = (self.every.bodies.distances(poses) > self.every.margins).all(axis=1)
         for pair, kept in zip(self.measured, self.kept, strict=True):
@@ -95,7 +95,7 @@ class Collision:
         return np.asarray(result)
 
     def clear_as_they_are(self, robot: Robot, q: Array) -> bool:
-        """Whether bodies that are measured as they are keep their distance in all of some poses (N, n)."""
+        """Tell whether bodies that are measured as they are keep their distance in all of some poses (N, n)."""
         poses = forward_kinematics(robot, q)
         return not any(
             too_close(self.shapes, pair, float(kept), poses).any()
@@ -139,7 +139,7 @@ class Cell:
         return (self.distances(q) - kept)[:, looked].min(axis=1, initial=np.inf)
 
     def apart(self, q: Array) -> NDArray[np.bool_]:
-        """Whether the pairs that are measured as they are keep their distance in poses (N, n), shape (N,)."""
+        """Tell whether the pairs that are measured as they are keep their distance in poses (N, n), shape (N,)."""
         which = self.keeping.of(MEASURED)
         found = distances(self.shapes, self.pairs[which], forward_kinematics(self.robot, q))
         return np.asarray((found > self.keeping.margin[which]).all(axis=1))

@@ -1,4 +1,4 @@
-"""What makes a motion good: functions of the information matrix G = Σ Yᵀ Y / σ² and their exact derivatives.
+"""Criteria of a motion: functions of the information matrix G = Σ Yᵀ Y / σ² and their exact derivatives.
 
 The covariance of the base parameters is G⁻¹. Every criterion is made small, is of the order of one, and is returned
 with its derivative by G, symmetric. Extremes of eigenvalues have no derivative where two of them meet, and that is

@@ -73,7 +73,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Search:
-    """What a search has found.
+    """Result of a search.
 
     Attributes:
         best: The best plan.
@@ -107,7 +107,7 @@ class _Task:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Outcome:
-    """Where a descent has come to: its end, that drawn together into the limits, the criterion there, if it began."""
+    """End of a descent: where it came to, that drawn together into the limits, the criterion there, if it began."""
 
     task: _Task
     reached: Array | None = None
@@ -170,7 +170,7 @@ def _ignore_interrupts() -> None:
 
 
 def _context() -> BaseContext:
-    """How processes are made: by fork where nothing else runs in this one, which takes milliseconds; else anew."""
+    """Choose how processes are made: by fork where nothing else runs here, which takes milliseconds; else anew."""
     tasks = Path("/proc/self/task")
     alone = tasks.is_dir() and len(list(tasks.iterdir())) == 1
     return multiprocessing.get_context("fork" if alone else "spawn")
@@ -344,7 +344,7 @@ def _gather(board: _Board, tasks: Sequence[_Task], executor: Executor | None) ->
 
 
 def _blame(board: _Board, x: Array) -> str:
-    """Which limit to relax, and where."""
+    """Tell which limit to relax, and where."""
     worst = max(
         (
             (float(u[:, k].max()), channel.name, label)

@@ -1,4 +1,4 @@
-"""What stands around an arm, from a TOML file: boxes, spheres and half-spaces, and tools that links carry."""
+"""Surroundings of an arm, from a TOML file: boxes, spheres and half-spaces, and tools that links carry."""
 
 from __future__ import annotations
 

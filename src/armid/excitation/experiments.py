@@ -191,7 +191,7 @@ def _short_way(q: Array) -> list[int]:
 
 
 def _range(limits: Limits) -> tuple[Array, Array]:
-    """Where poses may lie: the range less its edges, ± π where it has no end."""
+    """Tell where poses may lie: the range less its edges, ± π where it has no end."""
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
     edge = EDGE * (high - low)

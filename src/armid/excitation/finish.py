@@ -37,7 +37,7 @@ SLACK = 2e-4
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """How near a plan comes to one limit.
+    """Margin of a plan to one limit.
 
     Attributes:
         limit: Which, for instance `velocity`.
@@ -133,7 +133,7 @@ UNITS = {0: ("rad", "m"), 1: ("rad/s", "m/s"), 2: ("rad/s²", "m/s²"), 3: ("rad
 
 
 def margins(problem: Problem, grid: tuple[Objective, ...], x: Array) -> tuple[Margin, ...]:
-    """How near a plan comes to every limit."""
+    """Tell how near a plan comes to every limit."""
     return _margins(problem, x, _peaks(problem, grid, x))
 
 

@@ -60,7 +60,7 @@ class Excitation(Shown):
         object.__setattr__(self, "offset", array(self.offset, (len(a),), "offset"))
 
     def summary(self) -> Summary:
-        """How far and how fast each joint goes in a period."""
+        """Tell how far and how fast each joint goes in a period."""
         found = self.sample(SHOWN * self.harmonics / self.period).summary()
         title = f"{self.robot or 'motion'}: {self.harmonics} harmonics over {self.period:.4g} s"
         return replace(found, title=title)
@@ -132,7 +132,7 @@ def load_plan(path: Path | str) -> Excitation:
 
 
 def required_series(plan: object) -> Excitation:
-    """What was given as a motion, which has to be one.
+    """Return what was given as a motion, which has to be one.
 
     Raises:
         ArmidError: It is something else, for instance the name of a file.

@@ -1,4 +1,4 @@
-"""What each pair of bodies keeps: the distance asked for, less where the arm is built closer, or nothing at all.
+"""Distance that each pair of bodies keeps: that asked for, less where the arm is built closer, or nothing at all.
 
 Bodies two joints apart may be a few millimetres apart by construction, in every pose or in most; they cannot keep the
 distance that is asked of others, but they can collide. They keep half of what is usually between them. Only what
@@ -51,7 +51,7 @@ FEW = 100
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Keeping:
-    """What is kept by each of m pairs of bodies.
+    """Distances kept by each of m pairs of bodies.
 
     Attributes:
         margin: Least distance, shape (m,) [m].
@@ -69,7 +69,7 @@ class Keeping:
     close: NDArray[np.bool_]
 
     def of(self, kind: int) -> NDArray[np.bool_]:
-        """Which pairs are looked at in a way, shape (m,)."""
+        """Tell which pairs are looked at in a way, shape (m,)."""
         return self.kind == kind
 
     def lowered(self, distance: Array) -> Keeping:
@@ -94,7 +94,7 @@ def settled(
     around: Array,
     touching: Array,
 ) -> Keeping:
-    """What pairs keep that are close by construction.
+    """Return what pairs keep that are close by construction.
 
     Args:
         keeping: What all keep otherwise.

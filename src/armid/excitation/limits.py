@@ -1,4 +1,4 @@
-"""How far, how fast, how suddenly each joint may move, and what a search makes of it."""
+"""Limits of the joints' motion, and what a search makes of them."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Limits:
 
 
 def described_limits(robot: Robot) -> Limits:
-    """What the description says; nothing is known there of acceleration and jerk."""
+    """Return what the description says; nothing is known there of acceleration and jerk."""
     lower, upper = np.array([joint.position_limits for joint in robot.joints]).T
     velocity = np.array([joint.velocity_limit for joint in robot.joints])
     effort = np.array([joint.effort_limit for joint in robot.joints])
@@ -107,7 +107,7 @@ def limits_of(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> Limits:
-    """What the description says, with what is given in its place.
+    """Return what the description says, with what is given in its place.
 
     Args:
         robot: The arm.

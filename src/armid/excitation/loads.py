@@ -46,7 +46,7 @@ class Torque:
         return np.array(rows)
 
     def between(self, states: States, step: float) -> Array:
-        """How far a torque may rise between points of a grid, as a share.
+        """Tell how far a torque may rise between points of a grid, as a share.
 
         That of the rigid links rises above both points by at most step²/8 times the bound of its second derivative.
         Friction may jump where a joint reverses; for it the largest step between neighbours is allowed for, which is

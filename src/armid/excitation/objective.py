@@ -32,7 +32,7 @@ TOLD = 3.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Goal:
-    """What a motion is for.
+    """Purpose of a motion.
 
     Attributes:
         model: Arm and torque terms.

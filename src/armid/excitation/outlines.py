@@ -1,4 +1,4 @@
-"""What goes around a mesh: capsules, and convex hulls of its slabs with few corners.
+"""Outlines of a mesh: capsules, and convex hulls of its slabs with few corners.
 
 Made once for the content of a file and a scale, and kept in the user's cache folder (`armid.excitation.store`). A
 hull of many corners is replaced by one of some of them that reaches beyond them all around by as much as any other
@@ -74,7 +74,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Outline:
-    """What goes around a mesh, in its frame.
+    """Outline of a mesh, in its frame.
 
     Attributes:
         capsules: Capsules that it lies in.
@@ -96,7 +96,7 @@ def capsules_of(shape: Shape) -> tuple[Shape, ...]:
 
 
 def outline_of(shape: Shape) -> Outline:
-    """What goes around a mesh, from the cache folder where it is there.
+    """Return what goes around a mesh, from the cache folder where it is there.
 
     Raises:
         ArmidError: The file cannot be read.
@@ -162,7 +162,7 @@ def _read(arrays: Arrays | None) -> Outline | None:
 
 
 def _made(corners: Array, faces: NDArray[np.intp]) -> Outline:
-    """What goes around triangles; hulls of all slabs are made once, for both."""
+    """Return what goes around triangles; hulls of all slabs are made once, for both."""
     cuts = cuts_of(corners, faces)
     hulls: dict[int, ConvexHull] = {}
 

@@ -41,7 +41,7 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDAr
 
 
 def stands(robot: Robot, shapes: Sequence[Shape], k: int) -> bool:
-    """Whether a body is one of the surroundings that no link carries."""
+    """Tell whether a body is one of the surroundings that no link carries."""
     return k >= len(robot.shapes) and shapes[k].link < 0
 
 

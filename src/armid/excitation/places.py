@@ -1,4 +1,4 @@
-"""Where points of the arm may be: the gradient of places by the unknowns, and the workspace of the tip."""
+"""Places of points of the arm: their gradient by the unknowns, and the workspace of the tip."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Workspace:
         return states.pull_positions(point_gradient(states.tree, states.poses, mask, places, forces))
 
     def between(self, states: States, step: float) -> Array:
-        """How far the tip may go between points of a grid, as a share."""
+        """Tell how far the tip may go between points of a grid, as a share."""
         mask = carried_by(states.tree, [states.robot.tip.parent])
         speed = point_speed(states.tree, states.poses, mask, self._tip(states)[:, None], states.speed_bound)
         return np.full(len(self.labels), 0.5 * step * float(speed.max()) / SCALE)

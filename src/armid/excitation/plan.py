@@ -35,7 +35,7 @@ def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLik
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Plan(Shown):
-    """What the arm does from leaving one pose to reaching another.
+    """Motion from leaving one pose to reaching another.
 
     Attributes:
         excitation: The periodic motion.

@@ -1,4 +1,4 @@
-"""What is known of a plan before the arm moves: margins, closest approaches, deviations that it will give."""
+"""Knowledge of a plan before the arm moves: margins, closest approaches, deviations that it will give."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SAID = 3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Expectation:
-    """How well the parameters will be known, if the model holds and the noise is white.
+    """Expected knowledge of the parameters, if the model holds and the noise is white.
 
     Attributes:
         names: Base parameters.

@@ -135,7 +135,7 @@ class SeriesBasis:
         return np.arange(float(samples)) * (self.period / samples)
 
     def peaks_between(self, x: ArrayLike, order: int) -> Array:
-        """What the derivative of an order can reach at most, whatever the phases, shape (n,).
+        """Return what the derivative of an order can reach at most, whatever the phases, shape (n,).
 
         Harmonics add up at most to the sum of their amplitudes. Times h²/8 the bound of the second derivative after
         a quantity says how far it can rise between points of a grid of step h.

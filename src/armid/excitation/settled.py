@@ -1,4 +1,4 @@
-"""What a search that its time ended tells of itself: whether its best plan was still becoming better."""
+"""Account of a search that its time ended: whether its best plan was still becoming better."""
 
 from __future__ import annotations
 

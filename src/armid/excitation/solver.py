@@ -50,7 +50,7 @@ HALVINGS = 14
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """How smooth everything is, and for how long.
+    """Smoothness of everything, and its duration.
 
     Attributes:
         density: Points of the grid per period of the highest harmonic.
@@ -80,7 +80,7 @@ STAGES = (
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What a search is told.
+    """Message to a search.
 
     Attributes:
         goal: What the motion is for.
@@ -100,7 +100,7 @@ class Problem:
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
     def near(self, states: States) -> list[Channel]:
-        """What motions like the one at hand must not exceed; of many pairs of bodies, those that come near."""
+        """Return what motions like the one at hand must not exceed; of many pairs of bodies, those that come near."""
         return [channel.near(states) if isinstance(channel, Clearance) else channel for channel in self.channels]
 
     @cached_property
@@ -204,7 +204,7 @@ def descend(problem: Problem, x: Array, stages: tuple[Stage, ...], deadline: flo
 
 
 def _sane(problem: Problem, reached: Array, before: Array) -> Array:
-    """What a stage has reached, unless it has run away: then that drawn together, or where the stage began."""
+    """Return what a stage has reached, unless it has run away: then that drawn together, or where the stage began."""
     if not np.isfinite(reached).all():
         return before
     if highest(problem, problem.fine, reached) < RUN_AWAY:
@@ -227,7 +227,7 @@ def highest(problem: Problem, grid: Objective, x: Array) -> float:
 
 
 def _inside(problem: Problem, grid: Objective, x: Array, limit: float) -> bool:
-    """Whether every limit is kept along a grid; bodies, which take longest, are looked at last."""
+    """Tell whether every limit is kept along a grid; bodies, which take longest, are looked at last."""
     states = States(grid, np.asarray(x))
     return all(float(channel.values(states).max()) <= limit for channel in problem.channels)
 

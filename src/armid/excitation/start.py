@@ -1,4 +1,4 @@
-"""Where a series begins if nobody says: a pose with room around it.
+"""Start of a series if nobody says: a pose with room around it.
 
 A series swings about its start pose, so what counts is how far the joints can go from there, all at once and either
 way, before one meets a limit, a body another, or gravity asks for more torque than there is. That is measured along
@@ -136,7 +136,7 @@ def _plain(cell: Cell, limits: Limits, holds: Holds, pose: Array, usual: Array, 
 
 
 def _ends(limits: Limits) -> tuple[Array, Array]:
-    """How far a pose may be from the middle of each joint's range."""
+    """Tell how far a pose may be from the middle of each joint's range."""
     ends = np.where(np.isfinite(limits.upper - limits.lower), INSIDE * (limits.upper - limits.lower), 0.0)
     return np.maximum(limits.lower + ends, -1e3), np.minimum(limits.upper - ends, 1e3)
 

@@ -1,4 +1,4 @@
-"""Where a link's identified inertia goes, when the description has several bodies for it.
+"""Place of a link's identified inertia, when the description has several bodies for it.
 
 Fixed and locked joints are no freedom of the arm, so that what they carry is one link of it. In the file the bodies
 are still apart: those carried keep what the description says, and the one that carries them takes the rest. What the
@@ -86,7 +86,7 @@ def _solid(body: Body) -> Body:
 
 
 def carried_by(bodies: Sequence[Body], links: int) -> Array:
-    """What the carrying body of each link has on it, as the description says and in the link's frame, (links, 10)."""
+    """Return the load on the carrying body of each link, as described and in the link's frame, (links, 10)."""
     result = np.zeros((links, 10))
     for i in range(links):
         own = [body for body in bodies if body.link == i]

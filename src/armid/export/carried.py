@@ -31,13 +31,13 @@ THINNEST = 1e-3
 
 
 def is_possible(body: InertialParameters) -> bool:
-    """Whether a distribution of positive mass has these parameters, with some room for rounding."""
+    """Tell whether a distribution of positive mass has these parameters, with some room for rounding."""
     eigenvalues = np.linalg.eigvalsh(body.pseudo_inertia)
     return bool(eigenvalues[0] > POSSIBLE * eigenvalues[-1])
 
 
 def is_thin(body: Body, written: InertialParameters) -> bool:
-    """Whether a body has no extent in the description, as a mass without inertia, and is written so or scaled."""
+    """Tell whether a body has no extent in the description, as a mass without inertia, and is so written."""
     nominal = body.nominal
     if nominal is None or nominal.mass <= 0.0 or is_possible(nominal) or not nominal.is_consistent():
         return False
@@ -95,7 +95,7 @@ def as_carried(
 def _rest(
     link: InertialParameters, bodies: Sequence[Body], inertials: Sequence[InertialParameters]
 ) -> InertialParameters:
-    """What is left of a link without some bodies, in the link's frame."""
+    """Return what is left of a link without some bodies, in the link's frame."""
     own = (moved(body, each).vector for body, each in zip(bodies, inertials, strict=True))
     return InertialParameters.from_vector(link.vector - sum(own, np.zeros(10)))
 

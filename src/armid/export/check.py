@@ -1,4 +1,4 @@
-"""What is written is read back and must say the same: torque in other programs, torque on unseen motion."""
+"""Check of a written file: read back, it must say the same: torque in other programs and on unseen motion."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Verified:
-    """What reading back showed.
+    """Result of reading back.
 
     Attributes:
         checks: Conditions that hold.
@@ -209,7 +209,7 @@ def _inverse_dynamics(robot: Robot, inertial: Array, q: Array, dq: Array, ddq: A
 
 
 def _rounding(content: Content, robot: Robot) -> list[Finding]:
-    """What the description's rounded angles make of the torque, where the run has taken them as exact."""
+    """Return what the description's rounded angles make of the torque, where the run has taken them as exact."""
     q, dq, ddq = _states(content.robot)
     exact = _inverse_dynamics(content.robot, _inertial(content.robot), q, dq, ddq)
     as_written = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)

@@ -30,7 +30,7 @@ STATES = 64
 
 @dataclass(frozen=True, slots=True)
 class CodeExported:
-    """What an export of code has written.
+    """Result of an export of code.
 
     Attributes:
         files: The files.
@@ -82,7 +82,7 @@ def code_record(exported: CodeExported) -> dict[str, Any]:
 
 
 def _heading(run: Run) -> tuple[str, ...]:
-    """Where the numbers come from."""
+    """Tell where the numbers come from."""
     estimate = run.estimate
     per_recording = any("[" in name for name in estimate.fit.names)
     return (

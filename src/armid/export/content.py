@@ -1,4 +1,4 @@
-"""What an exporter is given and what it gives: an arm with identified bodies, and what its joints have beside."""
+"""Input and output of an exporter: an arm with identified bodies, and what its joints have beside."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Content:
-    """What is to be written.
+    """Content to be written.
 
     Attributes:
         robot: The arm, each link with its identified inertia.
@@ -110,7 +110,7 @@ class Written:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Witness:
-    """What a program reads from a written file.
+    """Content that a program reads from a written file.
 
     Attributes:
         name: The program.

@@ -49,7 +49,7 @@ class Node:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it has no end tag."""
+        """Tell whether it has no end tag."""
         return self.closing == self.end
 
     def find(self, tag: str) -> Node | None:

@@ -228,12 +228,12 @@ def _thick(vector: Array, least: float) -> Array:
 
 
 def _fits(left: Array) -> bool:
-    """Whether the links (n, 10) without what they carry are possible bodies."""
+    """Tell whether the links (n, 10) without what they carry are possible bodies."""
     return all(is_possible(InertialParameters.from_vector(each)) for each in left)
 
 
 def distance_to_description(run: Run, theta: Array) -> float:
-    """How far links are from those of the description: what `--nearest` makes least.
+    """Tell how far links are from those of the description: what `--nearest` makes least.
 
     It is the root of the sum over links of ‖J₀^(-1/2) (J - J₀) J₀^(-1/2)‖², with the pseudo-inertias J of the values
     and J₀ of the description: masses, first moments and inertias together, each relative to the described link.

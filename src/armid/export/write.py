@@ -32,7 +32,7 @@ SIDE = ".armid.json"
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Exported:
-    """What an export has written.
+    """Result of an export.
 
     Attributes:
         path: The robot description.
@@ -138,7 +138,7 @@ def _content(
     *,
     lumped: bool,
 ) -> tuple[Content, tuple[Finding, ...]]:
-    """What is to be written, and how it was shared out among the bodies of a description."""
+    """Return what is to be written, and how it was shared out among the bodies of a description."""
     robot = _identified(run, theta)
     joints = {
         name: {term: value for term, value in values.items() if term in exporter.PLACES}
@@ -206,7 +206,7 @@ def _identified(run: Run, theta: Array) -> Robot:
 
 
 def _not_placed(run: Run, exporter: Exporter, side: str) -> list[Finding]:
-    """What stands in the file beside the description alone."""
+    """Return what stands in the file beside the description alone."""
     findings: list[Finding] = []
     for term, names in without_place(run.model, exporter.PLACES).items():
         what = f"the format has no place for {', '.join(names)}; {side} has them"

@@ -1,1 +1,1 @@
-"""What the data say: observations, streaming factors, square-root information."""
+"""Evidence of the data: observations, streaming factors, square-root information."""

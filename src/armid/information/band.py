@@ -51,5 +51,5 @@ class Band:
 
     @property
     def is_open(self) -> bool:
-        """Whether nothing is filtered."""
+        """Tell whether nothing is filtered."""
         return self.family == "none"

@@ -1,4 +1,4 @@
-"""What processing hands to estimation: contiguous runs at full rate and the band to compare in."""
+"""Observations from processing for estimation: contiguous runs at full rate and the band to compare in."""
 
 from __future__ import annotations
 

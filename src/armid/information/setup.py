@@ -1,4 +1,4 @@
-"""What the stream needs of a model: where each base parameter's column stands, and the terms' columns."""
+"""Layout of a model for the stream: where each base parameter's column stands, and the terms' columns."""
 
 from __future__ import annotations
 

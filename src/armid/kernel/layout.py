@@ -1,4 +1,4 @@
-"""Which columns of the regressor each joint's rows keep, and where the terms' columns go."""
+"""Columns of the regressor that each joint's rows keep, and where the terms' columns go."""
 
 from __future__ import annotations
 

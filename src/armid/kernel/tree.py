@@ -1,4 +1,4 @@
-"""What the kernel needs to know of an arm: a tree of joints, each with one degree of freedom."""
+"""Arm as the kernel needs it: a tree of joints, each with one degree of freedom."""
 
 from __future__ import annotations
 

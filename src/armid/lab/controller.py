@@ -71,7 +71,7 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What stands between the controller's wish and the torque.
+    """Path from the controller's wish to the torque.
 
     Attributes:
         bandwidth: Corner frequency of the current loop, of first order [Hz]; 0 for one without delay.

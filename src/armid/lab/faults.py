@@ -1,4 +1,4 @@
-"""What goes wrong with logs, one kind a class: a recording and a source of chance in, a spoilt recording out.
+"""Faults of logs, one kind a class: a recording and a source of chance in, a spoilt recording out.
 
 Each class of `FAULTS` is a table of a `lab.toml`. What a fault does is that and nothing else: whatever it does not
 name stays bit for bit as it was.
@@ -53,7 +53,7 @@ __all__ = [
 
 
 class Fault(Protocol):
-    """What every fault offers."""
+    """Offer of every fault."""
 
     name: ClassVar[str]
     """What it is called in a `lab.toml`."""

@@ -32,7 +32,7 @@ MODES = ("closed-loop", "inverse-dynamics")
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Arm:
-    """What an arm is beyond its built-in truth.
+    """Properties of an arm beyond its built-in truth.
 
     Attributes:
         effects: Names in `armid.lab.truths.EFFECTS`, in proportion to the friction that the arm has.

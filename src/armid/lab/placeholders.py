@@ -65,7 +65,7 @@ def placeholder_finding(truth: Truth, transmitted: Array) -> Finding | None:
 
 
 def _said(limits: Array) -> str:
-    """What is odd of the limits."""
+    """Return what is odd of the limits."""
     known = np.isfinite(limits)
     if not known.any():
         return f"{UNKNOWN_EFFORT:g}, which is taken where the description gives no limit, is not of this arm's size"

@@ -202,7 +202,7 @@ class Plant:
         self._start(q, effort)
 
     def _addresses(self, kind: str) -> Any:
-        """Where joints of a kind stand among MuJoCo's; a slice where they stand in the robot's order."""
+        """Tell where joints of a kind stand among MuJoCo's; a slice where they stand in the robot's order."""
         at = [int(self._model.joint(f"{kind}_{i}").dofadr[0]) for i in range(self.n)]
         return slice(at[0], at[0] + self.n) if at == list(range(at[0], at[0] + self.n)) else np.array(at)
 
@@ -319,7 +319,7 @@ class Plant:
         return torque, new
 
     def _remember(self, effort: Array) -> None:
-        """What friction knows of the past."""
+        """Return what friction knows of the past."""
         friction = self.truth.friction
         self._load = effort - self.at_friction - self.truth.rotor * self.at_drive_ddq
         if self._ends is not None:

@@ -1,4 +1,4 @@
-"""What a log says of what happened: each channel filtered, delayed, sampled, disturbed and rounded, in this order."""
+"""Log of what happened: each channel filtered, delayed, sampled, disturbed and rounded, in this order."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HIGHEST_RATE = 8000.0
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """What happens to one quantity on its way into the log; numbers are in its own unit and alike for all joints.
+    """Path of one quantity into the log; numbers are in its own unit and alike for all joints.
 
     Attributes:
         noise: Standard deviation of white noise.

@@ -44,7 +44,7 @@ FULL = 0.999
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Simulated:
-    """What a simulation gives.
+    """Result of a simulation.
 
     Attributes:
         recording: The log.
@@ -112,7 +112,7 @@ def simulate(
 
 
 def doubts(simulated: Simulated) -> tuple[Finding, ...]:
-    """Where the arm or its motion was one that is not real; the lab has no stops.
+    """Tell where the arm or its motion was one that is not real; the lab has no stops.
 
     What the plan itself asks for is told apart from what a controller adds that overshoots.
     """

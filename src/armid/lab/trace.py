@@ -1,4 +1,4 @@
-"""What truly happened: every quantity at every step, before any sensor has seen it."""
+"""Truth of a simulation: every quantity at every step, before any sensor has seen it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Trace:
     rise: Array | None = None
 
     def from_time(self, start: float) -> Trace:
-        """What happened from a time on [s]."""
+        """Return what happened from a time on [s]."""
         first = int(np.searchsorted(self.time, start - 1e-9))
         parts = {name: getattr(self, name) for name in self.__slots__}
         return replace(self, **{name: None if x is None else x[first:] for name, x in parts.items()})
@@ -248,7 +248,7 @@ class _Run:
         self.row += 1
 
     def trace(self, time: Array) -> Trace:
-        """What was kept."""
+        """Return what was kept."""
         kept = self.kept
         transmitted = kept["effort"] - kept["friction"] - self.plant.truth.rotor * kept.pop("drive_ddq")
         return Trace(time, **kept, transmitted=transmitted)

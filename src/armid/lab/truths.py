@@ -109,7 +109,7 @@ UNKNOWN_EFFORT = 100.0
 
 
 def truth_of(robot: Robot) -> Truth:
-    """What a robot is taken for when it is simulated: rigid drives without rotor inertia, plain friction.
+    """Take a robot for a simulated one: rigid drives without rotor inertia, plain friction.
 
     A built-in arm has the numbers in `OWN`; any other its description's inertias and friction in proportion to its
     effort limits.

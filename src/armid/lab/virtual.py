@@ -31,7 +31,7 @@ WHOLE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What the sensors add.
+    """Additions of the sensors.
 
     Attributes:
         position: Standard deviation of the encoders' noise [rad].

@@ -167,7 +167,7 @@ def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
 
 
 def _scale(cone: Cone) -> Array:
-    """What the solver multiplies the entries of an upper triangle by, so that its inner product is the matrices'."""
+    """Return the solver's factors of the entries of an upper triangle, so that its inner product is the matrices'."""
     i, j = upper_triangle(_order(len(cone.offset)))
     return np.where(i == j, 1.0, math.sqrt(2.0))
 

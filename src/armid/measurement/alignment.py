@@ -106,7 +106,7 @@ def _signals(stretch: Stretch) -> list[Array]:
 
 
 def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> list[Finding]:
-    """What the delays of the repetitions, in samples, say about the period."""
+    """Return what the delays of the repetitions, in samples, say about the period."""
     worst = int(np.argmax(np.abs(delays)))
     late = float(delays[worst])
     if abs(late) < 0.5:

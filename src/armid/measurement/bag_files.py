@@ -40,7 +40,7 @@ OURS = {
 
 
 def is_packed(path: Path) -> bool:
-    """Whether it is a single file of a bag that ROS 2 has compressed whole, as `run_0.db3.zstd`."""
+    """Tell whether it is a single file of a bag that ROS 2 has compressed whole, as `run_0.db3.zstd`."""
     return path.name.lower().endswith(tuple(f"{suffix}{COMPRESSED}" for suffix in STORAGE))
 
 
@@ -77,7 +77,7 @@ def _zstd() -> Any:
 
 
 def bag_paths(path: Path) -> list[Path]:
-    """What to open for a bag: the file, the folder that has its metadata, or the files in a folder without.
+    """Return what to open for a bag: the file, the folder that has its metadata, or the files in a folder without.
 
     Raises:
         RecordingError: A folder in which there is no bag.

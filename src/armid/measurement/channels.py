@@ -1,4 +1,4 @@
-"""Which channel of a recording is which joint's, and what the channels of no joint show."""
+"""Channels of the joints, and what the channels of no joint show."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def in_joint_order(recording: Recording, reading: Reading, robot: Robot) -> tupl
 
 
 def channels_of_joints(recording: Recording, reading: Reading, robot: Robot) -> list[int]:
-    """Which channel of a recording is each joint's, counted from 0.
+    """Tell which channel of a recording is each joint's, counted from 0.
 
     Raises:
         RecordingError: Joints and channels that do not match.
@@ -60,7 +60,7 @@ def channels_of_joints(recording: Recording, reading: Reading, robot: Robot) -> 
 
 
 def _targets(recording: Recording, reading: Reading, robot: Robot) -> list[str]:
-    """Whose each channel is: a joint of the robot, one that is held still, another's, or nobody's (empty)."""
+    """Tell whose each channel is: a joint of the robot, one that is held still, another's, or nobody's (empty)."""
     given = reading.joint_map
     channels = recording.channels
     unknown = [name for name in given if name not in channels]
@@ -109,7 +109,7 @@ def _by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
 
 
 def _others(recording: Recording, reading: Reading, robot: Robot, targets: list[str]) -> tuple[Finding, ...]:
-    """What channels show that are of no joint of the robot: motion where none should be, or nothing that matters."""
+    """Report channels that are of no joint of the robot: motion where none should be, or nothing that matters."""
     held = {each.name: each for each in robot.held}
     found = [_of_held(recording.q[:, k], held[name], reading) for k, name in enumerate(targets) if name in held]
     extra = [
@@ -125,7 +125,7 @@ def _others(recording: Recording, reading: Reading, robot: Robot, targets: list[
 
 
 def _of_held(q: Array, held: Held, reading: Reading) -> Finding | None:
-    """What a log shows of a joint that is held still: that it moves, or stands elsewhere."""
+    """Return what a log shows of a joint that is held still: that it moves, or stands elsewhere."""
     q = q[np.isfinite(q)]
     if not q.size or reading.transmission is not None:
         return None

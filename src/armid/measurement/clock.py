@@ -104,7 +104,7 @@ def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
 
 
 def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
-    """Whether samples were taken at an even rate, for `jitter`'s arguments."""
+    """Tell whether samples were taken at an even rate, for `jitter`'s arguments."""
     off = _unevenness(time, number)
     return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
 

@@ -68,7 +68,7 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 
 
 def _grows(values: Array) -> bool:
-    """Whether numbers grow from row to row as times do, a fault or two left aside."""
+    """Tell whether numbers grow from row to row as times do, a fault or two left aside."""
     step = np.diff(values)
     return bool(step.size and np.isfinite(values).all() and np.median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
 
@@ -97,7 +97,7 @@ def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) 
 
 
 def unit_of_step(step: float) -> tuple[float, str] | None:
-    """What a clock with that median step counts, and its length [s]; nothing where that can be seconds."""
+    """Return what a clock with that median step counts, and its length [s]; nothing where that can be seconds."""
     if step < LONGEST_STEP:
         return None
     return next((length, name) for most, length, name in UNITS if step < most)
@@ -130,7 +130,7 @@ def _numbers(name: str, values: Values) -> Array | None:
 
 
 def _counts_rest(clock: Clock) -> bool:
-    """Whether it counts the nanoseconds beside a column of whole seconds."""
+    """Tell whether it counts the nanoseconds beside a column of whole seconds."""
     return any(word in ("nanosec", "nsec", "nsecs") for word in words(clock.column))
 
 

@@ -1,4 +1,4 @@
-"""Which columns hold what, guessed from their names: those of the joints, and the patterns that people use.
+"""Guesses of columns from their names: those of the joints, and the patterns that people use.
 
 Functions of names alone, but for a column of times that its unit shows. What was measured goes before what was asked
 for, where names say so; two sets of columns that are equally good are no guess but a question.
@@ -21,7 +21,7 @@ Channel = str | int
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """What columns hold.
+    """Guess of columns.
 
     Attributes:
         columns: Names for each quantity that was found; times may have two, seconds and nanoseconds.
@@ -148,7 +148,7 @@ def _in_order(members: Mapping[Channel, Named]) -> dict[Channel, Named]:
 
 
 def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
-    """Whether it has all joints, or numbers without a gap, from 0 or from 1."""
+    """Tell whether it has all joints, or numbers without a gap, from 0 or from 1."""
     if group.by_name:
         return bool(wanted) and set(wanted) <= set(group.members)
     if "" in group.members:
@@ -159,7 +159,7 @@ def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
 
 
 def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
-    """Whether it has the channels that the positions have, and tells of the same thing."""
+    """Tell whether it has the channels that the positions have, and tells of the same thing."""
     if positions is None:
         return not channels or "" in group.members or (not group.by_name and len(group.members) == channels)
     same = group.by_name if positions.by_name else set(group.members) == set(positions.members)
@@ -194,7 +194,7 @@ def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]
 
 
 def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequence[_Group]) -> str:
-    """What was taken, by what, and what was left lying."""
+    """Return what was taken, by what, and what was left lying."""
     what = f"{quantity} is {shortened(columns)}"
     what += ", by the joints' names" if group.by_name else ""
     what += ", asked for and not measured" if group.first.commanded else ""

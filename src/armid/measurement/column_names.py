@@ -120,7 +120,7 @@ GREEK = {"q\u0308": "ddq", "q\u0307": "dq", "τ": "tau", "θ": "theta", "φ": "p
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """What a name says of a column.
+    """Meaning of a column's name.
 
     Attributes:
         column: The name in full.
@@ -140,7 +140,7 @@ class Named:
 
     @property
     def commanded(self) -> bool:
-        """Whether it tells what was asked for."""
+        """Tell whether it tells what was asked for."""
         return self.rank[0] == 2
 
 
@@ -179,7 +179,7 @@ def split_unit(column: str) -> tuple[str, str]:
 
 
 def named(column: str, labels: Sequence[str]) -> list[Named]:
-    """What a name may say of a column: nothing, or one for each of its numbers that may be the channel.
+    """Return what a name may say of a column: nothing, or one for each of its numbers that may be the channel.
 
     Args:
         column: The name.
@@ -204,7 +204,7 @@ def named(column: str, labels: Sequence[str]) -> list[Named]:
 
 
 def clock_of(column: str) -> Clock | None:
-    """What a name says of a column of times, if it is one."""
+    """Return what a name says of a column of times, if it is one."""
     text, unit = split_time(column)
     parts = words(text)
     ranks = [CLOCKS[word] for word in parts if word in CLOCKS]
@@ -229,7 +229,7 @@ def split_time(column: str) -> tuple[str, str]:
 
 
 def _channels(parts: Sequence[str], labels: Sequence[str]) -> list[tuple[str | int, list[str]]]:
-    """Where a channel may stand: the longest name of a joint, else each number, else nowhere."""
+    """Tell where a channel may stand: the longest name of a joint, else each number, else nowhere."""
     for label in labels:
         name = words(label)
         for k in range(len(parts) - len(name) + 1):
@@ -251,20 +251,20 @@ def _quantity(form: Sequence[str]) -> str | None:
 
 
 def unit_of(unit: str) -> tuple[str, float] | None:
-    """What a unit measures, whatever power of time it is divided by."""
+    """Return what a unit measures, whatever power of time it is divided by."""
     text = re.sub(r"[\s_·*.⋅^\-]", "", unit.split("/")[0]).lower()
     per_second = PER_SECOND.fullmatch(text)
     return UNITS.get(per_second[1] if per_second else text)
 
 
 def unit_kind(unit: str) -> tuple[str, float] | None:
-    """What any unit measures, times among them, and how many of armid's it is; nothing where it is not known."""
+    """Return what any unit measures, times too, and how many of armid's it is; nothing where it is not known."""
     seconds = SECONDS.get(unit.strip().lower())
     return ("time", seconds) if seconds is not None else unit_of(unit)
 
 
 def column_unit(column: str) -> tuple[str, float] | None:
-    """What the unit in a column's name measures, and how many of armid's it is; nothing where it says none."""
+    """Return what the unit in a column's name measures, and how many of armid's it is; nothing where it says none."""
     text, unit = split_unit(column)
     if unit:
         return unit_of(unit)
@@ -272,7 +272,7 @@ def column_unit(column: str) -> tuple[str, float] | None:
 
 
 def _fits(quantity: str, kind: str) -> bool:
-    """Whether a quantity can have a unit of that kind."""
+    """Tell whether a quantity can have a unit of that kind."""
     if quantity in ("q", "dq", "ddq"):
         return kind in ("rad", "deg", "m")
     return kind == "current" if quantity == "current" else kind in ("torque", "current")

@@ -17,7 +17,7 @@ DEGREE = 0.017453292519943295
 
 
 def is_current(column: str) -> bool:
-    """Whether a column's unit is that of a current."""
+    """Tell whether a column's unit is that of a current."""
     unit = column_unit(column)
     return unit is not None and unit[0] == "current"
 
@@ -46,7 +46,7 @@ def unit_fields(chosen: Mapping[str, Sequence[str]], reading: Reading, path: Pat
 
 
 def factors(columns: Sequence[str], units: str | Sequence[str] | None) -> dict[str, float]:
-    """What to multiply columns with so that the rest is in SI units and all angles are in the reading's unit.
+    """Return what to multiply columns with so that the rest is in SI units and all angles are in the reading's unit.
 
     Args:
         columns: Columns of positions, velocities, accelerations and efforts.

@@ -1,4 +1,4 @@
-"""Which columns of a file hold time, position, velocity, acceleration and effort."""
+"""Columns of a file with time, position, velocity, acceleration and effort."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ def _guess(
     matrices: bool,
     values: Values | None,
 ) -> Guess:
-    """What columns may hold the quantities that are not known yet.
+    """Return what columns may hold the quantities that are not known yet.
 
     Raises:
         RecordingError: Several sets of columns are equally good.
@@ -212,7 +212,7 @@ def _guess(
 
 
 def _as_reading(guess: Guess, reading: Reading, robot: Robot | None) -> dict[str, Any]:
-    """What a reading would say for the same columns."""
+    """Return what a reading would say for the same columns."""
     if not guess.columns:
         return {}
     said: dict[str, Any] = {"columns": {**reading.columns, **guess.columns}}
@@ -226,7 +226,7 @@ def _as_reading(guess: Guess, reading: Reading, robot: Robot | None) -> dict[str
 
 
 def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]]) -> tuple[Finding, ...]:
-    """What was found out by the names, with the lines of a study that say it."""
+    """Return what was found out by the names, with the lines of a study that say it."""
     units = units_told(chosen)
     told = [f"By the names of the columns: {'; '.join(guess.reasons)}."] if guess.columns else []
     told += [f"By their names, {units}."] if units else []
@@ -244,7 +244,7 @@ def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tup
 
 
 def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], reading: Reading) -> bool:
-    """Whether a clock is needed, and the reading has not left it out."""
+    """Tell whether a clock is needed, and the reading has not left it out."""
     asked = reading.rate is None and reading.consecutive is not False and reading.preset is None
     return asked and not chosen["time"] and "time" not in reading.columns
 

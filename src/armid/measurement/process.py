@@ -158,7 +158,7 @@ def resolve(processing: Processing, recordings: Sequence[Recording]) -> Processi
 
 
 def _uses_given(recording: Recording, processing: Processing) -> bool:
-    """Whether recorded velocities and accelerations are used as they stand."""
+    """Tell whether recorded velocities and accelerations are used as they stand."""
     both = recording.dq is not None and recording.ddq is not None
     lacking = {"given": not both, "velocity": recording.dq is None}
     if lacking.get(str(processing.derivatives), False):
@@ -219,7 +219,7 @@ def _moving(
 
 
 def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
-    """What was left out because a joint stood still, and what was not because it mostly did."""
+    """Return what was left out because a joint stood still, and what was not because it mostly did."""
 
     def named(joints: NDArray[np.bool_]) -> str:
         return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(joints))

@@ -1,4 +1,4 @@
-"""What is to be done to recordings before they are compared with a model."""
+"""Processing of recordings before they are compared with a model."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Standstill = Literal["drop", "keep"]
 
 @dataclass(frozen=True, slots=True)
 class Processing:
-    """How recordings are processed; the keys of a study's `[processing]`.
+    """Processing of recordings; the keys of a study's `[processing]`.
 
     Attributes:
         cutoff: Cut-off of the band in which torque and model are compared [Hz]; `auto` finds it from the motion.

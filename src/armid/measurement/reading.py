@@ -1,4 +1,4 @@
-"""How to read a recording: what the file does not say about itself."""
+"""Way to read a recording: what the file does not say about itself."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ PRESETS: Mapping[str, Preset] = {
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reading:
-    """How to read one recording. The defaults suit a file in SI units on the joint side with the URDF's signs.
+    """Way to read one recording. The defaults suit a file in SI units on the joint side with the URDF's signs.
 
     Everything that is listed joint by joint stands in the robot's joint order, whatever the file's order.
 
@@ -157,7 +157,7 @@ class Reading:
         return "find" if self.period is None else self.stated_period
 
     def degrees(self, n: int) -> NDArray[np.bool_]:
-        """Which of n joints are logged in degrees, shape (n,)."""
+        """Tell which of n joints are logged in degrees, shape (n,)."""
         units = (self.units,) * n if self.units is None or isinstance(self.units, str) else self.units
         return np.array([unit == "deg" for unit in units], dtype=np.bool_)
 

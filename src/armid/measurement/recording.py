@@ -1,4 +1,4 @@
-"""What was measured, as it was measured."""
+"""Recording as it was measured."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ def _likely(x: Array, shortest: int) -> list[tuple[int, Array]]:
 
 
 def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | None:
-    """What agrees at a lag near the one given; `None` where too little does."""
+    """Return what agrees at a lag near the one given; `None` where too little does."""
     lag, off = float(near), np.zeros(0)
     for _ in range(ROUNDS):
         ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)

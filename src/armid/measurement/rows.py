@@ -168,7 +168,7 @@ def _filters(processing: Processing, rate: float) -> list[Array]:
 
 
 def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flags:
-    """Whether a sample within `reach` of each row is flagged, shape (M, n); periodic runs go round."""
+    """Tell whether a sample within `reach` of each row is flagged, shape (M, n); periodic runs go round."""
     if not flags.any():
         return np.zeros((len(rows), flags.shape[1]), dtype=np.bool_)
     if periodic:

@@ -172,7 +172,7 @@ def _refuse_nan(recording: Recording, reading: Reading) -> None:
 
 
 def _without(name: str, rows: NDArray[np.intp], recording: Recording, reading: Reading) -> str:
-    """What leaves rows that are not finite out of a log, or the whole quantity where it can be spared."""
+    """Return what leaves rows that are not finite out of a log, or the whole quantity where it can be spared."""
     pieces = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     few = len(pieces) <= MOST_HOLES and len(rows) <= LARGEST_HOLES * recording.samples
     if few and recording.time is not None and np.isfinite(recording.time).all():
@@ -257,7 +257,7 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
 
 
 def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Whether equal rows are repeats, by what the channels do before and behind them.
+    """Tell whether equal rows are repeats, by what the channels do before and behind them.
 
     Where an arm rests and its channels are coarse, rows are equal because nothing changes. A channel that changes by
     r of its smallest steps a row on both sides keeps its value over a row with probability 1 - r.

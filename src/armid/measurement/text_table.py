@@ -167,7 +167,7 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(text: str) -> bool:
-    """Whether a field is a number, with a point or a comma."""
+    """Tell whether a field is a number, with a point or a comma."""
     try:
         float(text.replace(",", "."))
     except ValueError:
@@ -176,7 +176,7 @@ def is_number(text: str) -> bool:
 
 
 def _header_index(lines: Sequence[str], path: Path) -> int:
-    """Which line names the columns: the first that is no comment, or the comment above the rows."""
+    """Tell which line names the columns: the first that is no comment, or the comment above the rows."""
     plain = [
         i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS) and line[:4] != "sep="
     ]

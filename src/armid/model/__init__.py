@@ -1,1 +1,1 @@
-"""What the torque depends on: motion, torque terms, regressor, base parameters."""
+"""Dependence of the torque: motion, torque terms, regressor, base parameters."""

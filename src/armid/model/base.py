@@ -52,7 +52,7 @@ LINEAR = frozenset({"add", "mul", "sign", "abs"})
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class BaseParameters(Shown):
-    """Which standard columns stand for the base, and the regrouping: base = regrouping · standard.
+    """Standard columns that stand for the base, and the regrouping: base = regrouping · standard.
 
     Y = Y[:, kept] · regrouping: column k of the regrouping says how the column of standard parameter k depends on
     the kept ones; row j says which standard parameters make up base parameter j.

@@ -1,4 +1,4 @@
-"""How many parameters belong to bodies, to rotors and to friction: `43 inertial + 14 friction`."""
+"""Numbers of parameters that belong to bodies, to rotors and to friction: `43 inertial + 14 friction`."""
 
 from __future__ import annotations
 

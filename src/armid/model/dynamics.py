@@ -122,7 +122,7 @@ class DynamicsModel(Shown):
 
     @cached_property
     def has_rigid_bodies(self) -> bool:
-        """Whether the inertial parameters of the links are among the parameters."""
+        """Tell whether the inertial parameters of the links are among the parameters."""
         return any(isinstance(term, RigidBody) for term in self.terms)
 
     @cached_property
@@ -215,7 +215,7 @@ class DynamicsModel(Shown):
         return TermColumns(joint, parameter, values)
 
     def _of_joints(self, motion: Motion, names: set[str]) -> dict[str, Array]:
-        """What the symbols that are asked for stand for, joint by joint or node by node: shape (n or m, N)."""
+        """Return what the symbols that are asked for stand for, joint by joint or node by node: shape (n or m, N)."""
         found = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
         if "load" in names:
             found["load"] = self._load(motion)

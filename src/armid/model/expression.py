@@ -169,7 +169,7 @@ def _power(a: Expression, b: Expression) -> Expression:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """What there is to know of a function.
+    """Description of a function.
 
     Attributes:
         value: Evaluates it on arrays.

@@ -47,7 +47,7 @@ class BaseRecord(TypedDict):
 
 
 def base_formulas(base: BaseParameters, style: Style = "text") -> tuple[str, ...]:
-    """What each base parameter stands for, for instance `MYR_2 = MY_2 + MZ_3 + 0.2045 M_3`."""
+    """Return what each base parameter stands for, for instance `MYR_2 = MY_2 + MZ_3 + 0.2045 M_3`."""
     write = _parameter_latex if style == "latex" else str
     return tuple(
         f"{write(name)} = {_sum(row, own, [write(n) for n in base.standard_names], style)}"
@@ -56,7 +56,7 @@ def base_formulas(base: BaseParameters, style: Style = "text") -> tuple[str, ...
 
 
 def column_formulas(base: BaseParameters, style: Style = "text") -> tuple[str, ...]:
-    """How each removed column depends on the kept ones, for instance `Y_{YY_2} = Y_{ZZ_1} - Y_{XX_2}`."""
+    """Tell how each removed column depends on the kept ones, for instance `Y_{YY_2} = Y_{ZZ_1} - Y_{XX_2}`."""
     write: Callable[[str], str] = _column_latex if style == "latex" else _column_text
     kept = [write(base.standard_names[k]) for k in base.kept]
     return tuple(

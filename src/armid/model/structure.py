@@ -1,4 +1,4 @@
-"""Which combinations of inertial parameters the torques of a tree can show, from its geometry alone.
+"""Combinations of inertial parameters that the torques of a tree can show, from its geometry alone.
 
 Torque is zero for all motions exactly when the kinetic energy is zero and the potential energy constant for all
 q, q̇. Both are linear in the parameters, and seen from link i they are functionals on R¹⁰ [Wensing2024]: ½ vᵀ I v

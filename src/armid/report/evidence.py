@@ -83,12 +83,12 @@ class Evidence:
 
     @property
     def is_consecutive(self) -> bool:
-        """Whether rows follow each other in time."""
+        """Tell whether rows follow each other in time."""
         return self.spectrum is not None
 
     @property
     def clock(self) -> str:
-        """What `time` is, for the title of an axis."""
+        """Return what `time` is, for the title of an axis."""
         return "time [s]" if self.is_consecutive else "row"
 
     def gapped(self, values: Array) -> tuple[Array, Array]:

@@ -85,7 +85,7 @@ def _laws(material: Material) -> list[Law]:
 
 
 def _ladder(material: Material) -> dict[str, Any] | None:
-    """How friction was chosen; nothing where it was named and not chosen."""
+    """Tell how friction was chosen; nothing where it was named and not chosen."""
     path = Path(material.run.folder) / "friction.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 

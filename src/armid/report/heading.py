@@ -29,7 +29,7 @@ NEXT = (
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """What stands beside a page's title.
+    """Marks beside a page's title.
 
     Attributes:
         facts: What, and its value.

@@ -1,4 +1,4 @@
-"""What of a run can be trusted, what cannot, and what to record or change next: sentences made from its numbers."""
+"""Judgement of a run: what can be trusted, what cannot, what to record or change next, made from its numbers."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def _moving(material: Material) -> tuple[float, float]:
 
 
 def _bands(material: Material) -> Words:
-    """Whether the 95 % bands hold what they promise."""
+    """Tell whether the 95 % bands hold what they promise."""
     coverage = material.validation_column("coverage95")
     poor = [j for j, x in enumerate(coverage) if x < POOR_COVERAGE]
     if not np.isfinite(coverage).any():
@@ -147,7 +147,7 @@ def _bands(material: Material) -> Words:
 
 
 def _parameters(material: Material) -> Words:
-    """Which parameters are told from zero, and which cannot be what they are."""
+    """Tell which parameters are told from zero, and which cannot be what they are."""
     estimate = material.run.estimate
     names = estimate.fit.names
     low, high = estimate.intervals.T
@@ -174,7 +174,7 @@ def _parameters(material: Material) -> Words:
 
 
 def beyond_intervals(material: Material) -> bool:
-    """Whether the nearest consistent parameters lie outside the intervals of some parameters."""
+    """Tell whether the nearest consistent parameters lie outside the intervals of some parameters."""
     if material.verdict is None or material.verdict.certificate.feasible:
         return False
     fit = material.run.estimate.fit
@@ -204,12 +204,12 @@ def _bodies(material: Material) -> Words:
 
 
 def _errors(material: Material) -> Words:
-    """What contradicts the recordings or the description."""
+    """Return what contradicts the recordings or the description."""
     return _noticed(material, "error")
 
 
 def _warnings(material: Material) -> Words:
-    """What else was found."""
+    """Return what else was found."""
     return _noticed(material, "warning")
 
 

@@ -1,4 +1,4 @@
-"""What plots look like, said once for pages and for notebooks: colour, dash and symbol of each role, axes, levels.
+"""Look of plots, said once for pages and for notebooks: colour, dash and symbol of each role, axes, levels.
 
 A look is the part of plotly's JSON that does not depend on where it is shown. Colours are names from `theme.css`,
 written `--blue`; a page resolves them as its reader's system is light or dark, a notebook by `resolved`.

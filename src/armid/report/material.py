@@ -1,4 +1,4 @@
-"""What a page is made from: the run's records, its recordings read once more, and its certificate."""
+"""Material of a page: the run's records, its recordings read once more, and its certificate."""
 
 from __future__ import annotations
 

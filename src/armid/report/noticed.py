@@ -19,12 +19,12 @@ def serious(findings: Sequence[Finding], *severities: str) -> list[Finding]:
 
 
 def evidence_words(finding: Finding) -> str:
-    """What was seen, and where."""
+    """Return what was seen, and where."""
     return f"{finding.channel}: {finding.evidence}" if finding.channel else finding.evidence
 
 
 def remedy_words(finding: Finding) -> str:
-    """What to do, a sentence; code in backticks. A remedy may be lines of a study, with a note behind `#`."""
+    """Return what to do, a sentence; code in backticks. A remedy may be lines of a study, with a note behind `#`."""
     remedy = finding.remedy
     if not _is_toml(remedy):
         return remedy[:1].upper() + remedy[1:]

@@ -127,7 +127,7 @@ def assemble(
 
 
 def _data(sections: Iterable[Section]) -> dict[str, Any]:
-    """What the page's script needs: plots and copies of the tables."""
+    """Return what the page's script needs: plots and copies of the tables."""
     sections = list(sections)
     plots = {plot.key: plot_record(plot) for section in sections for _, row in section.plots for plot in row}
     tables = {t.key: {"csv": t.csv(), "latex": t.latex()} for section in sections for t in section.tables}

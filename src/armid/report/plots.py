@@ -72,7 +72,7 @@ MOST_CUT = 60
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """What the axes of a plot show beside its traces.
+    """Axes of a plot and what they show beside its traces.
 
     Attributes:
         logarithmic: Whether both are.
@@ -114,7 +114,7 @@ class Plot:
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """How much of values about zero a plot shows at first.
+    """Share of values about zero that a plot shows at first.
 
     Attributes:
         limit: Largest absolute value that is shown; infinite where all are.

@@ -99,7 +99,7 @@ def show_limits(designed: Designed) -> Section:
 
 
 def _reached(margin: Margin) -> str:
-    """How near a limit the plan comes, in words."""
+    """Tell how near a limit the plan comes, in words."""
     if margin.limit in DISTANCES:
         return f"{fixed(1000.0 * margin.value, 0)} mm of room, {fixed(1000.0 * margin.bound, 0)} mm asked"
     return f"{share(margin.share)} of the limit"
@@ -124,7 +124,7 @@ def _margin_row(margin: Margin, designed: Designed) -> tuple[Cell, ...]:
 
 
 def _value_and_bound(margin: Margin, designed: Designed) -> tuple[Cell, Cell]:
-    """What is reached and what may be; of positions from where to where."""
+    """Return what is reached and what may be; of positions from where to where."""
     spread = designed.spread(margin)
     if spread is None:
         return Cell(fixed(margin.value, 4), margin.value), Cell(fixed(margin.bound, 4), margin.bound)

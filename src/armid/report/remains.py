@@ -1,4 +1,4 @@
-"""What the residual of a joint still depends on: shares of its variance, chance taken off."""
+"""Dependence of the residual of a joint: shares of its variance, chance taken off."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Remains:
 
 
 def find_remains(evidence: Sequence[Evidence], processing: Processing, j: int) -> Remains:
-    """What the residual of a joint depends on, over several recordings."""
+    """Return what the residual of a joint depends on, over several recordings."""
     if not evidence:
         return Remains(np.nan, np.nan, np.nan)
     residual, dq, q = joined(evidence, "residual", j), joined(evidence, "dq", j), joined(evidence, "q", j)

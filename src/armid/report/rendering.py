@@ -1,4 +1,4 @@
-"""How pages are put together: templates, styles and scripts of this package, and the packages that it takes."""
+"""Rendering of pages: templates, styles and scripts of this package, and the packages that it takes."""
 
 from __future__ import annotations
 

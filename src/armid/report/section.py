@@ -1,4 +1,4 @@
-"""What a section of a page is: plain data for the template of the same name."""
+"""Section of a page: plain data for the template of the same name."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def one_of(units: list[str]) -> str:
 
 
 def cut_words(sight: Sight, unit: str) -> str:
-    """What a plot leaves out, for its caption; nothing where it shows all."""
+    """Return what a plot leaves out, for its caption; nothing where it shows all."""
     if sight.span is None:
         return ""
     return f"▲ ▼ {share(sight.share)} of the rows beyond the picture, up to {short(sight.peak)} {unit}"

@@ -1,4 +1,4 @@
-"""What the arm is: values, readers, built-in arms."""
+"""Robots: values, readers, built-in arms."""
 
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.robot.load import builtin_arms, load_robot

@@ -1,4 +1,4 @@
-"""What space links take of which the description says only what they look like."""
+"""Space of links of which the description says only what they look like."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where links and frames are, for many joint positions at once."""
+"""Kinematics: links and frames for many joint positions at once."""
 
 from __future__ import annotations
 

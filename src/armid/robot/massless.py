@@ -17,5 +17,5 @@ def moving_nothing(robot: Robot) -> tuple[str, ...]:
 
 
 def inertial_key(robot: Robot) -> str:
-    """What the format of the description calls the inertia of a link."""
+    """Return what the format of the description calls the inertia of a link."""
     return "<inertial>" if robot.source.endswith(("xml", "urdf", "xacro", "mjcf")) else "[joint.inertial]"

@@ -63,7 +63,7 @@ def outline_of(
 
 
 def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> dict[str, Follows]:
-    """What equalities make of joints: q - ref is a polynomial in the other joint's q - ref, or its constant alone."""
+    """Return joints that equalities lead: q - ref is a polynomial in the leader's q - ref, or its constant alone."""
     result: dict[str, Follows] = {}
     for tie in _active(root):
         follower = tie.get("joint1", "")

@@ -59,7 +59,7 @@ def add_sites(model: Any, plain: Plain) -> None:
 def shapes_of_mjcf(
     root: ET.Element, plain: Plain, carriers: Mapping[str, tuple[int, Array]], source: str
 ) -> tuple[tuple[Shape, ...], tuple[Shape, ...], tuple[Finding, ...]]:
-    """What space the bodies take, what they look like, and what of it is not there.
+    """Return what space the bodies take, what they look like, and what of it is not there.
 
     Args:
         root: The flattened document.

@@ -14,7 +14,7 @@ __all__ = ["Follows", "Held", "Named", "Outline", "held_joints", "matching"]
 
 @dataclass(frozen=True, slots=True)
 class Follows:
-    """What a joint does that another one leads.
+    """Law of a joint that another one leads.
 
     Attributes:
         leader: Name of the other joint; empty where the joint is tied to a constant.

@@ -93,7 +93,7 @@ def pinocchio() -> Any:
 
 
 def build(make: Callable[[], Any], source: str) -> Any:
-    """What `make` makes of a description, with the parser's printed complaints moved into the error.
+    """Return what `make` makes of a description, with the parser's printed complaints moved into the error.
 
     Raises:
         RobotError: The parser refused the description, or complained and left something out.

@@ -1,4 +1,4 @@
-"""What the arm is: links, joints with one degree of freedom, limits, gravity, a tip frame."""
+"""Arm: links, joints with one degree of freedom, limits, gravity, a tip frame."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class InertialParameters:
         return self.first_moment / self.mass if self.mass else np.full(3, np.nan)
 
     def is_consistent(self, tolerance: float = CONSISTENCY_TOLERANCE) -> bool:
-        """Whether some distribution of positive mass has these parameters."""
+        """Tell whether some distribution of positive mass has these parameters."""
         eigenvalues = np.linalg.eigvalsh(self.pseudo_inertia)
         return bool(eigenvalues[0] >= -tolerance * max(abs(eigenvalues[-1]), np.finfo(float).tiny))
 
@@ -137,7 +137,7 @@ class Joint:
 
     @property
     def is_prismatic(self) -> bool:
-        """Whether it slides rather than turns."""
+        """Tell whether it slides rather than turns."""
         return self.kind == "prismatic"
 
     @property

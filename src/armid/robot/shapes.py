@@ -1,4 +1,4 @@
-"""What space the links take: simple bodies fixed to links, for collision."""
+"""Space that the links take: simple bodies fixed to links, for collision."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Shape:
 
 
 def shape_name(link: str, number: int) -> str:
-    """What messages call the n-th shape of a link, from 1 on: by the link's name, after the first with the number."""
+    """Name the n-th shape of a link for messages, from 1 on: by the link's name, after the first with the number."""
     return link if number == 1 else f"{link} shape {number}"
 
 

@@ -1,1 +1,1 @@
-"""What a study says, and the run it becomes."""
+"""Studies, and the runs that they become."""

@@ -46,7 +46,7 @@ def read_again(
 
 
 def find_again(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
-    """Where a recording of a study lies now: the file of that name that holds the same bytes.
+    """Tell where a recording of a study lies now: the file of that name that holds the same bytes.
 
     Args:
         path: As the study has it.

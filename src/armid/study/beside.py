@@ -120,7 +120,7 @@ def read_new(
 
 
 def doubts(run: Run) -> list[Finding]:
-    """What speaks against building on a run."""
+    """Return what speaks against building on a run."""
     if run.verdict != "fail":
         return []
     return [
@@ -141,7 +141,7 @@ def _deviation(reading: Reading, n: int) -> Array:
 
 
 def load_columns(run: Run) -> tuple[Array, Array]:
-    """What ten parameters of a load at the tip frame add to the base parameters (b, 10) and to the link's (10, 10).
+    """Map ten parameters of a load at the tip frame to the base parameters (b, 10) and to the link's (10, 10).
 
     Raises:
         RobotError: The tip stands on the base, or its link carries further joints.

@@ -54,7 +54,7 @@ PLAN_RATE = 100.0
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Verdict(Shown):
-    """What is certified of a set of parameters.
+    """Verdict on a set of parameters.
 
     Attributes:
         kind: `base`, `standard` or `physical`.
@@ -170,7 +170,7 @@ def certify_named(
 def _incomplete(
     robot: Robot, values: Mapping[str, float], base: Sequence[str], standard: Sequence[str]
 ) -> ModelError:
-    """What to say of names that are no whole set: of which set they are, and what it lacks."""
+    """Return what to say of names that are no whole set: of which set they are, and what it lacks."""
     known = {*base, *standard}
     if unknown := [name for name in values if name not in known]:
         fault = f"{', '.join(unknown[:8])} not known."
@@ -216,7 +216,7 @@ def _own_bodies(run: Run, standard: StandardFit) -> Finding:
 
 
 def _meaning(run: Run, verdict: Verdict) -> Finding:
-    """What it means that a run's values belong to no real body, and what to do."""
+    """Return what it means that a run's values belong to no real body, and what to do."""
     fit = run.estimate.fit
     half = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]

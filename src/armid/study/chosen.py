@@ -1,4 +1,4 @@
-"""How a model whose friction was chosen is estimated, as far as the study leaves that open."""
+"""Estimation of a model whose friction was chosen, as far as the study leaves that open."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class MethodTable:
 
     @property
     def note(self) -> str:
-        """What the unseen motion is, in words."""
+        """Return what the unseen motion is, in words."""
         return NOTES[self.unseen]
 
 
@@ -181,7 +181,7 @@ def _quick(method: Estimator) -> Estimator:
 
 
 def _reason(error: Exception) -> str:
-    """Why a method failed."""
+    """Tell why a method failed."""
     return error.problem if isinstance(error, ArmidError) else str(error)
 
 

@@ -106,7 +106,7 @@ def run_demo(
 
 
 def demo_recordings(folder: Path | str) -> dict[str, Recording]:
-    """What the virtual arm recorded for the demo in a folder, made once more; by the names that its study has.
+    """Return what the virtual arm recorded for the demo in a folder, made once more; by the names that its study has.
 
     A hundred megabytes that a seed can make again are not kept.
     """

@@ -74,7 +74,7 @@ GEARED = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """What was found on one recording.
+    """Findings on one recording.
 
     Attributes:
         path: The recording.
@@ -159,7 +159,7 @@ def diagnose_recording(
 
 
 def _sticking(recording: Recording, processing: Processing) -> list[Finding]:
-    """What an identification would say of joints that stand among others; nothing of a log that it cannot use."""
+    """Find joints that stand among others, as an identification does; nothing in a log that it cannot use."""
     plain = replace(processing, edges="drop", average=False, saturation=None)
     try:
         found = process(recording, plain)[1]
@@ -169,7 +169,7 @@ def _sticking(recording: Recording, processing: Processing) -> list[Finding]:
 
 
 def _of_currents(evidence: Evidence) -> tuple[Finding, ...]:
-    """What can be said of a log of currents: nothing that needs torques, but the gains that a description makes."""
+    """Examine a log of currents: nothing that needs torques, but the gains that a description makes."""
     state = evidence.state
     scale = None if state is None else explain_scale(state)
     if scale is not None:
@@ -188,7 +188,7 @@ def findings_on(
     read: Sequence[Sequence[Finding]],
     trained: Sequence[Finding] = (),
 ) -> list[Finding]:
-    """What reading the recordings told and what the doctor says of them, with their names, each once.
+    """Return what reading the recordings told and what the doctor says of them, with their names, each once.
 
     Args:
         model: Arm and torque terms.
@@ -212,7 +212,7 @@ def watch(
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     said: Sequence[Collection[str]] = (),
 ) -> list[Finding]:
-    """What the doctor says while a study is identified, before anything is estimated, or of recordings beside a run.
+    """Examine recordings while a study is identified, before anything is estimated, or beside a run.
 
     Args:
         model: Arm and torque terms of the study.
@@ -244,7 +244,7 @@ def _rank(recordings: Sequence[tuple[RecordingChoice, Recording]], k: int) -> tu
 
 
 def _kind(choice: RecordingChoice) -> str:
-    """What all recordings have in common that are read in the same way."""
+    """Return what all recordings have in common that are read in the same way."""
     return repr(replace(choice.reading, period=None, start=None, exclude=()))
 
 
@@ -267,12 +267,12 @@ def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
 
 
 def is_ill(diagnoses: tuple[Diagnosis, ...]) -> bool:
-    """Whether anything that was found is an error."""
+    """Tell whether anything that was found is an error."""
     return any(f.severity == "error" for each in diagnoses for f in each.findings)
 
 
 def _finding(error: RecordingError, log: Recording) -> Finding:
-    """What stopped the reading, as a finding; what has no code is named by what is wrong with the rows."""
+    """Return what stopped the reading, as a finding; what has no code is named by what is wrong with the rows."""
     found = CODE.search(error.problem)
     if found is not None:
         code, evidence = found[1], error.problem[: found.start()].strip()
@@ -338,7 +338,7 @@ def _reconsidered(evidence: Evidence) -> Evidence:
 
 
 def _turns_too_far(evidence: Evidence) -> bool:
-    """Whether most joints move over a multiple of the span of their limits."""
+    """Tell whether most joints move over a multiple of the span of their limits."""
     recording = evidence.recording
     assert recording is not None  # a finding about limits is made from it
     span = np.array([high - low for low, high in (joint.position_limits for joint in evidence.robot.joints)])
@@ -348,7 +348,7 @@ def _turns_too_far(evidence: Evidence) -> bool:
 
 
 def _believable(state: State) -> bool:
-    """Whether a model explains the log as it is read."""
+    """Tell whether a model explains the log as it is read."""
     if state.nominal is not None:
         loaded = int(np.argmax(state.nominal.size))
         alike = abs(float(state.nominal.correlation[loaded])) > PLAUSIBLE_CORRELATION

@@ -59,7 +59,7 @@ LEAD_ACCELERATION = 2.0
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Designed(Shown):
-    """What has come of it.
+    """Result of a design.
 
     Attributes:
         plan: The motion.
@@ -235,7 +235,7 @@ def _torque(goal: Goal, limits: Limits, rules: Rules) -> tuple[Torque | None, tu
 
 
 def _holds(goal: Goal, torque: Torque | None) -> Holds:
-    """Which poses the joints can hold, with something left to move."""
+    """Tell which poses the joints can hold, with something left to move."""
     if torque is None:
         return anywhere
 

@@ -1,4 +1,4 @@
-"""What a design leaves behind: plan, motions for controllers, slow rehearsals, the report before the flight."""
+"""Files of a design: plan, motions for controllers, slow rehearsals, the report before the flight."""
 
 from __future__ import annotations
 

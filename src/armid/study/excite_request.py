@@ -1,4 +1,4 @@
-"""What the command line asks of a design, turned into wishes, rules and effort."""
+"""Request of the command line for a design, turned into wishes, rules and effort."""
 
 from __future__ import annotations
 

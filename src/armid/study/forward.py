@@ -122,7 +122,7 @@ def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, c
 
 
 def _lost(score: MotionScore) -> list[Finding]:
-    """What to say of windows that did not stay."""
+    """Return what to say of windows that did not stay."""
     of = f"of {score.windows} windows of {score.seconds:g} s of {score.path}"
     found: list[Finding] = []
     if score.losses.ran_away:

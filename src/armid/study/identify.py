@@ -73,7 +73,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Result(Shown):
-    """What an identification gives.
+    """Result of an identification.
 
     Attributes:
         study: The study, its automatic choices made.
@@ -98,7 +98,7 @@ class Result(Shown):
     asked: Reading | None = None
 
     def summary(self) -> Summary:
-        """What came of it on unseen motion; values are in `estimate`."""
+        """Return what came of it on unseen motion; values are in `estimate`."""
         return self.validation.summary()
 
 
@@ -323,7 +323,7 @@ def observe_recordings(
 
 
 def _is_motor_side(study: Study) -> bool:
-    """Whether every recording's effort is that of the motors."""
+    """Tell whether every recording's effort is that of the motors."""
     return all(
         choice.reading.transmission is not None or choice.reading.drive_gain is not None
         for choice in study.recordings
@@ -366,7 +366,7 @@ def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: 
 
 
 def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
-    """Which standard parameters may differ from one recording to the next: friction and offsets, no inertia."""
+    """Tell which standard parameters may differ from one recording to the next: friction and offsets, no inertia."""
     changing = np.zeros(len(model.parameters), dtype=np.bool_)
     for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
         changing[column] = "ddq" not in symbols(law.expression)
@@ -374,7 +374,7 @@ def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
 
 
 def _diagnosed(error: EstimationError, findings: Sequence[Finding]) -> EstimationError:
-    """What stopped the estimate with what the doctor says of the recordings, which is the likely cause."""
+    """Return what stopped the estimate with what the doctor says of the recordings, which is the likely cause."""
     told = [finding for finding in findings if finding.severity == "error"]
     if not told:
         return error
@@ -383,7 +383,7 @@ def _diagnosed(error: EstimationError, findings: Sequence[Finding]) -> Estimatio
 
 
 def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:
-    """Which terms were used, on which joints, with which shapes."""
+    """Tell which terms were used, on which joints, with which shapes."""
     names = model.robot.joint_names
     uses: list[TermUse] = []
     for term in model.terms:

@@ -1,4 +1,4 @@
-"""When, where and by which version a run was made."""
+"""Time, place and version of a run."""
 
 from __future__ import annotations
 

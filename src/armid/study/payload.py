@@ -36,7 +36,7 @@ PRINTED = (0, 1, 2, 3, 4, 5, 7, 6, 8, 9)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Payload:
-    """What a recording with a load says.
+    """Load as a recording shows it.
 
     Attributes:
         beside: The recordings and the run.
@@ -104,7 +104,7 @@ def find_payload(
 
 
 def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None) -> Array | None:
-    """What is known of the load, NaN where nothing is; `None` where the load is all unknown."""
+    """Return what is known of the load, NaN where nothing is; `None` where the load is all unknown."""
     if mass is None:
         if com is not None:
             raise StudyError("A centre of mass is given without a mass.", remedy="give --mass, too.")
@@ -125,7 +125,7 @@ def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None)
 
 
 def _doubts(beside: Beside, load: Load, gains: Gains | None) -> list[Finding]:
-    """What speaks against taking the result at its word."""
+    """Return what speaks against taking the result at its word."""
     found: list[Finding] = []
     unclear = [f"{LOAD_NAMES[k]} ({load.status[k]})" for k in PRINTED if load.status[k] != "identified"]
     if unclear:

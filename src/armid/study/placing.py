@@ -1,4 +1,4 @@
-"""Where a motion begins and what it keeps apart: the start pose that is given or found, bodies, a floor."""
+"""Start of a motion and what it keeps apart: the start pose that is given or found, bodies, a floor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Place", "place"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Place:
-    """Where a motion begins.
+    """Start of a motion.
 
     Attributes:
         start: The pose, shape (n,) [rad or m].
@@ -109,7 +109,7 @@ def _chosen(said: str) -> Finding:
 
 
 def _unseen(why: str) -> Finding:
-    """What is to be known of a plan that keeps the limits of joints alone."""
+    """Return what is to be known of a plan that keeps the limits of joints alone."""
     return Finding(
         "collision-unseen",
         "warning",

@@ -23,7 +23,7 @@ __all__ = ["PLAN_FILE", "is_plan", "motion_of_plan", "read_whole_plan", "series_
 
 
 def is_plan(name: str) -> bool:
-    """Whether a name is that of a built-in plan, of a `plan.json` or of a folder with one."""
+    """Tell whether a name is that of a built-in plan, of a `plan.json` or of a folder with one."""
     return name in PLANS or name.endswith(".json") or (Path(name) / PLAN_FILE).is_file()
 
 

@@ -48,7 +48,7 @@ TELLING = 0.5
 def doubts(
     model: DynamicsModel, information: Information, problem: Problem, fit: Fit, *, chosen: bool
 ) -> list[Finding]:
-    """What speaks against taking an estimate at its word.
+    """Return what speaks against taking an estimate at its word.
 
     Args:
         model: Arm and torque terms.
@@ -142,7 +142,7 @@ def excitation_finding(information: Information, robot: Robot, observations: Obs
 
 
 def chosen_finding(ladder: Ladder, method: str) -> Finding:
-    """How friction that was chosen is estimated, which a study need not have said."""
+    """Tell how friction that was chosen is estimated, which a study need not have said."""
     if ladder.prior_weight is None:
         return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")
     evidence = (
@@ -212,7 +212,7 @@ def weak_finding(information: Information, observations: Observations, fit: Fit,
 
 
 def _decided_otherwise(information: Information, fit: Fit) -> int:
-    """How many base parameters would be more of a prior of one sample, and of physics, than of the data.
+    """Tell how many base parameters would be more of a prior of one sample, and of physics, than of the data.
 
     A description that foretells what was left out may weigh more; data are not weak because it is right.
     """

@@ -21,7 +21,7 @@ MARKS = {"pass": "✓", "fail": "✗", "not checked": "–"}
 
 
 def findings_of(designed: Designed) -> tuple[Finding, ...]:
-    """What was noticed in the description and in the design, each once."""
+    """Return what was noticed in the description and in the design, each once."""
     return tuple(dict.fromkeys((*designed.problem.goal.model.robot.findings, *designed.findings)))
 
 

@@ -165,7 +165,7 @@ def _study(run: Run) -> Study:
 
 
 def _doubts(beside: Beside, result: Result, changed: Changed) -> list[Finding]:
-    """What speaks against the assumption that nothing else has changed."""
+    """Return what speaks against the assumption that nothing else has changed."""
     found: list[Finding] = []
     new = np.sqrt(np.mean([score.rms**2 for score in result.training[: len(beside.recordings)]], axis=0))
     seen = np.isfinite(new)
@@ -234,7 +234,7 @@ def _of_before(error: float, earlier: float, new: float) -> Finding:
 
 
 def changes_record(recalibration: Recalibration) -> dict[str, Any]:
-    """What has changed, as JSON."""
+    """Return what has changed, as JSON."""
     base = recalibration.result.estimate.base
     units = dict(zip(base.names, base.units, strict=True))
     return {

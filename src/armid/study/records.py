@@ -74,7 +74,7 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
 
 
 def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
-    """What proves that the bodies can exist and fit best, and the prior they were found with; null without bodies."""
+    """Return the proof that bodies can exist and fit best, and the prior they were found with; null without."""
     if fit is None:
         return None
     return {

@@ -1,4 +1,4 @@
-"""What a finding's remedy says: to a study, and to somebody who came with a robot and recordings alone."""
+"""Remedies of findings: for a study, and for somebody who came with a robot and recordings alone."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
 
 
 def _values(key: str, value: Any) -> list[str] | None:
-    """What stands behind an option, once for each time it is given; `None` where it cannot say that."""
+    """Return what stands behind an option, once for each time it is given; `None` where it cannot say that."""
     if key == "terms":
         return [",".join(value)]
     if key == "gravity":

@@ -36,7 +36,7 @@ MARKER = "estimate.json"
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Run(Shown):
-    """What a run's folder holds, as far as prediction needs it.
+    """Content of a run's folder, as far as prediction needs it.
 
     Attributes:
         folder: The folder.
@@ -61,7 +61,7 @@ class Run(Shown):
     made: Made = field(default_factory=Made)
 
     def summary(self) -> Summary:
-        """What was identified, how, and what came of it."""
+        """Return what was identified, how, and what came of it."""
         fit = self.estimate.fit
         rows = (
             ("arm", self.estimate.robot),
@@ -145,7 +145,7 @@ def load_run(folder: Path | str) -> Run:
 
 
 def _verdict(folder: Path) -> str:
-    """What the validation of a run came to."""
+    """Return what the validation of a run came to."""
     return str(json.loads((folder / "validation.json").read_text(encoding="utf-8"))["verdict"])
 
 
@@ -192,5 +192,5 @@ def _study_record(study: Study) -> dict[str, Any]:
 
 
 def _given(reading: Reading) -> dict[str, Any]:
-    """What a reading says beyond its defaults."""
+    """Return what a reading says beyond its defaults."""
     return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}

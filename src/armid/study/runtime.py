@@ -101,7 +101,7 @@ class Model:
         return call.run(*inputs, *([self._state(memory)] if self.memories else []))
 
     def memory(self, q: ArrayLike) -> Memory:
-        """What a motion that begins at positions q has left behind so far."""
+        """Return what a motion that begins at positions q has left behind so far."""
         if not self.memories:
             return Memory(np.zeros(0), None)
         return Memory(self._calls["state_start"].run(q), self._calls["state_update"])
@@ -116,7 +116,7 @@ class Model:
 
 
 class Memory:
-    """What a motion has left behind. It belongs to one motion, and to one thread at a time.
+    """Memory of a motion. It belongs to one motion, and to one thread at a time.
 
     Attributes:
         state: States of the memory nodes, shape (m,).
@@ -188,7 +188,7 @@ class _Call:
         return [array(x, (length,), name) for x, length, name in wanted]
 
     def _error(self, wrong: int, vectors: tuple[ArrayLike, ...]) -> ArmidError:
-        """What the kernel found: k where vector k has another length, -k where it is not finite, k from 1."""
+        """Return what the kernel found: k where vector k has another length, -k where it is not finite, k from 1."""
         k = abs(wrong) - 1
         name, length = self.inputs[k], self.lengths[k]
         if wrong < 0:

@@ -26,7 +26,7 @@ __all__ = ["Written", "refuse_format", "simulate_to", "the_plan"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Written:
-    """What a simulation left on disk.
+    """Files of a simulation.
 
     Attributes:
         simulated: The simulation.
@@ -94,7 +94,7 @@ def simulate_to(
 
 
 def _archive(trace: Trace, rate: float) -> bytes:
-    """What truly happened at the instants of the log's rows, before jitter and delays."""
+    """Return what truly happened at the instants of the log's rows, before jitter and delays."""
     every = round(1.0 / (rate * (trace.time[1] - trace.time[0])))
     names = {name: getattr(trace, name) for name in trace.__slots__}
     buffer = io.BytesIO()

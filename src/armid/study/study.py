@@ -1,4 +1,4 @@
-"""What a study says: robot, model, recordings, processing and estimation, each named once.
+"""Study: robot, model, recordings, processing and estimation, each named once.
 
 A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]` and `[estimation]`. Its keys are
 the fields of the dataclasses here, of `Reading` and of `Processing`; an unknown key is an error that lists the known
@@ -139,7 +139,7 @@ PER_RECORDING = ("friction_per_recording", "offset_per_recording")
 
 @dataclass(frozen=True, slots=True)
 class EstimationChoice:
-    """How a study estimates.
+    """Estimation of a study.
 
     Attributes:
         method: Name of the estimator.
@@ -248,7 +248,7 @@ def parse_robot(table: Any) -> RobotChoice:
 
 
 def default_estimation(model: ModelChoice) -> EstimationChoice:
-    """How a study estimates that does not say it."""
+    """Tell how a study estimates that does not say it."""
     return EstimationChoice(AUTOMATIC_METHOD if model.automatic else PLAIN_METHOD)
 
 
@@ -393,7 +393,7 @@ def _are_texts(values: object) -> bool:
 
 
 def _are_numbers(values: object, count: int) -> bool:
-    """Whether these are so many finite numbers."""
+    """Tell whether these are so many finite numbers."""
     if not isinstance(values, tuple | list) or len(values) != count:
         return False
     return all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in values)

@@ -1,4 +1,4 @@
-"""What an arm is kept away from: a floor, a cell from a file, and the floor that is assumed where nobody says."""
+"""Surroundings that an arm keeps away from: a floor, a cell from a file, and the floor that is assumed."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def assumed_floor(robot: Robot, options: Mapping[str, Any]) -> AssumedFloor | No
 
 
 def meshes_are_missing(robot: Robot) -> bool:
-    """Whether the description has bodies that could not be read."""
+    """Tell whether the description has bodies that could not be read."""
     return bool(missing_bodies(robot))
 
 

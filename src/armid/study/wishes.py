@@ -1,4 +1,4 @@
-"""What a motion should be, what it must keep to, and how long is looked for it."""
+"""Wishes for a motion, what it must keep to, and how long is looked for it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LIMIT_KINDS = ("true", "thesis", "thesis-literal")
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Wish:
-    """What the motion should be.
+    """Wish for the motion.
 
     Attributes:
         goal: What it is for.
@@ -45,7 +45,7 @@ class Wish:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Rules:
-    """What it must keep to.
+    """Rules that the motion must keep to.
 
     Attributes:
         limits: One of `LIMIT_KINDS`.
@@ -78,7 +78,7 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How long is looked.
+    """Effort of the search.
 
     Attributes:
         budget: Wall time of the search [s]; `None` for no end other than `rounds`.

@@ -41,7 +41,7 @@ class Blame:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Certificate:
-    """Whether values can belong to a real body.
+    """Verdict on whether values can belong to a real body.
 
     Attributes:
         feasible: Whether they can.

@@ -106,7 +106,7 @@ def sharpened(model: DynamicsModel) -> DynamicsModel:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RolledOut:
-    """What a model makes of windows.
+    """Motion that a model makes of windows.
 
     Attributes:
         q: Positions, shape (W, S, n) [rad or m]; NaN from where a window is lost.
@@ -226,7 +226,7 @@ class _RollOut:
 
 
 class _Friction:
-    """What the terms beside the rigid bodies say of a state, taken apart into dry friction and the rest."""
+    """Torque of the terms beside the rigid bodies at a state, taken apart into dry friction and the rest."""
 
     def __init__(self, model: DynamicsModel, parameters: Array) -> None:
         self.model = model

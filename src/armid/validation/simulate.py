@@ -66,7 +66,7 @@ class MotionScore:
 
     @property
     def lost(self) -> int:
-        """How many windows the model lost."""
+        """Tell how many windows the model lost."""
         return self.losses.ran_away + self.losses.indefinite
 
     def __post_init__(self) -> None:
@@ -165,13 +165,13 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Wi
 
 
 def _whole(run: ObservedRun, first: int, length: int) -> bool:
-    """Whether every row of a window counts."""
+    """Tell whether every row of a window counts."""
     inside = (run.rows >= first) & (run.rows < first + length)
     return bool(run.mask[inside].all())
 
 
 def _stayed(error: Array) -> NDArray[np.bool_]:
-    """Which windows have an error to their end, shape (W,)."""
+    """Tell which windows have an error to their end, shape (W,)."""
     return np.asarray(np.isfinite(error).all(axis=(1, 2)))
 
 

@@ -1,4 +1,4 @@
-"""Where the mass matrix comes closest to losing its positive definiteness: a search over the joint box.
+"""Search over the joint box for where the mass matrix comes closest to losing its positive definiteness.
 
 For consistent parameters M(q) is positive definite everywhere. For base parameters alone it need not be; a random
 sample can miss the pose where it is not, so the smallest eigenvalue is minimised from many poses. Its derivative is

@@ -99,7 +99,7 @@ def _argument(source: Source, argument: Argument, program: Program) -> str:
 
 
 def _note(source: Source, program: Program) -> list[str]:
-    """What a function gives."""
+    """Return what a function gives."""
     lines = [f"{program.summary}."]
     if len(program.shape) == 2:
         rows, columns = program.shape

@@ -135,7 +135,7 @@ def _cheapest(most: float) -> Choose:
 
 
 def _correlation(information: Information, full: Fit, inverse: Array) -> float:
-    """How many rows say as much as one: variance by the scatter between blocks over that of white residuals."""
+    """Tell how many rows say as much as one: variance by the scatter between blocks over that of white residuals."""
     found = block_covariance(information, full.values, full.weights, inverse)
     if found is None:
         return 1.0
@@ -165,7 +165,7 @@ def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> 
 
 
 def _finding(dropped: tuple[str, ...], count: int, rise: float, ratio: float) -> Finding:
-    """What was dropped, and the price."""
+    """Return what was dropped, and the price."""
     names = f": {', '.join(dropped)}" if dropped else ""
     return Finding(
         "parameters-dropped",

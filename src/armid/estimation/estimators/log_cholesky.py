@@ -117,7 +117,7 @@ class LogCholesky:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Point:
-    """Where a search is.
+    """Place of a search.
 
     Attributes:
         T: Factors of the pseudo-inertias, shape (links, 4, 4).
@@ -130,7 +130,7 @@ class _Point:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _End:
-    """Where a search ended: its point, objective, and whether it stood still."""
+    """End of a search: its point, objective, and whether it stood still."""
 
     point: _Point
     cost: float

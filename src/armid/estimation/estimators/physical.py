@@ -185,7 +185,7 @@ class PhysicallyConsistent:
 
 
 def _raised(resolution: float, far: Array) -> Finding:
-    """What is said where noise had to be taken as larger than it is.
+    """Return what is said where noise had to be taken as larger than it is.
 
     Args:
         resolution: Residual over torque that was taken as noise.

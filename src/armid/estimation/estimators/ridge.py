@@ -103,7 +103,7 @@ class Ridge:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Prior:
-    """What is believed of the b base parameters: mean (b,), covariance (b, b) in the unit of the data's weights."""
+    """Belief about the b base parameters: mean (b,), covariance (b, b) in the unit of the data's weights."""
 
     towards: str
     mean: Array
@@ -112,7 +112,7 @@ class _Prior:
 
 
 def _places(problem: Problem) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Which base parameter each of the information's is, and of which recording: 2 for `FV_1[2]`, 0 where shared."""
+    """Tell which base parameter each of the information's is, and its recording: 2 for `FV_1[2]`, 0 if shared."""
     names = [name.rstrip("]").split("[") for name in problem.information.names]
     copy = np.array([int(parts[1]) if len(parts) > 1 else 0 for parts in names], dtype=np.intp)
     if problem.base is None:
@@ -186,7 +186,7 @@ def _fit(weighted: Weighted, prior: _Prior, weight: float, how: str) -> Fit:
 
 
 def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, share: Array) -> list[Finding]:
-    """What the prior weighs, and what it decides."""
+    """Return what the prior weighs, and what it decides."""
     said = f"The prior towards {'the description' if towards == 'nominal' else 'zero'} weighs {weight:.3g} "
     found = [Finding("prior-weight", "info", "", f"{said}independent samples, {how}.")]
     decided = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]

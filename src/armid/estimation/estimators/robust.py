@@ -140,7 +140,7 @@ class _Loss:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _State:
-    """Where the iteration stands: parameters (b,), scales (n,), and what it was that made them."""
+    """State of the iteration: parameters (b,), scales (n,), and what it was that made them."""
 
     values: Array
     scale: Array
@@ -171,7 +171,7 @@ class _Passes:
         return segment.x[b - 1] - values[numbers] @ segment.x[a : b - 1]
 
     def _numbers(self, recording: int) -> NDArray[np.intp]:
-        """Where each base parameter stands among the information's, which may have copies for each recording."""
+        """Tell where each base parameter stands among the information's, which may have copies for each recording."""
         if not self.own.any():
             return np.arange(len(self.names))
         index = {name: k for k, name in enumerate(self.information.names)}
@@ -255,7 +255,7 @@ def _working(weighted: Information, values: Array, kappa: Array) -> Information:
 
 
 def _finding(slight: NDArray[np.int64], rows: NDArray[np.int64], joints: tuple[str, ...]) -> Finding:
-    """How many rows count less than half."""
+    """Tell how many rows count less than half."""
     shares = ", ".join(
         f"{name} {count} of {of}" for name, count, of in zip(joints, slight.tolist(), rows.tolist(), strict=True)
     )

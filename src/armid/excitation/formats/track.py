@@ -1,4 +1,4 @@
-"""What a controller is given: a motion sampled at its rate, and the plan that it comes from as text."""
+"""Input of a controller: a motion sampled at its rate, and the plan that it comes from as text."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Format(Protocol):
     RATE: float
 
     def problem(self, track: Track) -> str:
-        """Why the format cannot hold this track; empty where it can."""
+        """Tell why the format cannot hold this track; empty where it can."""
         ...
 
     def write(self, track: Track) -> bytes:
@@ -61,7 +61,7 @@ class Format(Protocol):
         ...
 
     def read(self, content: bytes) -> Track:
-        """What `write` has written, as far as the format keeps it."""
+        """Return what `write` has written, as far as the format keeps it."""
         ...
 
 

@@ -14,7 +14,7 @@ __all__ = ["EXPORTERS", "Exporter"]
 
 
 class Exporter(Protocol):
-    """What the module of a format offers."""
+    """Offer of the module of a format."""
 
     SUFFIX: str
     """Ending of the file's name, with the dot."""
@@ -48,7 +48,7 @@ class Exporter(Protocol):
 
     @staticmethod
     def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-        """What other programs make of a written file: torque of its rigid bodies along states (N, n)."""
+        """Return what other programs make of a written file: torque of its rigid bodies along states (N, n)."""
         ...
 
 

@@ -123,7 +123,7 @@ def read(data: bytes, locked: Mapping[str, float]) -> Robot:
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """What Pinocchio, from the plain form, and MuJoCo read from it."""
+    """Return what Pinocchio, from the plain form, and MuJoCo read from it."""
     plain = _plain(data, content.locked)
     return [
         pinocchio_witness(lambda _: _model(plain), content, q, dq, ddq, reads=()),
@@ -146,7 +146,7 @@ def _model(plain: Plain) -> Any:
 
 
 def _nominal(element: ET.Element) -> InertialParameters | None:
-    """What a body of the plain form says of its inertia, in its own frame: of it alone a model is made."""
+    """Return what a body of the plain form says of its inertia, in its own frame: of it alone a model is made."""
     said = [child for child in element if child.tag in ("inertial", "geom")]
     if not said:
         return None

@@ -92,7 +92,7 @@ def read(data: bytes, locked: Mapping[str, float]) -> Robot:
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """What a reading of the text gives; Pinocchio and MuJoCo read no SDF."""
+    """Return what a reading of the text gives; Pinocchio and MuJoCo read no SDF."""
     del content, q, dq, ddq
     found: dict[str, dict[str, float]] = {}
     for joint in ET.fromstring(data).iter("joint"):

@@ -84,7 +84,7 @@ def read(data: bytes, locked: Mapping[str, float]) -> Robot:
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """What Pinocchio and MuJoCo read from it."""
+    """Return what Pinocchio and MuJoCo read from it."""
     root = ET.fromstring(data)
     for link in root.iter("link"):
         for drawn in [*link.findall("visual"), *link.findall("collision")]:
@@ -119,7 +119,7 @@ def _pose(origin: ET.Element | None) -> Array:
 
 
 def _nominal(link: ET.Element) -> InertialParameters | None:
-    """What a link says of its inertia, in its own frame."""
+    """Return what a link says of its inertia, in its own frame."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -243,7 +243,7 @@ def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, flo
 
 
 def _has_stops(joint: Joint) -> bool:
-    """Whether the format asks for limits: a revolute or a prismatic joint."""
+    """Tell whether the format asks for limits: a revolute or a prismatic joint."""
     return joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
 
 

@@ -17,7 +17,7 @@ __all__ = ["ENDINGS", "READERS", "Reader", "load_recording"]
 
 
 class Reader(Protocol):
-    """What a reader module offers."""
+    """Offer of a reader module."""
 
     SUFFIXES: tuple[str, ...]
     """Endings of the file names it reads, lower case, with the dot."""
@@ -58,7 +58,7 @@ def load_recording(path: Path | str, reading: Reading | None = None, robot: Robo
 
 
 def _reader(path: Path) -> Reader:
-    """Who reads it."""
+    """Tell who reads it."""
     if path.is_dir():
         return bag
     known = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}

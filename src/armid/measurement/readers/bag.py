@@ -171,7 +171,7 @@ def _several(topics: Sequence[str], path: Path) -> RecordingError:
 
 
 def _topic_finding(topic: str, others: Sequence[str]) -> Finding:
-    """Which topic was taken of several."""
+    """Tell which topic was taken of several."""
     return Finding("topic-chosen", "info", topic, f"{topic} was taken, and not {', '.join(others)}.")
 
 
@@ -188,7 +188,7 @@ def _dynamic_joint_state(message: Any) -> Fields:
 
 
 def _controller_state(message: Any) -> Fields:
-    """What was measured, which older versions call actual and newer ones feedback."""
+    """Return what was measured, which older versions call actual and newer ones feedback."""
     point = getattr(message, "feedback", None) or message.actual
     return message.joint_names, {"position": point.positions, "velocity": point.velocities, "effort": point.effort}
 
@@ -213,7 +213,7 @@ def _store() -> Any:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """What rosbags lets through from a damaged bag: its own errors, those of SQLite, and those of plain Python."""
+    """Return the errors of rosbags with a damaged bag: its own, those of SQLite, and those of plain Python."""
     from rosbags import highlevel, rosbag1, rosbag2, serde, typesys
 
     own = (highlevel.AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, serde.SerdeError, typesys.TypesysError)

@@ -55,7 +55,7 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
 
 
 def _is_header(row: Sequence[Any]) -> bool:
-    """Whether a row names columns: two texts at least, and no number."""
+    """Tell whether a row names columns: two texts at least, and no number."""
     texts = [cell for cell in row if isinstance(cell, str) and cell.strip()]
     return len(texts) > 1 and all(isinstance(cell, str) for cell in row)
 

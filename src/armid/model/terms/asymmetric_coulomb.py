@@ -19,7 +19,7 @@ __all__ = ["AsymmetricCoulomb"]
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricCoulomb:
-    """What Coulomb friction has more of in the positive direction than in the mean of both.
+    """Excess of Coulomb friction in the positive direction over the mean of both.
 
     Away from rest it is a constant, so only motion through standstill tells it from an offset.
 

@@ -17,7 +17,7 @@ __all__ = ["AsymmetricViscous"]
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricViscous:
-    """What viscous friction has more of in the positive direction than in the mean of both.
+    """Excess of viscous friction in the positive direction over the mean of both.
 
     Attributes:
         joints: Names of the joints that have it; `None` for all.

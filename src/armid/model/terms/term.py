@@ -1,4 +1,4 @@
-"""What a torque term is: laws, each stated once as an expression.
+"""Torque terms: laws, each stated once as an expression.
 
 A law says τ = parameter · expression, where the expression may use position `q`, velocity `dq` and acceleration
 `ddq` of one coordinate c = Σ w_j q_j, the torque `load` of the rigid bodies on it, and the `state` of the law's

@@ -1,4 +1,4 @@
-"""Which bodies of an arm are nearest each other, or nearest the surroundings, at each moment of a motion.
+"""Nearest bodies of an arm to each other, or to the surroundings, at each moment of a motion.
 
 Bodies, pairs and distances are those of the pre-flight report (`armid.excitation.closest`), so the two cannot
 disagree. Capsules around the bodies, in NumPy and for all moments at once, say which pairs can be the nearest; Coal
@@ -48,7 +48,7 @@ class Approach:
 
 
 def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> Collision | None:
-    """What a motion that was not designed here should keep apart; nothing where the description has no bodies.
+    """Return what a motion that was not designed here should keep apart; nothing where the description has no bodies.
 
     Raises:
         ArmidError: Meshes are not there, or cannot be read.

@@ -47,7 +47,7 @@ class MassLayer:
 
 
 def layer_of_description(robot: Robot) -> MassLayer | None:
-    """What the description says; `None` where it says nothing."""
+    """Return what the description says; `None` where it says nothing."""
     vector = robot.inertial_vector
     return None if vector is None else MassLayer("description", vector)
 

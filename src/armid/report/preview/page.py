@@ -28,7 +28,7 @@ __all__ = ["Preview", "render_preview", "write_preview"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Preview:
-    """What a preview shows.
+    """Content of a preview.
 
     Attributes:
         robot: The arm, with bodies where the description has them.

@@ -1,4 +1,4 @@
-"""What the page draws: joints, bodies, meshes within a budget, surroundings."""
+"""Scene of the page: joints, bodies, meshes within a budget, surroundings."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def joint_records(robot: Robot) -> list[dict[str, Any]]:
 
 
 def bodies_of(robot: Robot) -> Bodies:
-    """What the links look like; where the description does not say it, the space that they take."""
+    """Return what the links look like; where the description does not say it, the space that they take."""
     seen = {shape.link for shape in robot.visuals}
     shapes = (*robot.visuals, *(shape for shape in robot.shapes if shape.link not in seen))
     drawn: list[dict[str, Any]] = []
@@ -88,7 +88,7 @@ def surroundings_of(robot: Robot, given: Sequence[Shape]) -> list[dict[str, Any]
 
 
 def reach_of(path: Array, origins: Array) -> float:
-    """How far from the base's origin the arm gets [m], at least a decimetre.
+    """Tell how far from the base's origin the arm gets [m], at least a decimetre.
 
     Args:
         path: Places of the tip, shape (K, 3) [m].

@@ -1,4 +1,4 @@
-"""What a preview shows, put together from names: an arm, a motion, a run."""
+"""Sources of a preview, put together from names: an arm, a motion, a run."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def _table(found: LinkTable) -> Table:
 
 
 def _values(body: LinkBody) -> list[tuple[str, list[Cell]]]:
-    """What a link's row or two rows say, by their source."""
+    """Return what a link's row or two rows say, by their source."""
     found: list[tuple[str, list[Cell]]] = []
     if np.isfinite(body.description).any():
         found.append(("CAD/URDF", [_plain(float(body.description[k])) for k in ORDER]))

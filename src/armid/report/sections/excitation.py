@@ -1,4 +1,4 @@
-"""How well the motion shows the parameters: ranges that were visited, and the condition of the regressor."""
+"""Excitation by the motion: ranges that were visited, and the condition of the regressor."""
 
 from __future__ import annotations
 

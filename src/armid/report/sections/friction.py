@@ -138,7 +138,7 @@ def _seen(evidence: Sequence[Evidence], j: int) -> Array:
 
 
 def _clouds(x: Array, dq: Array, friction: Array) -> list[Trace]:
-    """What is seen, the two directions apart."""
+    """Return what is seen, the two directions apart."""
     return [
         points(role, np.where(way * dq > 0.0, x, np.nan), friction, f"moving {role}")
         for role, way in (("forward", 1.0), ("backward", -1.0))
@@ -181,7 +181,7 @@ def _law(material: Material, evidence: Sequence[Evidence], j: int, fastest: floa
 
 
 def _over_position(material: Material, evidence: Sequence[Evidence], j: int) -> Plot:
-    """What the laws of velocity leave over position, the directions apart, and the law of position, if any."""
+    """Return what the laws of velocity leave over position, the directions apart, and the law of position, if any."""
     joint = material.joints[j]
     q, dq = joined(evidence, "q", j), joined(evidence, "dq", j)
     grid = np.linspace(q.min(), q.max(), CURVE_POINTS)

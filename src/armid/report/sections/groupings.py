@@ -1,4 +1,4 @@
-"""What the torques of the arm cannot tell apart: columns without effect, and columns that depend on others."""
+"""Groupings that the torques of the arm cannot tell apart: columns without effect, and dependent columns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["show_groupings"]
 
 
 def show_groupings(material: Material) -> Section | None:
-    """How each removed column of the regressor follows from the kept ones."""
+    """Tell how each removed column of the regressor follows from the kept ones."""
     base = material.run.estimate.base
     if not len(base.removed):
         return None

@@ -28,7 +28,7 @@ def show_parameters(material: Material) -> Section:
 
 
 def _kinds(material: Material) -> str:
-    """How many base parameters are of the bodies, how many of rotors and how many of friction."""
+    """Tell how many base parameters are of the bodies, how many of rotors and how many of friction."""
     model, base = material.run.model, material.run.estimate.base
     which = [base.names.index(plain_name(name)) for name in material.run.estimate.fit.names]
     inertial = np.isin(base.kept, model.inertial_columns)[which]

@@ -1,4 +1,4 @@
-"""What the run was made from: files with their digests, versions, options, the study as it was resolved."""
+"""Provenance of the run: files with their digests, versions, options, the study as it was resolved."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PACKAGES = ("armid", "numpy", "scipy", "plotly")
 
 
 def show_provenance(material: Material) -> Section:
-    """Where everything came from."""
+    """Tell where everything came from."""
     estimate = material.run.estimate
     digests = [entry.partition(" ") for entry in estimate.made_from]
     rows = [(Cell(what, kind="path"), Cell(sha256, kind="digest")) for what, _, sha256 in _named(material, digests)]
@@ -49,7 +49,7 @@ def show_provenance(material: Material) -> Section:
 
 
 def _kernel(made_by: str) -> str:
-    """What computed the information: build of the kernel and factorisation, said in words."""
+    """Return what computed the information: build of the kernel and factorisation, said in words."""
     build, _, way = made_by.partition(" ")
     ways = {"qr": "QR factors", "cholesky": "Cholesky factors", "products": "products of columns"}
     return f"{build}, {ways.get(way, way)}" if way else made_by

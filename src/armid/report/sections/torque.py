@@ -44,7 +44,7 @@ def show_torque(material: Material) -> Section:
 
 
 def _heading(evidence: Evidence, name: str) -> str:
-    """What stands above a recording's plots: its role, its name, its part."""
+    """Return what stands above a recording's plots: its role, its name, its part."""
     choice = evidence.choice
     part = "" if choice.part == (0.0, 1.0) else f", {share(choice.part[0])} to {share(choice.part[1])} of it"
     role = "Validation" if choice.role == "validate" else "Training"

@@ -35,7 +35,7 @@ PHYSICAL = (
 
 
 def _noise_of(rate: float) -> str:
-    """What the noise of 8 kHz is at another rate."""
+    """Return what the noise of 8 kHz is at another rate."""
     if rate == NOISE.rate:
         return ""
     return f" for 8&nbsp;kHz, times {short(np.sqrt(rate / NOISE.rate), 2)} at this rate, which is as much in any band"

@@ -88,7 +88,7 @@ def _kept(thesis: Thesis) -> str:
 
 
 def _otherwise(thesis: Thesis) -> str:
-    """Which trajectory filtered columns would keep, where that is another."""
+    """Tell which trajectory filtered columns would keep, where that is another."""
     better = min((each for each in thesis.designs.trials if each.feasible), key=lambda each: each.corrected.unseen)
     if better is thesis.designs.best:
         return ""

@@ -1,4 +1,4 @@
-"""What the study says first, the audit of the published results, the errata, and how it was all made."""
+"""First statements of the study, the audit of the published results, the errata, and how it was all made."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def show_summary(thesis: Thesis) -> Section:
 
 
 def _evidence(gravity: str) -> str:
-    """What armid's test says, for running text."""
+    """Return what armid's test says, for running text."""
     return subscripts(gravity).replace("-", "−") if gravity else "armid's test finds nothing."
 
 
@@ -211,7 +211,7 @@ def _tables(thesis: Thesis) -> Table:
 
 
 def show_errata(thesis: Thesis) -> Section:
-    """What is printed, what is right, and the number that shows it."""
+    """Return what is printed, what is right, and the number that shows it."""
     columns = [
         Column("where", words=True), Column("in print", words=True), Column("right", words=True),
         Column("what shows it", words=True), Column("in print "), Column("right "),
@@ -245,7 +245,7 @@ def _values(each: Erratum) -> tuple[Cell, Cell]:
 
 
 def show_provenance(thesis: Thesis) -> Section:
-    """How it was made."""
+    """Tell how it was made."""
     extent = thesis.setting.extent
     return chapter(
         "How this was made",

@@ -13,14 +13,14 @@ __all__ = ["READERS", "Reader"]
 
 
 class Reader(Protocol):
-    """What a reader module offers."""
+    """Offer of a reader module."""
 
     SUFFIXES: tuple[str, ...]
     """Endings of the file names it reads, lower case, with the dot."""
 
     @staticmethod
     def recognises(text: str) -> bool:
-        """Whether a text looks like this format; decides where two readers share an ending."""
+        """Tell whether a text looks like this format; decides where two readers share an ending."""
         ...
 
     @staticmethod

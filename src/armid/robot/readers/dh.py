@@ -89,7 +89,7 @@ PI_EXPRESSION = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d+)?)\s*\*\s*)?pi\s*(?:/\
 
 
 def recognises(text: str) -> bool:
-    """Whether the text looks like a DH table."""
+    """Tell whether the text looks like a DH table."""
     return "[[joint]]" in text
 
 

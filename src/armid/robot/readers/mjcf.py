@@ -29,7 +29,7 @@ SUFFIXES: tuple[str, ...] = (".mjcf", ".xml")
 
 
 def recognises(text: str) -> bool:
-    """Whether the text looks like MJCF."""
+    """Tell whether the text looks like MJCF."""
     return root_tag(text) == "mujoco"
 
 
@@ -93,7 +93,7 @@ def outline(text: str, *, source: str) -> Outline:
 
 
 def _is_moved(model: Any, joint: int, locked: Mapping[str, float]) -> bool:
-    """Whether a joint of the model, or one that carries it, moves; what stands on the base (joint 0) does not."""
+    """Tell whether a joint of the model, or one that carries it, moves; joint 0, the base, does not."""
     while joint > 0 and model.names[joint] in locked:
         joint = model.parents[joint]
     return joint > 0

@@ -29,7 +29,7 @@ REFUSED = ("floating", "planar", "spherical", "ball")
 
 
 def recognises(text: str) -> bool:
-    """Whether the text looks like a URDF."""
+    """Tell whether the text looks like a URDF."""
     return root_tag(text) == "robot"
 
 

@@ -25,7 +25,7 @@ SUFFIXES: tuple[str, ...] = (".xacro",)
 
 
 def recognises(text: str) -> bool:
-    """Whether the text looks like xacro."""
+    """Tell whether the text looks like xacro."""
     return root_tag(text) == "robot" and "ros.org/wiki/xacro" in text
 
 
@@ -103,7 +103,7 @@ LACKING = re.compile(r"Package not found: (\S+)")
 
 
 def _unexpanded(source: str, error: Exception, package: str) -> RobotError:
-    """Why it cannot be expanded."""
+    """Tell why it cannot be expanded."""
     if package:
         return RobotError(
             f"{source} cannot be expanded by xacro: the package {package} is not found.",

@@ -59,7 +59,7 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """How far an estimate is from the truth.
+    """Distance of an estimate from the truth.
 
     Attributes:
         relative: Of all base parameters: distance over the truth's length.

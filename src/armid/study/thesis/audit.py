@@ -1,4 +1,4 @@
-"""What the published results are worth: sign of gravity, bodies, constraints, deviations, condition number."""
+"""Worth of the published results: sign of gravity, bodies, constraints, deviations, condition number."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class Trial:
 
     @property
     def feasible(self) -> bool:
-        """Whether nothing spoke against it."""
+        """Tell whether nothing spoke against it."""
         return not self.doubts
 
 

@@ -1,4 +1,4 @@
-"""What the thesis prints: its tables, its condition number, and its formulas as sums of columns and parameters."""
+"""Prints of the thesis: its tables, its condition number, and its formulas as sums of columns and parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every chapter stands on: the hanging arm, its model under both signs of gravity, and the virtual truth."""
+"""Ground of every chapter: the hanging arm, its model under both signs of gravity, and the virtual truth."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Tell = Callable[[str, float], None]
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """How much is run.
+    """Extent of a run.
 
     Attributes:
         seeds: Seeds of the noise over which medians are taken.
@@ -107,7 +107,7 @@ class Model:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Setting:
-    """What every chapter stands on.
+    """Ground of every chapter.
 
     Attributes:
         hanging: The arm as it hangs.

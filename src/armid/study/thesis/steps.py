@@ -139,7 +139,7 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
 
 
 def _edges(rows: _Rows, recording: Recording) -> None:
-    """What the text is silent on: ends of the mean period."""
+    """Return what the text is silent on: ends of the mean period."""
     mean, group = mean_of(recording), "one-sided filter"
     rows.run(group, "printed-padded", "as printed, ends padded, 100 rows a second", mean, PADDED)
     every = replace(PADDED, decimate=0.0)

@@ -114,7 +114,7 @@ def explain(state: State) -> Explanation | None:
 
 
 def _is_in_every_band(evidence: Evidence, delay: float) -> bool:
-    """Whether a wider band shows the same delay: friction that gives way before it slides lags by another one."""
+    """Tell whether a wider band has the same delay: friction that gives way before it slides lags by another one."""
     sharp = _sharper(evidence)
     return sharp is None or abs(delay_of(sharp)[0] - delay) < SAME * abs(delay)
 
@@ -163,7 +163,7 @@ def _slopes(rows: Rows, values: Array) -> Array:
 
 
 def _friction_alone(state: State) -> float:
-    """What is left when each joint's dry friction may lag by itself, and nothing else does.
+    """Return what is left when each joint's dry friction may lag by itself, and nothing else does.
 
     Where a joint sticks or its gear has slack, friction does so; that is no delay of the log, and weights and
     inertias do not take part in it.

@@ -99,7 +99,7 @@ def _stretches(rows: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> 
 
 
 def _residual(state: State, values: Array) -> Array:
-    """What parameters leave of the torque in all rows that count, shape (M, n)."""
+    """Return what parameters leave of the torque in all rows that count, shape (M, n)."""
     rows = state.rows
     told = [x.T @ values[own] for x, own in zip(rows.columns, rows.parameters, strict=True)]
     return (rows.torque - np.column_stack(told)) * rows.mask
@@ -133,7 +133,7 @@ def _held(state: State) -> Array:
 
 
 def _level(size: Array) -> Array:
-    """How far the joints together stand out, shape (M,): as far as the second of them."""
+    """Tell how far the joints together stand out, shape (M,): as far as the second of them."""
     return np.sort(size, axis=1)[:, -min(JOINTS, size.shape[1])]
 
 

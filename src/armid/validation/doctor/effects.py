@@ -1,4 +1,4 @@
-"""What each finding would do to an estimate."""
+"""Effects of each finding on an estimate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the checks look at: a recording as logged, as read, and as a model explains it."""
+"""Evidence that the checks look at: a recording as logged, as read, and as a model explains it."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Evidence:
 
     @cached_property
     def _contest(self) -> tuple[tuple[State, Explanation], ...]:
-        """What the log was taken for before each explanation, and the explanation.
+        """Return what the log was taken for before each explanation, and the explanation.
 
         Where the log does not confirm the strongest, it is not told; but what it takes out is no other fault's.
         """
@@ -119,7 +119,7 @@ class Evidence:
         return tuple(found)
 
     def _holds(self, before: State, each: Explanation) -> bool:
-        """Whether left-out motion bears an explanation out, or at least does not contradict it."""
+        """Tell whether left-out motion bears an explanation out, or at least does not contradict it."""
         trial = self._trial(before, each.after)
         return trial.helps if each.code in BY_ERROR_ALONE else not trial.harms
 

@@ -111,7 +111,7 @@ def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Liter
 
 
 def _advice(state: State) -> str:
-    """Which joints have room to move more."""
+    """Tell which joints have room to move more."""
     motion, parts = state.rows.motion, []
     for j, joint in enumerate(state.model.robot.joints):
         low, high = joint.position_limits

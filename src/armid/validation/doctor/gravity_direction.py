@@ -150,7 +150,7 @@ def _turned(state: State, g: Array) -> DynamicsModel:
 
 
 def _under(state: State, g: Array) -> float:
-    """What is left under gravity of the same line, which shows the same base parameters."""
+    """Return what is left under gravity of the same line, which shows the same base parameters."""
     rows = make_rows(column_source(_turned(state, g), state.base), state.log)
     return cost_of(rows, products(rows))
 
@@ -199,7 +199,7 @@ class _Wide:
         return replace(self.still, columns=columns)
 
     def cost(self, g: Array) -> float:
-        """What is left under a gravity."""
+        """Return what is left under a gravity."""
         rows = self.rows(g)
         return cost_of(rows, products(rows))
 

@@ -57,7 +57,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Order:
-    """Which channel each joint's motion and torque are, and what is left then."""
+    """Channels of each joint's motion and torque, and what is left then."""
 
     motion: NDArray[np.intp]
     torque: NDArray[np.intp]
@@ -193,7 +193,7 @@ def _exchanged(
 
 
 def _takes(state: State) -> tuple[Flags, Flags]:
-    """Which joint could have which channel's positions, and which its torque, (n, n) each.
+    """Tell which joint could have which channel's positions, and which its torque, (n, n) each.
 
     No joint has a channel of the other kind, in metres or in radians, nor positions far beyond its limits, unless
     those that it has are as far beyond.
@@ -209,13 +209,13 @@ def _takes(state: State) -> tuple[Flags, Flags]:
 
 
 def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDArray[np.intp]) -> bool:
-    """Whether every joint could have the channels of an order."""
+    """Tell whether every joint could have the channels of an order."""
     joints = np.arange(len(motion))
     return bool(takes[0][joints, motion].all() and takes[1][joints, torque].all())
 
 
 def _assigned(state: State) -> NDArray[np.intp]:
-    """Which torque channel each joint's own columns explain best."""
+    """Tell which torque channel each joint's own columns explain best."""
     rows, n = state.rows, state.rows.n
     left: Array = np.zeros((n, n))
     tau = rows.torque - rows.torque.mean(axis=0)

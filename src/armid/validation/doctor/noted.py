@@ -1,4 +1,4 @@
-"""What reading, clock and robot have noticed already, under the codes of the doctor."""
+"""Findings that reading, clock and robot have noticed already, under the codes of the doctor."""
 
 from __future__ import annotations
 

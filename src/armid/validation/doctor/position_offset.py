@@ -108,7 +108,7 @@ def _are_sure(offset: Array, deviation: Array) -> NDArray[np.bool_]:
 
 
 def offsets_of(state: State) -> tuple[Array, Array, State]:
-    """What must be added to the positions (n,) so that the torques fit best, its deviation, and the log then."""
+    """Fit what must be added to the positions (n,) for the torques, its deviation, and the log then."""
     n, b = state.rows.n, state.base.count
     precision, expected = _prior(state)
     offset, deviation = np.zeros(n), np.full(n, np.inf)

@@ -183,7 +183,7 @@ def tables(rows: Rows, extra: Array | None = None, mask: NDArray[np.bool_] | Non
 
 
 def cost_of(rows: Rows, pairs: Sequence[Array], sign: Array | None = None) -> float:
-    """What `solve(rows).cost` is, from products alone, in a tenth of the time.
+    """Return what `solve(rows).cost` is, from products alone, in a tenth of the time.
 
     Args:
         rows: The rows, of which only the parameters are looked at.
@@ -237,7 +237,7 @@ def _left(table: Array, own: NDArray[np.int32], x: Array, count: int) -> Array:
 
 
 def _memory(residual: Array, rate: float) -> float:
-    """How many rows stand for one that is independent: 1 + 2 Σ correlations, by Bartlett's window."""
+    """Tell how many rows stand for one that is independent: 1 + 2 Σ correlations, by Bartlett's window."""
     lags = min(int(MEMORY_SECONDS * rate), len(residual) // 4)
     power = float(residual @ residual)
     if lags < 1 or power <= 0.0:

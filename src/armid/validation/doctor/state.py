@@ -1,4 +1,4 @@
-"""How a log is understood, how well a model then explains it, and what else it says about the arm."""
+"""State of a log: how it is understood, how well a model then explains it, and what else it says about the arm."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class State:
 
     @property
     def conflict(self) -> float:
-        """How much worse one set of parameters for all joints explains the log than one for each, as a logarithm.
+        """Compare one set of parameters for all joints with one for each: logarithm of how much worse it explains.
 
         What a model lacks, such as friction at reversals, is missing from both. What grows between the two is
         wrong geometry: the order of channels, gravity, zeros, signs, scales.
@@ -176,7 +176,7 @@ class State:
         return kernel.inverse_dynamics(self.model.tree, bodies, q, motion.dq, motion.ddq)
 
     def _at_rows(self, made: Callable[[ObservedRun], Array]) -> Array:
-        """What is made of each run (N, ...), in the band at the rows (M, ...)."""
+        """Return what is made of each run (N, ...), in the band at the rows (M, ...)."""
         parts: list[Array] = []
         for run in self.log.runs:
             x, raw = made(run), self.log.band.is_open or not run.consecutive
@@ -209,7 +209,7 @@ class State:
 
     @cached_property
     def dissipation(self) -> Array:
-        """How surely each joint's friction brakes, in standard deviations, shape (n,)."""
+        """Tell how surely each joint's friction brakes, in standard deviations, shape (n,)."""
         z = np.zeros(self.rows.n)
         for j, fit in enumerate(self.own_fits):
             power = np.array(
@@ -223,7 +223,7 @@ class State:
 
     @cached_property
     def inertia(self) -> Array:
-        """How surely each joint's own inertia is positive, in standard deviations, shape (n,)."""
+        """Tell how surely each joint's own inertia is positive, in standard deviations, shape (n,)."""
         rows, n = self.rows, self.rows.n
         q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
         still = np.zeros_like(q)

@@ -86,12 +86,12 @@ def _stuck(values: Array, valid: NDArray[np.bool_], rate: float) -> tuple[int, i
 
 
 def _at_extreme(values: Array, row: int) -> bool:
-    """Whether a torque stays at its largest value, which is saturation."""
+    """Tell whether a torque stays at its largest value, which is saturation."""
     return values[row] in (values.max(), values.min())
 
 
 def _breaks(q: Array, a: int, b: int) -> bool:
-    """Whether the motion stops or goes on with a jump, as no joint does."""
+    """Tell whether the motion stops or goes on with a jump, as no joint does."""
     step = np.abs(np.diff(q))
     usual = float(np.quantile(step[step > 0.0], 0.5)) if (step > 0.0).any() else 0.0
     if b + 1 < len(q) and step[b] > JUMP * usual:

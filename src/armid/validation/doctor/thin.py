@@ -73,7 +73,7 @@ class Thin:
 
     @property
     def mask(self) -> NDArray[np.bool_]:
-        """Which rows count, shape (M, n)."""
+        """Tell which rows count, shape (M, n)."""
         return np.concatenate([run.mask for run in self.runs])
 
     def coarse(self) -> Thin:
@@ -153,7 +153,7 @@ def thin(recording: Recording, cutoff: float | None = None) -> Thin:
 
 
 def _ends(pieces: Sequence[Stretch]) -> list[Stretch]:
-    """What lies in the first and the last half minute of a long log."""
+    """Return what lies in the first and the last half minute of a long log."""
     begin, end = float(pieces[0].time[0]), float(pieces[-1].time[-1])
     if end - begin <= 1.25 * LONGEST:
         return list(pieces)

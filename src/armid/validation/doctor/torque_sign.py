@@ -136,7 +136,7 @@ def _best_of_all(rows: Rows, pairs: Sequence[Array], first: float) -> tuple[Arra
 
 
 def left_by(state: State, sign: Array) -> float:
-    """What is left of the torque with positions of these signs (n,)."""
+    """Return what is left of the torque with positions of these signs (n,)."""
     rows = make_rows(state.source, state.log.scaled(sign))
     return cost_of(rows, products(rows))
 

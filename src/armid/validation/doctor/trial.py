@@ -67,12 +67,12 @@ class Trial:
 
     @property
     def helps(self) -> bool:
-        """Whether the error falls."""
+        """Tell whether the error falls."""
         return self.after < self.before - WORTH
 
     @property
     def harms(self) -> bool:
-        """Whether the error rises by so much that nothing else can speak for the remedy."""
+        """Tell whether the error rises by so much that nothing else can speak for the remedy."""
         return self.after > self.before + WORSE
 
     def __str__(self) -> str:
@@ -124,7 +124,7 @@ def left_out(rows: Rows, judged: NDArray[np.bool_] | None = None) -> float:
 
 
 def needs_reason(code: str, evidence: str, remedy: str) -> str:
-    """Why a remedy was not tried, as a sentence; empty where it was, or is done by hand."""
+    """Tell why a remedy was not tried, as a sentence; empty where it was, or is done by hand."""
     if not remedy or remedy.startswith(BY_HAND) or code not in UNTRIED or "eft-out motion" in evidence:
         return ""
     return f" Not tried on left-out motion: {UNTRIED[code]}."

@@ -73,7 +73,7 @@ def _grave(late: float) -> Literal["warning", "info"]:
 
 
 def _of_joint(evidence: Evidence, told: Array, derived: Array, j: int, scale: float, own: float) -> Finding:
-    """What the velocity of one joint is instead."""
+    """Return what the velocity of one joint is instead."""
     names = evidence.robot.joint_names
     others = [abs(_correlation(told[:, j], derived[:, k])) if k != j else 0.0 for k in range(len(names))]
     best = int(np.argmax(others))
