@@ -1,4 +1,4 @@
-"""How the pages become a site: `scripts/site`, which treats every warning as an error and needs no network."""
+"""Way from the pages to a site: `scripts/site`, which treats every warning as an error and needs no network."""
 
 import sys
 from importlib.metadata import version as version_of

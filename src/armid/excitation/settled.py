@@ -37,7 +37,7 @@ def unsettled(search: Search, criterion: str, budget: float | None) -> Finding |
     if not ends:
         evidence = (
             f"Time ended the search after {budget:g} s, before any descent had come to its end: the plan may be far "
-            "from the best."
+            "from the best"
         )
         return Finding("search-unsettled", "warning", "", evidence, remedy)
     since = max(ends[0][0], 0.5 * budget)
@@ -51,6 +51,6 @@ def unsettled(search: Search, criterion: str, budget: float | None) -> Finding |
     descents = "descent" if after == 1 else f"{after} descents"
     evidence = (
         f"The plan was still improving when time ended the search after {budget:g} s: the last {descents} made its "
-        f"{measure} smaller by {100.0 * gain:.0f} %."
+        f"{measure} smaller by {100.0 * gain:.0f} %"
     )
     return Finding("search-unsettled", "warning", "", evidence, remedy)

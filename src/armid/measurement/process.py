@@ -245,7 +245,7 @@ def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
                 "warning",
                 recording.source,
                 f"Joints mostly stand still. Rows that this reaches: {named(spared)}. They count, as too few others "
-                "are left, and friction at rest biases the estimate by up to its bound.",
+                "are left, and friction at rest biases the estimate by up to its bound",
                 "record motion without rests, or joints that turn round faster.",
             )
         )

@@ -167,7 +167,7 @@ def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
         return None
     peaks = np.abs(plan.excitation.sample(SPREAD).ddq).max(axis=0)
     told = ", ".join(f"{robot.joint_names[j]} {peaks[j]:.3g} {robot.joints[j].unit}/s²" for j in free)
-    evidence = f"Acceleration is not limited, as no limit is given; the plan reaches {told}."
+    evidence = f"Acceleration is not limited, as no limit is given; the plan reaches {told}"
     remedy = "limit it with --acceleration, or --limit JOINT.acceleration=VALUE."
     return Finding("acceleration-unlimited", "info", "", evidence, remedy)
 
