@@ -98,7 +98,7 @@ def run_of(arm: RobotChoice, path: str, folder: Path, reading: Reading, method: 
 
 
 def held(ends: Array, true: Array) -> Array:
-    """Share of the parameters that have an interval with the truth inside, in a list."""
+    """Whether the truth is inside, for each parameter that has an interval."""
     known = np.isfinite(ends).all(axis=1)
     return ((ends[:, 0] <= true) & (true <= ends[:, 1]))[known]
 

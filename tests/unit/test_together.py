@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from armid import identify, load_study
 from armid.estimation.beside import join
+from armid.estimation.fit import Fit
 from armid.estimation.jackknife import filled
 from armid.estimation.jointly import solve_joined
 from armid.lab.virtual import record
@@ -18,7 +20,7 @@ from armid.study.beside import beside_run
 from armid.study.payload import find_payload, payload_record
 from armid.study.recalibrate import Changed, recalibrate
 from armid.study.run import Run, load_run, save_run
-from armid.values import Array
+from armid.values import Array, load, save
 from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))
@@ -38,10 +40,10 @@ method = "{method}"
 """
 
 
-def truth(friction: float = 1.0, load: bool = False) -> Array:
+def truth(friction: float = 1.0, carried: bool = False) -> Array:
     """Standard parameters with so many times the friction, and perhaps a load on the last link."""
     model, theta = small_model(), np.array(small_truth())
-    if load:
+    if carried:
         theta[model.inertial_columns[-10:]] += LOAD
     for k, parameter in enumerate(model.parameters):
         theta[k] *= friction if parameter.symbol in FRICTION else 1.0
@@ -71,7 +73,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(folder / "first.npz", 1, truth())
     write(folder / "worn.npz", 2, truth(1.4))
     write(folder / "often.npz", 4, truth(1.4), repetitions=7)
-    write(folder / "loaded.npz", 3, truth(1.1, load=True), motion=3)
+    write(folder / "loaded.npz", 3, truth(1.1, carried=True), motion=3)
     run_of(folder, "first.npz", "run")
     return folder
 
@@ -134,3 +136,22 @@ def test_a_scatter_of_few_periods_is_made_definite():
     full = filled(draws @ draws.T / 5.0, textbook, 5.0)
     ratio = np.linalg.eigvals(np.linalg.solve(textbook, full)).real
     assert ratio.min() > 1.0 and ratio.max() < 20.0 and 2.5 < np.mean(ratio) < 6.0
+
+
+def test_a_run_that_says_nothing_of_reversals_is_read(folder: Path):
+    """As runs were that were written before: their moves are part of the covariance and no more."""
+    run = load_run(folder / "run")
+    fit = run.estimate.fit
+    before = replace(fit, report=replace(fit.report, moved=np.zeros(0), reach=0.0))
+    path = save(before, folder / "before.npz")
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    header = json.loads(bytes(arrays["value.json"]))
+    for name in ("moved", "reach"):
+        del header["value"]["report"][name]
+    arrays["value.json"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    np.savez(path, **arrays)  # pyright: ignore[reportArgumentType]
+    beside = beside_run(run, [str(folder / "worn.npz")], {})
+    joined = join(beside.earlier, load(Fit, path), beside.new, beside.changing, samples=beside.samples)
+    values = joined.to_new @ solve_joined(joined).values
+    assert np.isfinite(values).all()
