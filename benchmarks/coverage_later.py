@@ -98,7 +98,7 @@ def run_of(arm: RobotChoice, path: str, folder: Path, reading: Reading, method: 
 
 
 def held(ends: Array, true: Array) -> Array:
-    """Whether the truth is inside, for each parameter that has an interval."""
+    """Intervals with the truth inside, of the parameters that have one, shape (k,)."""
     known = np.isfinite(ends).all(axis=1)
     return ((ends[:, 0] <= true) & (true <= ends[:, 1]))[known]
 
