@@ -13,6 +13,7 @@ RECORDINGS = (
     *TEXT,
     *(".parquet", ".pq", ".npz", ".mat", ".bag", ".db3", ".mcap", ".xlsx", ".xlsm"),
     *(f"{text}{packed}" for text in TEXT for packed in (".gz", ".xz", ".bz2", ".zst")),
+    *(".bag.zstd", ".db3.zstd", ".mcap.zstd"),
 )
 """Endings that readers know; a test compares them, because to import the readers takes NumPy."""
 
