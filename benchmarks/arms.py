@@ -42,17 +42,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.excitation.clearance import floor
-from armid.excitation.collision import Collision
+from armid.excitation.collision.collision_model import Collision
+from armid.excitation.collision.distances import floor
+from armid.excitation.design.objective import Goal, information_along
+from armid.excitation.design.sqp import Problem, drawn_together, highest
 from armid.excitation.fourier import Excitation, load_plan
-from armid.excitation.objective import Goal, information_along
-from armid.excitation.solver import Problem, drawn_together, highest
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot, load_robot
-from armid.study.excite import Designed, Effort, Rules, Wish, design_plan
-from armid.study.excite_files import save_design
+from armid.study.plans.design import Designed, Effort, Rules, Wish, design_plan
+from armid.study.plans.design_files import save_design
 from armid.values import Array
 from flown import ROUNDING, Flight, fly, load_table, load_urdf
 

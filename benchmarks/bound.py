@@ -17,19 +17,19 @@ import numpy as np
 
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.problem import Problem
+from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
-from armid.excitation.plans import builtin_plan
-from armid.information.band import Band
+from armid.information.accumulate import inform
 from armid.information.information import Information, stack, total
-from armid.information.observations import Observations, ObservedRun
-from armid.information.stream import inform
-from armid.lab.simulate import true_model
-from armid.lab.truths import truth_of
+from armid.lab.known_arms import truth_of
+from armid.lab.simulation import true_model
 from armid.maths.linalg import unit_columns
-from armid.measurement.process import observe, resolve
-from armid.measurement.processing import Processing
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations, ObservedRun
+from armid.measurement.processing.options import Processing
+from armid.measurement.processing.pipeline import observe, resolve
 from armid.measurement.recording import Recording
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.robot import load_robot
 from armid.values import Array, digest
 

@@ -29,18 +29,18 @@ import numpy as np
 
 from armid import identify
 from armid.errors import ArmidError
+from armid.excitation.design.objective import Goal
 from armid.excitation.fourier import Excitation
-from armid.excitation.objective import Goal
+from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
-from armid.lab.simulate import simulate, true_model
-from armid.lab.truths import truth_of
+from armid.lab.simulation import simulate, true_model
 from armid.measurement.readers import load_recording
 from armid.measurement.writing import save_recording
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
-from armid.study.excite import Effort, Rules, Wish, design_plan
-from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, load_choice
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, load_choice
+from armid.study.plans.design import Effort, Rules, Wish, design_plan
 from armid.values import Array, load, save
 
 TABLES = Path(__file__).parents[1] / "tests" / "tables"

@@ -22,18 +22,18 @@ from typing import Any
 import numpy as np
 
 from armid import identify
+from armid.lab.known_arms import Truth, truth_of
 from armid.lab.options import LabOptions
-from armid.lab.simulate import simulate, true_model
-from armid.lab.truths import Truth, truth_of
+from armid.lab.simulation import simulate, true_model
 from armid.maths.inertia import com_inertia_to_vector, transform
+from armid.measurement.log_format import Reading
 from armid.measurement.readers import load_recording
-from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.measurement.writing import save_recording
-from armid.study.payload import find_payload
-from armid.study.recalibrate import recalibrate
-from armid.study.run import Run, load_run, save_run
-from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, load_choice
+from armid.runs.payload import find_payload
+from armid.runs.recalibration import recalibrate
+from armid.runs.run import Run, load_run, save_run
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, load_choice
 from armid.values import Array
 from coverage_lab import TABLES, Lab, choice_of, logged, name_of, planned, truth_values
 

@@ -3,8 +3,8 @@
 N logs with each fault and four times as many without any, of five arms on motions drawn at random, by inverse
 dynamics. A line a class: how often the fault was found; how often it was found, nothing else called an error, and the
 remedy, where the fault has one truth, gives back what the arm did; of sound logs how many were told nothing. What is
-drawn, and what is left out because no log could show it, stands in `tests/sick.py`. Exit code 1 where a target is
-missed.
+drawn, and what is left out because no log could show it, stands in `tests/support/sick.py`. Exit code 1 where a
+target is missed.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from armid.errors import ArmidError, Finding
-from armid.study.doctor import diagnose_recording
+from armid.study.diagnosis import diagnose_recording
 from healing import delay_error, is_right
 from sick import FAULTS, Case, sound
 

@@ -20,15 +20,15 @@ import time
 import numpy as np
 
 from armid import kernel
-from armid.excitation.design import search
-from armid.excitation.finish import certified, fine_grid
-from armid.excitation.limits import limits_of, motion_channels
-from armid.excitation.objective import Goal, information_along
-from armid.excitation.plans import builtin_plan
-from armid.excitation.series import SeriesBasis
-from armid.excitation.solver import Problem
-from armid.lab.virtual import thesis_truth
-from armid.model.base import find_base_parameters
+from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.certification import certified, fine_grid
+from armid.excitation.design.multistart import search
+from armid.excitation.design.objective import Goal, information_along
+from armid.excitation.design.sqp import Problem
+from armid.excitation.limits.joint_limits import limits_of, motion_channels
+from armid.excitation.series_basis import SeriesBasis
+from armid.lab.ideal_recording import thesis_truth
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous

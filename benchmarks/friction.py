@@ -29,8 +29,8 @@ from armid.maths.inertia import vector_from_pseudo_inertia
 from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot, load_robot
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.identify import Result, identify, observe_recordings
-from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.values import Array, digest
 
 ARMS = ("iiwa14-r820", "panda", "ur5e")

@@ -32,17 +32,17 @@ from armid.errors import ArmidError
 from armid.estimation.crossvalidation import beside, folds
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
-from armid.estimation.friction import choose_friction
+from armid.estimation.friction.selection import choose_friction
 from armid.estimation.per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import Problem, standard_of
-from armid.information.observations import Observations
+from armid.information.accumulate import inform
 from armid.information.residuals import compare
-from armid.information.stream import inform
-from armid.measurement.process import resolve
-from armid.model.base import find_base_parameters
+from armid.measurement.observations import Observations
+from armid.measurement.processing.pipeline import resolve
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
+from armid.study.config import ModelChoice, build_model, load_choice, load_study
 from armid.study.identify import observe_recordings, read_recording
-from armid.study.study import ModelChoice, build_model, load_choice, load_study
 from armid.values import Array
 
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"

@@ -13,7 +13,7 @@ import numpy as np
 
 import peers
 from armid.codegen import generate, make_programs
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.robot import load_robot

@@ -27,17 +27,17 @@ import numpy as np
 from armid import kernel
 from armid.estimation.estimators import OrdinaryLeastSquares, PhysicallyConsistent
 from armid.estimation.problem import Problem, standard_of
-from armid.excitation.plans import builtin_plan
-from armid.information.band import Band
-from armid.information.observations import Observations, ObservedRun
-from armid.information.setup import column_source
-from armid.information.stream import inform
-from armid.lab.virtual import thesis_truth
-from armid.model.base import BaseParameters, find_base_parameters
+from armid.excitation.builtin_plans import builtin_plan
+from armid.information.accumulate import inform
+from armid.information.column_source import column_source
+from armid.lab.ideal_recording import thesis_truth
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations, ObservedRun
+from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.study.bench import measure
+from armid.runs.kernel_benchmark import measure
 from modelled import modelled_fit
 from peers import PeerMissingError, build_loop, run_loop
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from armid.estimation.prior import LENGTH, MASS, believe
 from armid.estimation.problem import Problem
-from armid.estimation.weighted import weigh
+from armid.estimation.whitening import weigh
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 

@@ -13,13 +13,13 @@ import time
 
 import numpy as np
 
-from armid.estimation.recursive import Memory, begin, fit, update
-from armid.excitation.plans import builtin_plan
-from armid.information.band import Band
-from armid.information.observations import Observations, ObservedRun
-from armid.information.stream import inform
-from armid.lab.virtual import thesis_truth
-from armid.model.base import find_base_parameters
+from armid.estimation.recursive.recursive_estimate import Memory, begin, fit, update
+from armid.excitation.builtin_plans import builtin_plan
+from armid.information.accumulate import inform
+from armid.lab.ideal_recording import thesis_truth
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations, ObservedRun
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot

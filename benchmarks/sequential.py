@@ -19,13 +19,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.excitation.design import search
-from armid.excitation.limits import limits_of, motion_channels
-from armid.excitation.objective import Goal, information_along, known_sizes
-from armid.excitation.series import SeriesBasis
-from armid.excitation.solver import Problem
-from armid.lab.virtual import thesis_truth
-from armid.model.base import find_base_parameters
+from armid.excitation.design.multistart import search
+from armid.excitation.design.objective import Goal, information_along, known_sizes
+from armid.excitation.design.sqp import Problem
+from armid.excitation.limits.joint_limits import limits_of, motion_channels
+from armid.excitation.series_basis import SeriesBasis
+from armid.lab.ideal_recording import thesis_truth
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot

@@ -12,22 +12,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armid.estimation.bands import BandProducts, band_products, residual_moments
-from armid.estimation.bootstrap import bootstrap
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.noise import NoiseModel
 from armid.estimation.problem import Problem
-from armid.estimation.uncertainty import choose, cover
-from armid.estimation.whiteness import even, flat
-from armid.excitation.plans import builtin_plan
-from armid.information.band import Band
+from armid.estimation.uncertainty.bootstrap import bootstrap
+from armid.estimation.uncertainty.covariance import choose, cover
+from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, residual_moments
+from armid.estimation.uncertainty.noise_spectrum import NoiseModel
+from armid.estimation.uncertainty.whiteness import even, flat
+from armid.excitation.builtin_plans import builtin_plan
+from armid.information.accumulate import inform
+from armid.information.column_source import column_source
 from armid.information.filtering import in_band
-from armid.information.observations import Observations, ObservedRun
-from armid.information.rows import all_rows
-from armid.information.setup import column_source
-from armid.information.stream import inform
-from armid.model.base import find_base_parameters
+from armid.information.regressor_rows import all_rows
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations, ObservedRun
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot

@@ -30,16 +30,16 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding
 from armid.excitation.fourier import Excitation
+from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
 from armid.lab.sensors import Channel, Sensing
-from armid.lab.simulate import simulate
-from armid.lab.trace import inverse_dynamics
-from armid.lab.truths import truth_of
-from armid.measurement.interpret import interpret
-from armid.measurement.reading import Reading
+from armid.lab.simulation import simulate
+from armid.lab.true_motion import inverse_dynamics
+from armid.measurement.log_format import Reading
+from armid.measurement.robot_convention import interpret
 from armid.robot import Robot, load_robot
-from armid.study.doctor import diagnose_recording, watch
-from armid.study.study import ModelChoice, RecordingChoice, build_model
+from armid.study.config import ModelChoice, RecordingChoice, build_model
+from armid.study.diagnosis import diagnose_recording, watch
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = "example_robot_data/cmeel.prefix/share/example-robot-data/robots"

@@ -31,13 +31,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from armid.excitation.design import random_start
-from armid.excitation.limits import limits_of, motion_channels
-from armid.excitation.objective import Goal, Objective
-from armid.excitation.series import SeriesBasis
-from armid.excitation.solver import STAGES, Problem, descend, drawn_together
-from armid.excitation.start import usual_pose
-from armid.model.base import find_base_parameters
+from armid.excitation.design.multistart import random_start
+from armid.excitation.design.objective import Goal, Objective
+from armid.excitation.design.sqp import STAGES, Problem, descend, drawn_together
+from armid.excitation.limits.joint_limits import limits_of, motion_channels
+from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.start_pose import usual_pose
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot

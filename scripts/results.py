@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from armid import Study, identify, load_study
+from armid.study.config import EstimationChoice
 from armid.study.identify import Result
-from armid.study.study import EstimationChoice
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "tests" / "real" / "studies"

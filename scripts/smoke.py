@@ -45,7 +45,7 @@ def armid(*arguments: str, code: int = 0) -> str:
 def symbolic() -> None:
     """Gravity torque as an expression."""
     from armid import load_run
-    from armid.codegen.symbolic import make_symbolic
+    from armid.codegen.sympy_functions import make_symbolic
 
     run = load_run("run")
     make_symbolic(run.model, run.estimate.base, "gravity_torque")

@@ -52,10 +52,10 @@ def commands() -> str:
 def study_keys() -> str:
     """Every key of a study, options of terms and methods included, one table a dataclass."""
     from armid.estimation.estimators import ESTIMATORS
-    from armid.measurement.processing import Processing
-    from armid.measurement.reading import Reading
+    from armid.measurement.log_format import Reading
+    from armid.measurement.processing.options import Processing
     from armid.model.terms import TERMS
-    from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice
+    from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice
 
     lines = table("[robot]", RobotChoice)
     lines += table("[model]", ModelChoice, without=("shapes", "automatic"))

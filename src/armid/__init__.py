@@ -13,50 +13,50 @@ if TYPE_CHECKING:
     from armid.estimation.estimate import Estimate
     from armid.estimation.estimators import WeightedLeastSquares
     from armid.estimation.problem import Problem
-    from armid.estimation.uncertainty import cover
+    from armid.estimation.uncertainty.covariance import cover
     from armid.excitation.fourier import Excitation
+    from armid.information.accumulate import inform
     from armid.information.information import Information
-    from armid.information.stream import inform
-    from armid.measurement.interpret import interpret
-    from armid.measurement.process import observe
-    from armid.measurement.processing import Processing
+    from armid.measurement.log_format import Reading
+    from armid.measurement.processing.options import Processing
+    from armid.measurement.processing.pipeline import observe
     from armid.measurement.readers import load_recording
-    from armid.measurement.reading import Reading
     from armid.measurement.recording import Recording
-    from armid.model.base import BaseParameters, find_base_parameters
+    from armid.measurement.robot_convention import interpret
+    from armid.model.base_parameters import BaseParameters, find_base_parameters
     from armid.model.dynamics import DynamicsModel
     from armid.model.motion import Motion
     from armid.robot import Robot, load_robot
+    from armid.runs.run import load_run, save_run
+    from armid.study.config import Study, load_study
     from armid.study.identify import identify
-    from armid.study.run import load_run, save_run
-    from armid.study.study import Study, load_study
 
 _HOMES = {
     "ArmidError": "errors",
-    "BaseParameters": "model.base",
+    "BaseParameters": "model.base_parameters",
     "DynamicsModel": "model.dynamics",
     "Estimate": "estimation.estimate",
     "Excitation": "excitation.fourier",
     "Information": "information.information",
     "Motion": "model.motion",
     "Problem": "estimation.problem",
-    "Processing": "measurement.processing",
-    "Reading": "measurement.reading",
+    "Processing": "measurement.processing.options",
+    "Reading": "measurement.log_format",
     "Recording": "measurement.recording",
     "Robot": "robot",
-    "Study": "study.study",
+    "Study": "study.config",
     "WeightedLeastSquares": "estimation.estimators",
-    "cover": "estimation.uncertainty",
-    "find_base_parameters": "model.base",
+    "cover": "estimation.uncertainty.covariance",
+    "find_base_parameters": "model.base_parameters",
     "identify": "study.identify",
-    "inform": "information.stream",
-    "interpret": "measurement.interpret",
+    "inform": "information.accumulate",
+    "interpret": "measurement.robot_convention",
     "load_recording": "measurement.readers",
     "load_robot": "robot",
-    "load_run": "study.run",
-    "load_study": "study.study",
-    "observe": "measurement.process",
-    "save_run": "study.run",
+    "load_run": "runs.run",
+    "load_study": "study.config",
+    "observe": "measurement.processing.pipeline",
+    "save_run": "runs.run",
 }
 
 __all__ = [

@@ -11,8 +11,8 @@ from armid.cli import completion
 from armid.cli.main import COMMANDS, app
 from armid.codegen import LANGUAGES
 from armid.estimation.estimators import ESTIMATORS
-from armid.excitation.criteria import CRITERIA
-from armid.excitation.limits import KINDS
+from armid.excitation.design.criteria import CRITERIA
+from armid.excitation.limits.joint_limits import KINDS
 from armid.export.formats import EXPORTERS
 from armid.model.terms import TERMS
 

@@ -12,9 +12,9 @@ from armid.errors import EstimationError
 from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.fit import Fit
 from armid.estimation.problem import Problem, standard_of
+from armid.information.accumulate import inform
 from armid.information.information import Information, stack
-from armid.information.stream import inform
-from armid.model.base import BaseParameters, find_base_parameters
+from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous

@@ -12,8 +12,8 @@ import pytest
 
 from armid.lab.controller import CONTROLLERS
 from armid.lab.faults import FAULTS
+from armid.lab.known_arms import EFFECTS, OWN
 from armid.lab.options import LabOptions, parse_options
-from armid.lab.truths import EFFECTS, OWN
 
 PAGE = (Path(__file__).parents[2] / "docs" / "lab.md").read_text()
 

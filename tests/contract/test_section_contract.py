@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from armid.report.comparison import COMPARISON
-from armid.report.material import Material, gather, records_of
+from armid.report.data.page_data import Material, gather, records_of
 from armid.report.page import assemble
-from armid.report.preflight import PREFLIGHT
+from armid.report.preflight_page import PREFLIGHT
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
 from reports import Page, make_run

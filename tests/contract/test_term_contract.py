@@ -10,13 +10,13 @@ import pytest
 
 import armid.model.terms
 from armid.errors import ArmidError
-from armid.information import filtering, stream
-from armid.information.band import Band
-from armid.information.memory import remember
-from armid.information.observations import Observations
-from armid.information.stream import inform
+from armid.information import accumulate, filtering
+from armid.information.accumulate import inform
+from armid.information.hysteresis_states import remember
 from armid.maths.signals import edge_samples, low_pass
-from armid.model.base import find_base_parameters
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import derivative, evaluate, latex, symbols, text
 from armid.model.motion import Motion
@@ -193,7 +193,7 @@ def test_streamed_in_pieces(name: str, band: str, short_arm: Robot, monkeypatch:
     motion = lively_motion(rng, 3, 200.0, 10.0)
     torque = rng.normal(size=(motion.samples, 3))
     run = one_run(motion, torque, 200.0, step=4, offset=1, block_rows=60)
-    for module, sizes in ((stream, (97, None)), (filtering, (301, 130))):
+    for module, sizes in ((accumulate, (97, None)), (filtering, (301, 130))):
         monkeypatch.setattr(module, "CHUNK", sizes[0])
         if sizes[1]:
             monkeypatch.setattr(module, "SEGMENT", sizes[1])

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from armid.cli import main as cli
-from armid.excitation.clearance import floor
+from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.collision.distances import floor
 from armid.excitation.plan import Plan
-from armid.excitation.plans import builtin_plan
 from armid.report.page import write_report
 from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import clip_of_plan

@@ -20,21 +20,21 @@ from rich.console import Console
 
 from armid.cli import main as cli
 from armid.cli.console import print_findings, print_verdict, validation_table
-from armid.cli.parameters import estimate_table, print_links
+from armid.cli.parameter_tables import estimate_table, print_links
 from armid.errors import Finding
 from armid.estimation.estimators import ESTIMATORS
+from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import save_plan
-from armid.excitation.plans import builtin_plan
-from armid.lab.virtual import Sensors, record, thesis_truth
-from armid.measurement.processing import THESIS
+from armid.lab.ideal_recording import Sensors, record, thesis_truth
+from armid.measurement.processing.options import THESIS
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.study.apply import motion_of, predict
-from armid.study.run import load_run
-from armid.validation.predict import Score
-from armid.validation.predict import validate as judge
-from armid.validation.torque_band import torque_band
+from armid.runs.prediction import motion_of, predict
+from armid.runs.run import load_run
+from armid.validation.prediction import Score
+from armid.validation.prediction import validate as judge
+from armid.validation.prediction_interval import torque_band
 from labs import STUDY, small_plan, small_recording, write_arm, write_recording, write_recordings, write_study
 
 HANGING = ("--gravity", "0", "0", "9.81")
@@ -626,7 +626,7 @@ def test_ctrl_c_leaves_nothing_behind(armid: Armid, small: Path, tmp_path: Path,
     def stopped(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    for where in ("armid.study.identify.inform", "armid.study.identify.validate", "armid.study.run.replace_file"):
+    for where in ("armid.study.identify.inform", "armid.study.identify.validate", "armid.runs.run.replace_file"):
         with monkeypatch.context() as patch:
             patch.setattr(where, stopped)
             done = armid("identify", small / "study.toml", "--out", "run")

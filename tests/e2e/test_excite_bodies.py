@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from armid.cli.main import main
-from armid.excitation.closest import Approach
+from armid.cli.motion import excite_request
+from armid.excitation.collision.closest_approach import Approach
 from armid.excitation.fourier import load_plan
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
-from armid.study import excite_request
 from reports import Page
 
 QUICK = ["--budget", "1", "--workers", "0", "--harmonics", "4", "--duration", "8", "--format", "csv"]

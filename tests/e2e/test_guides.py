@@ -17,8 +17,8 @@ import pytest
 
 from armid import DynamicsModel, Excitation, Recording, identify, load_robot, load_study, save_run
 from armid.cli import main as cli
-from armid.lab.truths import truth_of as lab_truth
-from armid.lab.virtual import Sensors, record
+from armid.lab.ideal_recording import Sensors, record
+from armid.lab.known_arms import truth_of as lab_truth
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.values import Array
 from labs import URDF, write_recording

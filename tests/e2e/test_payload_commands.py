@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from armid.cli import main as cli
-from armid.estimation.payload import LOAD_NAMES
-from armid.lab.virtual import record
+from armid.estimation.update.payload import LOAD_NAMES
+from armid.lab.ideal_recording import record
 from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
+from armid.runs.run import load_run, save_run
+from armid.study.config import RecordingChoice, load_study
 from armid.study.identify import identify, read_recording, score_recordings
-from armid.study.run import load_run, save_run
-from armid.study.study import RecordingChoice, load_study
 from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 GAIN = np.array([10.0, 12.0, 8.0])

@@ -8,9 +8,9 @@ import tomllib
 from pathlib import Path
 
 from armid.estimation.estimators import PhysicallyConsistent
-from armid.measurement.processing import Processing
-from armid.measurement.reading import Reading
-from armid.study.study import EstimationChoice, RecordingChoice, RobotChoice, build_estimator, parse_study
+from armid.measurement.log_format import Reading
+from armid.measurement.processing.options import Processing
+from armid.study.config import EstimationChoice, RecordingChoice, RobotChoice, build_estimator, parse_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "study.md"
 

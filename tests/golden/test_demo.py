@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from armid.measurement.processing import Processing
+from armid.measurement.processing.options import Processing
 from armid.study.demo import Demo, demo_study, run_demo, thesis_processing
 
 SEEDS = [1, 2, 3, 4, 5]

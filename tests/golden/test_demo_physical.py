@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from armid.estimation.consistency import EPSILON
+from armid.estimation.consistency.cones import EPSILON
 from armid.estimation.estimators import Estimator, LogCholesky, PhysicallyConsistent, ThesisNLP
 from armid.estimation.fit import Fit
 from armid.estimation.problem import Problem, standard_of

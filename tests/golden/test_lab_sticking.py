@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from armid.lab.options import LabOptions
-from armid.measurement.processing import Processing
+from armid.measurement.processing.options import Processing
 from armid.robot import load_robot
+from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import Result, identify
-from armid.study.simulate import simulate_to, the_plan
-from armid.study.study import ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.plans.simulation import simulate_to, the_plan
 
 HANGING = (0.0, 0.0, 9.81)
 PERIOD = 27.0  # s

@@ -11,14 +11,14 @@ import pytest
 from armid.lab.controller import Controller
 from armid.lab.options import LabOptions
 from armid.lab.sensors import Sensing
-from armid.measurement.processing import Processing
-from armid.measurement.reading import Reading
+from armid.measurement.log_format import Reading
+from armid.measurement.processing.options import Processing
 from armid.robot import load_robot
-from armid.study.forward import load_feedback, roll_out_run
+from armid.runs.rollout import load_feedback, roll_out_run
+from armid.runs.run import load_run, save_run
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
-from armid.study.run import load_run, save_run
-from armid.study.simulate import simulate_to, the_plan
-from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.plans.simulation import simulate_to, the_plan
 
 HANGING = (0.0, 0.0, 9.81)
 SECONDS = 27.0

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from armid.maths.inertia import com_inertia_to_vector
-from armid.model.base import find_base_parameters
+from armid.model.base_formulas import base_formulas, base_record, column_formulas
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
-from armid.model.formulas import base_formulas, base_record, column_formulas
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from trees import iiwa_tree, robot_of
 

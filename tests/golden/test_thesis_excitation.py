@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from armid.excitation.fourier import load_plan
+from armid.information.accumulate import inform
 from armid.information.information import stack, total
-from armid.information.stream import inform
 from armid.maths.linalg import condition, scaled_condition
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous

@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 
 from armid.cli.main import main
-from armid.report.thesis import MARKER, PAGE, render_thesis, thesis_sections, write_thesis
 from armid.study.records import to_json
-from armid.study.thesis.published import published
-from armid.study.thesis.retell import Thesis, retell, thesis_record
-from armid.study.thesis.setting import QUICK, Extent
+from armid.thesis.page import MARKER, PAGE, render_thesis, thesis_sections, write_thesis
+from armid.thesis.published import published
+from armid.thesis.retell import Thesis, retell, thesis_record
+from armid.thesis.setting import QUICK, Extent
 from reports import Page
 
 pytest.importorskip("mujoco")
@@ -389,7 +389,7 @@ def test_the_folder(
         asked.append(extent)
         return thesis
 
-    monkeypatch.setattr("armid.study.thesis.retell.retell", at_hand)
+    monkeypatch.setattr("armid.thesis.retell.retell", at_hand)
     folder = tmp_path / "study"
     with pytest.raises(SystemExit) as ended:
         main(["thesis", "--quick", "--seeds", "3", "--out", str(folder), "--json"])
@@ -415,7 +415,7 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def interrupted(*_: object, **__: object) -> Thesis:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("armid.study.thesis.retell.steps", interrupted)
+    monkeypatch.setattr("armid.thesis.retell.steps", interrupted)
     with pytest.raises(SystemExit) as ended:
         main(["thesis", "--quick", "--out", str(tmp_path / "study")])
     assert ended.value.code == 130 and list(tmp_path.iterdir()) == []

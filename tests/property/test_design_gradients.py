@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armid.excitation.channels import Amplitudes, Coefficients, Range, States, soft_maximum
-from armid.excitation.criteria import CRITERIA
-from armid.excitation.loads import Torque
-from armid.excitation.objective import Goal, Objective
-from armid.excitation.places import Workspace
-from armid.excitation.series import SeriesBasis
-from armid.model.base import find_base_parameters
+from armid.excitation.design.criteria import CRITERIA
+from armid.excitation.design.objective import Goal, Objective
+from armid.excitation.limits.constraints import Amplitudes, Coefficients, Range, States, soft_maximum
+from armid.excitation.limits.torque_limits import Torque
+from armid.excitation.limits.workspace import Workspace
+from armid.excitation.series_basis import SeriesBasis
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Coupling, Offset, RigidBody, RotorInertia, Viscous
 from armid.robot import load_robot

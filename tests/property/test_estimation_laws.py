@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.problem import Problem
-from armid.estimation.uncertainty import FEWEST_BLOCKS, cover
+from armid.estimation.uncertainty.covariance import FEWEST_BLOCKS, cover
+from armid.information.accumulate import inform
 from armid.information.information import Information, JointFactors, merge, select, total
-from armid.information.stream import inform
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.values import Array

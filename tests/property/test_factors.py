@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from armid import kernel
-from armid.information.setup import column_source
+from armid.information.column_source import column_source
 from armid.kernel import ColumnLayout, unpack_factors
 from armid.maths.linalg import condition
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from armid.information import filtering
-from armid.information.band import Band
+from armid.information.accumulate import inform
 from armid.information.information import select
-from armid.information.observations import Observations
-from armid.information.stream import inform
 from armid.maths.signals import low_pass, periodic_filter, zero_phase
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations
 from armid.model.motion import Motion
 from informed import RATE, assert_says, branching_arm, dense, filtered, recorded, rows_between, solved
 from problems import one_run

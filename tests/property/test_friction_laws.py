@@ -7,11 +7,11 @@ import pytest
 
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators import Ridge
-from armid.estimation.friction import Ladder, choose_friction
+from armid.estimation.friction.selection import Ladder, choose_friction
 from armid.estimation.problem import Problem, standard_of
-from armid.information.observations import Observations
-from armid.information.stream import inform
-from armid.model.base import find_base_parameters
+from armid.information.accumulate import inform
+from armid.measurement.observations import Observations
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import (
     AsymmetricCoulomb,

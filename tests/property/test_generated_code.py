@@ -11,7 +11,7 @@ import pytest
 
 from armid.codegen import LANGUAGES, generate, make_programs
 from armid.codegen.source import identifier
-from armid.model.formulas import base_formulas
+from armid.model.base_formulas import base_formulas
 from coded import (
     ARMS,
     CC,

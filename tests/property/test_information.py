@@ -9,13 +9,13 @@ import pytest
 
 from armid import values
 from armid.errors import ArmidError
-from armid.information import stream
-from armid.information.band import Band
+from armid.information import accumulate
+from armid.information.accumulate import inform
 from armid.information.information import Information, merge, select, stack, total
-from armid.information.observations import Observations
-from armid.information.stream import inform
 from armid.maths.linalg import condition, scaled_condition
-from armid.model.base import find_base_parameters
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, RigidBody, Viscous
@@ -73,9 +73,9 @@ def test_chunks_and_threads_do_not_matter(arm, monkeypatch, chunk, by_gram):
     model, base, _ = arm
     motion, torque = recorded(arm, 4, seconds=8.0)
     run = one_run(motion, torque, RATE, block_rows=150)
-    monkeypatch.setattr(stream, "GRAM_ROWS", 0 if by_gram else 10**9)
+    monkeypatch.setattr(accumulate, "GRAM_ROWS", 0 if by_gram else 10**9)
     plain = inform(model, base, raw(run))
-    monkeypatch.setattr(stream, "CHUNK", chunk)
+    monkeypatch.setattr(accumulate, "CHUNK", chunk)
     pieced = inform(model, base, raw(run), threads=3)
     assert np.array_equal(plain.rows, pieced.rows)
     assert plain.made_by == pieced.made_by
@@ -201,7 +201,7 @@ def test_one_row(arm):
 @pytest.fixture
 def eager(monkeypatch):
     """Try products of columns on short recordings too."""
-    monkeypatch.setattr(stream, "GRAM_ROWS", 100)
+    monkeypatch.setattr(accumulate, "GRAM_ROWS", 100)
 
 
 def test_products_are_kept_where_they_are_exact(arm, eager, monkeypatch):
@@ -210,7 +210,7 @@ def test_products_are_kept_where_they_are_exact(arm, eager, monkeypatch):
     run = one_run(motion, torque, RATE, block_rows=25)
     quick = inform(model, base, raw(run))
     assert quick.made_by.endswith(" products")
-    monkeypatch.setattr(stream, "GRAM_ROWS", 10**9)
+    monkeypatch.setattr(accumulate, "GRAM_ROWS", 10**9)
     careful = inform(model, base, raw(run))
     assert careful.made_by.endswith(" qr")
     assert_says(quick, dense(arm, run))
@@ -239,7 +239,7 @@ def test_products_are_dropped_for_poor_data(arm, eager):
     poor = Motion(motion.time, motion.q * shrunk, motion.dq * shrunk, motion.ddq * shrunk)
     torque = model.regressor(poor)[:, :, base.kept] @ truth + torque * 1e-3
     information = inform(model, base, raw(one_run(poor, torque, RATE)))
-    assert scaled_condition(stack(total(information))[0]) > stream.GRAM_CONDITION
+    assert scaled_condition(stack(total(information))[0]) > accumulate.GRAM_CONDITION
     assert information.made_by.endswith(" qr")
 
 

@@ -19,8 +19,8 @@ SCRIPT = """
 import ctypes, json, os, resource, sys
 import numpy as np
 from armid.information import stream
-from armid.information.stream import inform
-from armid.model.base import find_base_parameters
+from armid.information.accumulate import inform
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from problems import lively_motion, one_run, raw

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from armid.estimation.crossvalidation import beside, folds, held_out_squares, split
 from armid.estimation.estimators import EssentialParameters, Ridge, RobustLeastSquares, WeightedLeastSquares
 from armid.estimation.problem import Problem, standard_of
+from armid.information.accumulate import inform
 from armid.information.information import select
-from armid.information.observations import Observations
-from armid.information.stream import inform
-from armid.model.base import find_base_parameters
+from armid.measurement.observations import Observations
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.values import Array

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from armid.errors import UnsolvedError
-from armid.estimation.consistency import EPSILON
-from armid.estimation.consistent import Bodies, Program
+from armid.estimation.consistency.cones import EPSILON
+from armid.estimation.consistency.consistent_fit import Bodies, Program
 from armid.estimation.estimators import PhysicallyConsistent
 from armid.estimation.fit import Fit
 from armid.estimation.problem import Problem, standard_of
-from armid.information.stream import inform
+from armid.information.accumulate import inform
 from armid.maths.inertia import pseudo_inertia
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous

@@ -7,7 +7,7 @@ import pytest
 
 from armid import kernel
 from armid.model.expression import evaluate
-from armid.model.memory import Play
+from armid.model.hysteresis_memory import Play
 from memories import dragged, known_from
 from problems import COMPILED, TWIN
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from armid import kernel
-from armid.excitation.bounds import ORDERS, torque_curvature
 from armid.excitation.fourier import Excitation
+from armid.excitation.limits.torque_curvature import ORDERS, torque_curvature
 from trees import random_tree, structured_tree
 
 ROUNDING = 1e-5

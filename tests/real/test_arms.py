@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from armid import identify, load_study
+from armid.study.config import Study
 from armid.study.identify import Result
-from armid.study.study import Study
 
 STUDIES = Path(__file__).parent / "studies"
 

@@ -11,7 +11,7 @@ import pytest
 
 from armid import load_study
 from armid.errors import Finding
-from armid.study.doctor import diagnose
+from armid.study.diagnosis import diagnose
 
 STUDIES = Path(__file__).parent / "studies"
 

@@ -11,8 +11,8 @@ import pytest
 from armid import load_study
 from armid.export.write import export_run
 from armid.robot import load_robot
+from armid.runs.run import load_run, save_run
 from armid.study.identify import identify
-from armid.study.run import load_run, save_run
 
 STUDIES = Path(__file__).parent / "studies"
 

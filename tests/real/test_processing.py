@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.measurement.clock import jitter, stretches
-from armid.measurement.process import Processing, process, resolve
+from armid.measurement.processing.pipeline import Processing, process, resolve
+from armid.measurement.processing.resampling import jitter, stretches
 from armid.measurement.recording import Recording
 
 pytestmark = pytest.mark.real

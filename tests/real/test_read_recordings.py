@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.interpret import interpret
+from armid.measurement.log_format import Reading
 from armid.measurement.readers import load_recording
-from armid.measurement.reading import Reading
+from armid.measurement.robot_convention import interpret
 from armid.robot import load_robot
 
 pytestmark = pytest.mark.real

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.robot import forward_kinematics, frame_pose, load_robot
-from armid.robot.load import ARMS
+from armid.robot.loading import ARMS
 from armid.robot.readers import dh
 
 pytestmark = pytest.mark.real

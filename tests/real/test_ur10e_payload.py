@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from armid.maths.inertia import pseudo_inertia
+from armid.runs.payload import Payload, find_payload
+from armid.runs.recalibration import recalibrate
+from armid.runs.run import Run, load_run, save_run
+from armid.study.config import load_study
 from armid.study.identify import identify
-from armid.study.payload import Payload, find_payload
-from armid.study.recalibrate import recalibrate
-from armid.study.run import Run, load_run, save_run
-from armid.study.study import load_study
 
 STUDY = Path(__file__).parent / "studies" / "ur10e_innopolis.toml"
 OPEN, LOADED, LATER = "ur-20_02_19_14harm50sec", "ur-20_02_19_14harm50secLoad", "ur-20_02_12-50sec_12harm"

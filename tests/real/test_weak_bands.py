@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from armid import load_study
-from armid.information.rows import all_rows
-from armid.information.setup import column_source
+from armid.information.column_source import column_source
+from armid.information.regressor_rows import all_rows
 from armid.study.identify import conclude, observe_recordings, prepare
 
 STUDIES = Path(__file__).parent / "studies"

@@ -12,8 +12,8 @@ import pytest
 
 from armid import values
 from armid.errors import ArmidError, OutputError
-from armid.information.band import Band
-from armid.information.observations import Observations, ObservedRun
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations, ObservedRun
 from armid.model.motion import Motion
 from armid.values import array, digest, load, replace_file, save, sha256_of_file
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armid.estimation.consistent import Program
-from armid.estimation.constraints import Requirements
+from armid.estimation.consistency.consistent_fit import Program
+from armid.estimation.consistency.constraints import Requirements
 from armid.estimation.estimators.log_cholesky import LogCholesky
 from armid.estimation.prior import LENGTH, MASS, believe
 from armid.estimation.problem import Problem, Standard, standard_of
-from armid.estimation.weighted import Weighted, weigh
-from armid.information.stream import inform
-from armid.model.base import find_base_parameters
+from armid.estimation.whitening import Weighted, weigh
+from armid.information.accumulate import inform
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
 from armid.robot import load_robot

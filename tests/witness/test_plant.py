@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from armid import kernel
+from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
-from armid.excitation.plans import builtin_plan
 from armid.lab.controller import Controller, Drive
 from armid.lab.friction import Friction
+from armid.lab.known_arms import EFFECTS, Truth, truth_of, with_effects
 from armid.lab.plant import Plant, stable_rate, write_mjcf
-from armid.lab.trace import Trace, closed_loop
-from armid.lab.truths import EFFECTS, Truth, truth_of, with_effects
+from armid.lab.true_motion import Trace, closed_loop
 from armid.robot import load_robot
 from armid.robot.robot import InertialParameters
 from plants import short_plan, small_arm, smooth_arm

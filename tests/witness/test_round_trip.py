@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from armid.export.content import Content
 from armid.export.formats import EXPORTERS
+from armid.export.types import Content
 from armid.robot import builtin_arms, load_robot
 from exports import MJCF, URDF
 from round_trips import formats_of, round_trip, without_edited

@@ -19,10 +19,10 @@ from rich.table import Table
 
 from armid.cli.hints import hint
 from armid.errors import ArmidError, Finding
-from armid.shown import names_apart
+from armid.notebook import names_apart
 from armid.study.compare import MethodTable
 from armid.study.identify import Progress as Tell
-from armid.validation.predict import Score, Validation
+from armid.validation.prediction import Score, Validation
 from armid.values import Array
 
 __all__ = [
@@ -118,7 +118,7 @@ def progress(*, quiet: bool = False) -> Generator[Tell]:
 @contextmanager
 def meshes_told(*, quiet: bool = False) -> Generator[None]:
     """Say on standard error which mesh is read, where that takes longer than `PATIENCE` and somebody watches."""
-    from armid.excitation.coal import telling_of_meshes
+    from armid.excitation.collision.coal import telling_of_meshes
 
     console, began, said, count = error_console(), time.monotonic(), 0.0, 0
 

@@ -15,26 +15,26 @@ from typing import Annotated, Any
 
 import typer
 
-from armid.cli.base import base
-from armid.cli.bench import bench
-from armid.cli.certify import certify
-from armid.cli.command import Command
-from armid.cli.demo import demo
-from armid.cli.doctor import doctor
-from armid.cli.excite import excite
-from armid.cli.export import export
+from armid.cli.commands.base import base
+from armid.cli.commands.bench import bench
+from armid.cli.commands.certify import certify
+from armid.cli.commands.demo import demo
+from armid.cli.commands.doctor import doctor
+from armid.cli.commands.export import export
+from armid.cli.commands.identify import identify
+from armid.cli.commands.payload import payload
+from armid.cli.commands.predict import predict
+from armid.cli.commands.recalibrate import recalibrate
+from armid.cli.commands.report import report
+from armid.cli.commands.thesis import thesis
+from armid.cli.commands.track import track
+from armid.cli.commands.validate import validate
+from armid.cli.help_format import Command
 from armid.cli.hints import hint
-from armid.cli.identify import identify
+from armid.cli.motion.excite import excite
+from armid.cli.motion.preview import preview
+from armid.cli.motion.simulate import simulate
 from armid.cli.next_step import next_step
-from armid.cli.payload import payload
-from armid.cli.predict import predict
-from armid.cli.preview import preview
-from armid.cli.recalibrate import recalibrate
-from armid.cli.report import report
-from armid.cli.simulate import simulate
-from armid.cli.thesis import thesis
-from armid.cli.track import track
-from armid.cli.validate import validate
 from armid.errors import ArmidError
 from armid.threads import prefer_one_thread
 

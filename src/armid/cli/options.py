@@ -13,7 +13,7 @@ from armid.cli.completion import joints, known_arms, links, terms
 from armid.errors import ArmidError, StudyError
 
 if TYPE_CHECKING:
-    from armid.study.study import ModelChoice, RobotChoice
+    from armid.study.config import ModelChoice, RobotChoice
 
 __all__ = [
     "Gravity",
@@ -105,7 +105,7 @@ def robot_choice(
     package: list[str] | None = None,
 ) -> RobotChoice:
     """The robot that the command line names, and which of its joints move."""
-    from armid.study.study import RobotChoice
+    from armid.study.config import RobotChoice
 
     if tip is not None and BOX.fullmatch(tip):
         raise ArmidError(f"--tip {tip}: this is no link.", remedy="the box that the tip keeps to is --tip-box.")
@@ -147,7 +147,7 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
     Raises:
         StudyError: An empty list, or `auto` without recordings.
     """
-    from armid.study.study import ModelChoice
+    from armid.study.config import ModelChoice
 
     if terms == "auto":
         if default:

@@ -10,7 +10,7 @@ import typer
 from armid.errors import ArmidError
 
 if TYPE_CHECKING:
-    from armid.measurement.reading import Reading
+    from armid.measurement.log_format import Reading
 
 __all__ = ["Columns", "Data", "Rate", "TimeUnit", "TorqueSign", "Units", "changed_reading", "columns_given", "given"]
 

@@ -14,7 +14,7 @@ from armid.codegen.languages import LANGUAGES
 from armid.codegen.program import Argument, Program
 from armid.codegen.source import Source, make_source
 from armid.errors import OutputError, did_you_mean
-from armid.model.base import BaseParameters
+from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 
 __all__ = ["LANGUAGES", "PROGRAMS", "Argument", "Program", "Source", "generate", "make_programs", "make_source"]

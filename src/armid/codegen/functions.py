@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from armid.codegen.graph import Graph, Scalar
-from armid.codegen.laws import combined, is_inertia, law_value, rotor_matrix, updated, uses
 from armid.codegen.program import Argument, Program
-from armid.codegen.rigid import Geometry, inverse_dynamics, mass_matrix, numbers, regressor
+from armid.codegen.rigid_bodies import Geometry, inverse_dynamics, mass_matrix, numbers, regressor
+from armid.codegen.term_laws import combined, is_inertia, law_value, rotor_matrix, updated, uses
 from armid.errors import ModelError
-from armid.model.base import BaseParameters
+from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 
 __all__ = ["PROGRAMS", "Maker", "make_programs"]

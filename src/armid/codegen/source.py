@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from armid.codegen.functions import PROGRAMS, make_programs
 from armid.codegen.program import Program
-from armid.model.base import BaseParameters
+from armid.model.base_formulas import base_formulas
+from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
-from armid.model.formulas import base_formulas
 from armid.values import array
 
 __all__ = ["Named", "Source", "identifier", "make_source"]

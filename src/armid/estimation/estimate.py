@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from armid.errors import Finding
 from armid.estimation.fit import Fit
 from armid.estimation.standard_fit import StandardFit, Status
-from armid.model.base import BaseParameters
-from armid.shown import Shown, Summary, percent, plural
+from armid.model.base_parameters import BaseParameters
+from armid.notebook import Shown, Summary, percent, plural
 from armid.values import Array
 
 __all__ = ["Estimate", "Status", "TermUse", "averaged", "standard_parameters", "torque_parameters"]

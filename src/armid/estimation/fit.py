@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from armid.errors import Finding
 from armid.estimation.standard_fit import StandardFit
 from armid.information.information import Information
-from armid.shown import Shown, Summary, percent
+from armid.notebook import Shown, Summary, percent
 from armid.values import Array, array
 
 __all__ = ["POORLY_IDENTIFIED", "CovarianceReport", "Fit"]

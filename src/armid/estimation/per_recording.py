@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from armid.estimation.problem import Standard
 from armid.information.information import Information, JointFactors
 from armid.kernel import factor_columns
-from armid.model.base import BaseParameters
+from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Offset
 

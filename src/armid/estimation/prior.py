@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError, Finding
 from armid.estimation.problem import Standard
-from armid.estimation.weighted import Weighted
+from armid.estimation.whitening import Weighted
+from armid.maths.barrier_function import LogDet
 from armid.maths.inertia import (
     PSEUDO_INERTIA_OF,
     com_inertia_to_vector,
@@ -30,7 +31,6 @@ from armid.maths.inertia import (
     vector_from_pseudo_inertia,
 )
 from armid.maths.linalg import half_of
-from armid.maths.smooth import LogDet
 from armid.values import Array
 
 __all__ = ["LENGTH", "MASS", "Belief", "believe", "carried", "relative_precision", "size_of_bodies"]

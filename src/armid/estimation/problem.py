@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError
 from armid.information.information import Information
-from armid.information.observations import Observations
-from armid.model.base import BaseParameters
+from armid.measurement.observations import Observations
+from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array, array
 

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from armid.maths.linalg import half_of, inverse_of, orthonormal
-from armid.shown import Shown, Summary
+from armid.notebook import Shown, Summary
 from armid.values import Array, array
 
 __all__ = [

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armid.estimation.beside import Earlier
 from armid.estimation.fit import Fit
-from armid.estimation.jackknife import filled
 from armid.estimation.problem import Problem
-from armid.estimation.reversals import moved_among_unknowns
-from armid.estimation.uncertainty import Uncertainty
+from armid.estimation.uncertainty.covariance import Uncertainty
+from armid.estimation.uncertainty.jackknife import filled
+from armid.estimation.uncertainty.reversals import moved_among_unknowns
+from armid.estimation.update.stacked_problem import Earlier
 from armid.information.information import Information, stack
 from armid.maths.linalg import root_of, unit_columns
 from armid.values import Array

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from armid.errors import ArmidError
 from armid.model.motion import Motion
-from armid.shown import Shown, Summary
+from armid.notebook import Shown, Summary
 from armid.values import Array, array, replace_file
 
 __all__ = ["Excitation", "load_plan", "required_series", "save_plan"]
@@ -121,7 +121,7 @@ def load_plan(path: Path | str) -> Excitation:
         raise ArmidError(
             f"{path} lacks {', '.join(missing)}.",
             possible=", ".join(PLAN_KEYS),
-            remedy="it is a plan of poses or sweeps: armid.study.plan_files.read_whole_plan reads it."
+            remedy="it is a plan of poses or sweeps: armid.study.plans.plan_files.read_whole_plan reads it."
             if still
             else "",
         )

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation, required_series
 from armid.model.motion import Motion
-from armid.shown import Shown, Summary
+from armid.notebook import Shown, Summary
 from armid.values import Array, array
 
 __all__ = ["Plan", "seconds_for"]

@@ -9,12 +9,12 @@ from typing import Literal
 
 import numpy as np
 
-from armid.excitation.closest import RATE, Approach, closest_approaches
-from armid.excitation.collision import Collision, LeftOut
-from armid.excitation.finish import Margin, fine_grid, margins
-from armid.excitation.objective import Goal, Objective
-from armid.excitation.sensitivity import Columns
-from armid.excitation.solver import Problem
+from armid.excitation.certification import Margin, fine_grid, margins
+from armid.excitation.collision.closest_approach import RATE, Approach, closest_approaches
+from armid.excitation.collision.collision_model import Collision, LeftOut
+from armid.excitation.design.objective import Goal, Objective
+from armid.excitation.design.sensitivity import Columns
+from armid.excitation.design.sqp import Problem
 from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from armid.errors import Finding
-from armid.excitation.design import Search
+from armid.excitation.design.multistart import Search
 
 __all__ = ["unsettled"]
 

@@ -12,11 +12,11 @@ import numpy as np
 from armid.codegen import generate, make_programs
 from armid.errors import OutputError
 from armid.estimation.estimate import torque_parameters
-from armid.model.base import BaseParameters
+from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
-from armid.study.run import Run
-from armid.validation.predict import Check
+from armid.runs.run import Run
+from armid.validation.prediction import Check
 from armid.values import Array, replace_file
 
 __all__ = ["CodeExported", "code_record", "export_code"]

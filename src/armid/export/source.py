@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import ArmidError, Finding, OutputError
-from armid.export.content import Source
 from armid.export.formats import mjcf
-from armid.measurement.reading import Reading
+from armid.export.types import Source
+from armid.measurement.log_format import Reading
 from armid.measurement.recording import Recording
-from armid.robot.load import builtin_arms, held_of, load_robot
-from armid.robot.markup import root_tag
+from armid.robot.loading import builtin_arms, held_of, load_robot
 from armid.robot.readers.xacro import expand
-from armid.study.again import read_again
-from armid.study.run import Run
-from armid.study.study import RecordingChoice, parse_robot
+from armid.robot.xml import root_tag
+from armid.runs.locate_recording import read_again
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice, parse_robot
 
 __all__ = ["Unseen", "find_source", "unseen_recordings"]
 

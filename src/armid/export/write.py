@@ -10,19 +10,19 @@ from typing import Any
 
 from armid.codegen import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
-from armid.excitation.limits import with_limits
-from armid.export.bodies import carried_by, carriers, share_out
-from armid.export.check import Prediction, places_of, verify, without_place
-from armid.export.content import Body, Content, Source
-from armid.export.doubtful import far_bodies, refuse_unidentified, refuse_unphysical, unphysical_names
+from armid.excitation.limits.joint_limits import with_limits
+from armid.export.body_split import carried_by, carriers, share_out
 from armid.export.formats import EXPORTERS, Exporter
-from armid.export.side import side_record
+from armid.export.plausibility import far_bodies, refuse_unidentified, refuse_unphysical, unphysical_names
+from armid.export.sidecar import side_record
 from armid.export.source import find_source, unseen_recordings
-from armid.export.standard import values_to_write
+from armid.export.standard_values import values_to_write
+from armid.export.types import Body, Content, Source
+from armid.export.verification import Prediction, places_of, verify, without_place
 from armid.robot.robot import InertialParameters, Link, Robot
+from armid.runs.run import Run
 from armid.study.records import finding_record, to_json
-from armid.study.run import Run
-from armid.validation.predict import Check
+from armid.validation.prediction import Check
 from armid.values import Array, replace_file
 
 __all__ = ["Exported", "export_record", "export_run"]

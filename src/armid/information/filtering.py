@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid import kernel
-from armid.information.band import Band
-from armid.information.observations import ObservedRun
-from armid.information.setup import ColumnSource
+from armid.information.column_source import ColumnSource
 from armid.maths.signals import (
     coarsest_step,
     decimate,
@@ -26,6 +24,8 @@ from armid.maths.signals import (
     settling_samples,
     zero_phase,
 )
+from armid.measurement.band import Band
+from armid.measurement.observations import ObservedRun
 from armid.values import Array
 
 __all__ = ["filtered_columns", "filtered_torque", "in_band"]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.kernel import factor_columns
-from armid.shown import Shown, Summary, plural
+from armid.notebook import Shown, Summary, plural
 from armid.values import Array, array
 
 __all__ = ["Information", "JointFactors", "merge", "restrict", "select", "stack", "total"]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.information.band import Band
 from armid.information.filtering import in_band
-from armid.information.memory import remember
-from armid.information.observations import ObservedRun
+from armid.information.hysteresis_states import remember
+from armid.measurement.band import Band
+from armid.measurement.observations import ObservedRun
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array
 

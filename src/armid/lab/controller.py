@@ -18,7 +18,7 @@ import numpy as np
 
 from armid import kernel
 from armid.errors import LabError, did_you_mean
-from armid.lab.truths import Truth
+from armid.lab.known_arms import Truth
 from armid.model.motion import Motion
 from armid.values import Array
 

@@ -18,8 +18,8 @@ from armid.errors import ArmidError, LabError, did_you_mean
 from armid.lab.controller import Controller, Drive
 from armid.lab.faults import FAULTS, Fault
 from armid.lab.friction import Friction
+from armid.lab.known_arms import Truth, with_effects
 from armid.lab.sensors import Sensing
-from armid.lab.truths import Truth, with_effects
 from armid.values import Array
 
 __all__ = ["Arm", "LabOptions", "load_options", "parse_options"]
@@ -35,7 +35,7 @@ class Arm:
     """Properties of an arm beyond its built-in truth.
 
     Attributes:
-        effects: Names in `armid.lab.truths.EFFECTS`, in proportion to the friction that the arm has.
+        effects: Names in `armid.lab.known_arms.EFFECTS`, in proportion to the friction that the arm has.
         friction: Friction instead of the built-in one.
         rotor: Rotor inertia, shape (n,) [kg·m²].
         stiffness: Of elastic drives, shape (n,) [N·m/rad].

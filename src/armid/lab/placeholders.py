@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from armid.errors import Finding
-from armid.lab.truths import TYPICAL_COULOMB, UNKNOWN_EFFORT, Truth, friction_of_limits
+from armid.lab.known_arms import TYPICAL_COULOMB, UNKNOWN_EFFORT, Truth, friction_of_limits
 from armid.values import Array
 
 __all__ = ["placeholder_finding"]

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from armid import kernel
 from armid.errors import LabError, MissingExtraError
-from armid.lab.truths import Truth
+from armid.lab.known_arms import Truth
 from armid.maths.inertia import vector_to_com_inertia
 from armid.maths.stiction import settle_friction
-from armid.robot.massless import inertial_key
+from armid.robot.missing_inertia import inertial_key
 from armid.robot.robot import Robot
 from armid.values import Array
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from armid.errors import LabError
-from armid.lab.trace import MARGIN, Trace
+from armid.lab.true_motion import MARGIN, Trace
 from armid.maths.signals import butterworth
 from armid.measurement.recording import Recording
 from armid.values import Array, digest

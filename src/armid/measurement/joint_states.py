@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
-from armid.measurement.channels import LISTED
+from armid.measurement.columns.channels import LISTED
 from armid.values import Array
 
 __all__ = ["JointStates", "Publisher", "collect", "joined", "names_of"]

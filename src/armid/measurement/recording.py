@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
-from armid.shown import Shown, Summary, spans
+from armid.notebook import Shown, Summary, spans
 from armid.values import Array, array
 
 __all__ = ["Recording"]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.measurement.reading import Reading
+from armid.measurement.log_format import Reading
 from armid.toml import toml_line
 
 __all__ = ["BY_HAND", "excluding", "lines", "naming"]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from armid.errors import RecordingError
-from armid.measurement.column_names import unit_kind
+from armid.measurement.columns.names import unit_kind
 from armid.values import Array
 
 __all__ = ["TextTable", "decoded", "numbers_of", "seconds_of", "table_of"]

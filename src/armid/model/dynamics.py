@@ -19,12 +19,12 @@ from armid import kernel
 from armid.errors import ModelError
 from armid.kernel.tree import Tree
 from armid.model.expression import derivative, evaluate, number, symbols, text
-from armid.model.memory import Coordinate, MemoryNode
+from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.terms import Law, RigidBody, Term
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
+from armid.notebook import Shown, Summary, plural
 from armid.robot.robot import Robot
-from armid.shown import Shown, Summary, plural
 from armid.values import Array, array
 
 __all__ = ["DynamicsModel", "Parameter", "TermColumns"]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armid.errors import ArmidError
-from armid.shown import Shown, Summary, spans
+from armid.notebook import Shown, Summary, spans
 from armid.values import Array, array
 
 __all__ = ["Motion"]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.model.formulas import base_formulas
-from armid.report.material import Material
-from armid.report.names import label_of
-from armid.report.numbers import decimals_of, fixed, short
+from armid.model.base_formulas import base_formulas
+from armid.report.data.joint_names import label_of
+from armid.report.data.number_format import decimals_of, fixed, short
+from armid.report.data.page_data import Material
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Cell, Column, Table
 from armid.values import Array

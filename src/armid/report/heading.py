@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from armid.report.material import Material
-from armid.report.numbers import short
-from armid.report.picture import picture_of
-from armid.shown import names_apart
+from armid.notebook import names_apart
+from armid.report.data.number_format import short
+from armid.report.data.page_data import Material
+from armid.report.plots.arm_picture import picture_of
 
 __all__ = ["Heading", "commands_of", "heading_of_run"]
 

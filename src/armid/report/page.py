@@ -13,15 +13,15 @@ from typing import Any
 
 from armid.measurement.recording import Recording
 from armid.report.comparison import COMPARISON, pair_of
+from armid.report.data.page_data import Material, gather, records_of
 from armid.report.heading import Heading, heading_of_run
-from armid.report.look import plot_record
-from armid.report.material import Material, gather, records_of
-from armid.report.packing import compressed, embedded
+from armid.report.plots.encoding import compressed, embedded
+from armid.report.plots.style import plot_record
 from armid.report.rendering import environment, require_extra, text_of
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
-from armid.study.run import Run
-from armid.study.study import RecordingChoice
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice
 from armid.values import replace_file
 
 __all__ = ["assemble", "render", "write_comparison", "write_page", "write_report"]

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from armid.report.material import Material
-from armid.report.numbers import share, short
-from armid.report.plots import Plot, Sight
+from armid.report.data.number_format import share, short
+from armid.report.data.page_data import Material
+from armid.report.plots.traces import Plot, Sight
 from armid.report.tables import Table
 
 __all__ = ["Section", "cut_words", "effort_unit", "one_of"]

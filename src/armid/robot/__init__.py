@@ -1,7 +1,7 @@
 """Robots: values, readers, built-in arms."""
 
 from armid.robot.kinematics import forward_kinematics, frame_pose
-from armid.robot.load import builtin_arms, load_robot
+from armid.robot.loading import builtin_arms, load_robot
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
 
 __all__ = [

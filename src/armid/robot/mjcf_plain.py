@@ -18,10 +18,10 @@ import numpy as np
 
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, rotation_x, rotation_y, rotation_z
-from armid.robot.markup import floating, identity_only, numbers, parse_xml
-from armid.robot.mjcf_outline import check_equalities, joints_of
+from armid.robot.mjcf_joints import check_equalities, joints_of
 from armid.robot.pinocchio_model import Limits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
+from armid.robot.xml import floating, identity_only, numbers, parse_xml
 from armid.values import Array
 
 __all__ = ["Plain", "flatten", "plain_mjcf"]

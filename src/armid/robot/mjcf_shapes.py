@@ -16,7 +16,6 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding
 from armid.maths.spatial import homogeneous
-from armid.robot.markup import numbers
 from armid.robot.mjcf_plain import Plain
 from armid.robot.pinocchio_model import pinocchio
 from armid.robot.shapes import (
@@ -28,6 +27,7 @@ from armid.robot.shapes import (
     rotation_with_z,
     shape_name,
 )
+from armid.robot.xml import numbers
 from armid.values import Array
 
 __all__ = ["add_sites", "carriers_of", "shapes_of_mjcf"]

@@ -14,8 +14,8 @@ from armid.errors import Finding, RobotError, did_you_mean
 from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
 from armid.maths.spatial import axis_rotation, homogeneous
+from armid.notebook import Shown, Summary, plural
 from armid.robot.shapes import Shape
-from armid.shown import Shown, Summary, plural
 from armid.values import Array, array
 
 __all__ = ["EARTH_GRAVITY", "Frame", "Held", "InertialParameters", "Joint", "Link", "Robot"]

@@ -13,10 +13,10 @@ import numpy as np
 
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous, rpy_rotation
-from armid.robot.markup import numbers
 from armid.robot.packages import file_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing, shape_name
+from armid.robot.xml import numbers
 from armid.values import Array
 
 __all__ = ["shapes_of_urdf"]

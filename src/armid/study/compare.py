@@ -22,12 +22,12 @@ from armid.estimation.estimate import collapse
 from armid.estimation.estimators import ESTIMATORS, Estimator, LogCholesky, PhysicallyConsistent, Ridge, ThesisNLP
 from armid.estimation.fit import Fit
 from armid.estimation.problem import Problem
+from armid.information.accumulate import inform
 from armid.information.information import Information, select, total
-from armid.information.observations import Observations
-from armid.information.stream import inform
+from armid.measurement.observations import Observations
+from armid.study.config import build_estimator
 from armid.study.identify import Prepared, Progress, observe_recordings, stated_problem
-from armid.study.study import build_estimator
-from armid.validation.consistency import Certificate, certify_values
+from armid.validation.certificate import Certificate, certify_values
 from armid.values import Array
 
 __all__ = ["MethodScore", "MethodTable", "compare_methods", "compare_record"]

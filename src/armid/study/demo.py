@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from armid.excitation.plans import builtin_plan
-from armid.lab.virtual import Sensors, record, thesis_truth
-from armid.measurement.processing import THESIS, Processing
-from armid.measurement.reading import Reading
+from armid.excitation.builtin_plans import builtin_plan
+from armid.lab.ideal_recording import Sensors, record, thesis_truth
+from armid.measurement.log_format import Reading
+from armid.measurement.processing.options import THESIS, Processing
 from armid.measurement.recording import Recording
-from armid.model.base import find_base_parameters
+from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.robot import load_robot
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.identify import Progress, Result, conclude, prepare
-from armid.study.study import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.values import Array
 
 __all__ = ["MOTIONS", "RECORD", "Demo", "demo_recordings", "demo_study", "run_demo", "thesis_processing"]

@@ -13,33 +13,28 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.estimate import Estimate, TermUse
-from armid.estimation.friction import Ladder, choose_friction
-from armid.estimation.load import with_load
+from armid.estimation.friction.load_torque import with_load
+from armid.estimation.friction.selection import Ladder, choose_friction
 from armid.estimation.per_recording import offset_names, separate_by_recording
 from armid.estimation.problem import Problem, standard_of
-from armid.estimation.uncertainty import cover
+from armid.estimation.uncertainty.covariance import cover
+from armid.information.accumulate import inform
+from armid.information.hysteresis_states import memory_findings
 from armid.information.information import Information
-from armid.information.memory import memory_findings
-from armid.information.observations import Observations
-from armid.information.stream import inform
-from armid.measurement.interpret import interpret, understood
-from armid.measurement.process import observe, resolve
-from armid.measurement.processing import Processing
+from armid.measurement.log_format import Reading
+from armid.measurement.observations import Observations
+from armid.measurement.processing.options import Processing
+from armid.measurement.processing.pipeline import observe, resolve
 from armid.measurement.readers import load_recording
-from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
-from armid.model.base import BaseParameters, find_base_parameters
+from armid.measurement.robot_convention import interpret, understood
+from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
+from armid.notebook import Shown, Summary
 from armid.robot import Robot
-from armid.shown import Shown, Summary
 from armid.study import plausibility
-from armid.study.beyond import highest_speeds, speed_finding
-from armid.study.chosen import as_chosen, credited
-from armid.study.cut import cut, refuse_shared
-from armid.study.doctor import findings_on
-from armid.study.labels import labels
-from armid.study.study import (
+from armid.study.config import (
     PER_RECORDING,
     RecordingChoice,
     Study,
@@ -48,8 +43,13 @@ from armid.study.study import (
     load_choice,
     resolve_model,
 )
+from armid.study.diagnosis import findings_on
+from armid.study.extrapolation import highest_speeds, speed_finding
+from armid.study.friction_method import as_chosen, credited
+from armid.study.recording_labels import labels
+from armid.study.recording_parts import cut, refuse_shared
 from armid.threads import one_blas_thread
-from armid.validation.predict import Score, Validation, score, validate
+from armid.validation.prediction import Score, Validation, score, validate
 from armid.values import Array, digest
 
 __all__ = [

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, hardly_told
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.estimators.physical import NOT_JUDGED
 from armid.estimation.fit import Fit
-from armid.estimation.friction import FEWEST, Ladder
+from armid.estimation.friction.selection import FEWEST, Ladder
 from armid.estimation.per_recording import offset_names
 from armid.estimation.problem import Problem, Standard
-from armid.estimation.uncertainty import FEWEST_BLOCKS, FEWEST_ROWS
+from armid.estimation.uncertainty.covariance import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
-from armid.information.observations import Observations
 from armid.maths.linalg import inverse_of, unit_columns
+from armid.measurement.observations import Observations
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
-from armid.validation.doctor.excitation_weak import WEAK_CONDITION, excitation_severity, hardly_told
 from armid.validation.gravity_sign import gravity_finding
 from armid.values import Array
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from armid.errors import Finding
 from armid.estimation.estimate import Estimate, standard_parameters
-from armid.estimation.friction import Ladder
+from armid.estimation.friction.selection import Ladder
 from armid.estimation.standard_fit import StandardFit
-from armid.model.formulas import base_formulas
-from armid.validation.predict import Validation
+from armid.model.base_formulas import base_formulas
+from armid.validation.prediction import Validation
 
 __all__ = ["certificate_record", "estimate_record", "finding_record", "ladder_record", "to_json", "validation_record"]
 

@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import Any
 
 from armid.errors import StudyError
-from armid.measurement.reading import Reading
+from armid.measurement.log_format import Reading
 from armid.measurement.remedy import BY_HAND
-from armid.study.study import EstimationChoice, ModelChoice, RobotChoice, Study
+from armid.study.config import EstimationChoice, ModelChoice, RobotChoice, Study
 from armid.toml import to_toml
 
 __all__ = ["OF_READING", "OPTIONS", "applied", "as_option", "as_study", "at_the_prompt", "tables_of"]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import Finding
-from armid.model.base import BaseParameters
+from armid.model.base_parameters import BaseParameters
 from armid.robot import Robot
 from armid.values import array
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from armid.codegen.program import Program
+from armid.codegen.reference_functions import thesis_programs
 from armid.codegen.source import Source
-from armid.codegen.thesis import thesis_programs
 from armid.codegen.writing import Notation, body
 
 __all__ = ["write"]

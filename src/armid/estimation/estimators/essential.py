@@ -31,7 +31,7 @@ from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import Solution
 from armid.estimation.problem import Problem
-from armid.estimation.uncertainty import block_covariance
+from armid.estimation.uncertainty.covariance import block_covariance
 from armid.information.information import Information, restrict, stack, total
 from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread

@@ -14,12 +14,12 @@ import numpy as np
 
 from armid.errors import EstimationError, Finding
 from armid.estimation.fit import Fit
-from armid.estimation.outcome import Outcome
 from armid.estimation.per_recording import standard_per_recording
+from armid.estimation.physical_fit import Outcome
 from armid.estimation.prior import LENGTH, MASS, Belief, believe
 from armid.estimation.problem import Problem, Standard
 from armid.estimation.standard_fit import PriorUse
-from armid.estimation.weighted import Weighted, weigh
+from armid.estimation.whitening import Weighted, weigh
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.threads import one_blas_thread
 from armid.values import Array

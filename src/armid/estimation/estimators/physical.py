@@ -15,17 +15,17 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from armid.errors import EstimationError, Finding, UnsolvedError
-from armid.estimation.consistency import EPSILON
-from armid.estimation.consistent import Program
-from armid.estimation.constraints import Requirements
+from armid.estimation.consistency.cones import EPSILON
+from armid.estimation.consistency.consistent_fit import Program
+from armid.estimation.consistency.constraints import Requirements
 from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
 from armid.estimation.fit import Fit
-from armid.estimation.outcome import Outcome
 from armid.estimation.per_recording import standard_per_recording
+from armid.estimation.physical_fit import Outcome
 from armid.estimation.prior import believe
 from armid.estimation.problem import Problem, Standard
 from armid.estimation.standard_fit import PriorUse, Trial
-from armid.estimation.weighted import Weighted, rows_of, weigh
+from armid.estimation.whitening import Weighted, rows_of, weigh
 from armid.information.information import Information
 from armid.threads import one_blas_thread
 from armid.values import Array

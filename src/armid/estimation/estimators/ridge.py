@@ -25,8 +25,8 @@ from armid.estimation.fit import Fit
 from armid.estimation.least_squares import solve
 from armid.estimation.prior import believe, carried
 from armid.estimation.problem import Problem
-from armid.estimation.uncertainty import scale_covariance
-from armid.estimation.weighted import Weighted, rows_of, weigh
+from armid.estimation.uncertainty.covariance import scale_covariance
+from armid.estimation.whitening import Weighted, rows_of, weigh
 from armid.information.information import Information, stack
 from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread

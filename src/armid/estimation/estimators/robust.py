@@ -30,10 +30,10 @@ from armid.estimation.fit import Fit
 from armid.estimation.least_squares import Solution, solve
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import Problem
-from armid.estimation.uncertainty import scale_covariance
+from armid.estimation.uncertainty.covariance import scale_covariance
+from armid.information.column_source import column_source
 from armid.information.information import Information, JointFactors, stack, total
-from armid.information.setup import column_source
-from armid.information.weighted import Rows, Segment, weighted_information
+from armid.information.weighted_rows import Rows, Segment, weighted_information
 from armid.threads import one_blas_thread
 from armid.values import Array
 

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError, Finding, MissingExtraError
 from armid.estimation.fit import Fit
-from armid.estimation.outcome import Outcome
 from armid.estimation.per_recording import standard_per_recording
+from armid.estimation.physical_fit import Outcome
 from armid.estimation.prior import believe
 from armid.estimation.problem import Problem, Standard
 from armid.estimation.standard_fit import PriorUse
-from armid.estimation.weighted import Weighted, weigh
+from armid.estimation.whitening import Weighted, weigh
 from armid.threads import one_blas_thread
 from armid.values import Array
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from armid.export.content import Body, Content, Source, Witness, Written
 from armid.export.formats import mjcf, sdf, urdf
+from armid.export.types import Body, Content, Source, Witness, Written
 from armid.robot.robot import Robot
 from armid.values import Array
 

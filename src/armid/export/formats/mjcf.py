@@ -20,15 +20,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from armid.errors import Finding, OutputError, RobotError
-from armid.export.bodies import placed
-from armid.export.content import Body, Content, Source, Witness, Written, com_form, text_of, unique_names
-from armid.export.spans import Document, Node, element_text
-from armid.export.witness import mujoco_witness, pinocchio_witness
-from armid.robot.markup import parse_xml
+from armid.export.body_split import placed
+from armid.export.other_programs import mujoco_witness, pinocchio_witness
+from armid.export.types import Body, Content, Source, Witness, Written, com_form, text_of, unique_names
+from armid.export.xml_edit import Document, Node, element_text
 from armid.robot.mjcf_plain import IGNORED_COMPILER, Plain, flatten, plain_mjcf
 from armid.robot.pinocchio_model import build, pinocchio
 from armid.robot.readers import mjcf as reader
 from armid.robot.robot import InertialParameters, Robot
+from armid.robot.xml import parse_xml
 from armid.values import Array
 
 __all__ = ["EDITS", "PLACES", "SUFFIX", "bodies", "read", "whole", "witnesses", "write"]

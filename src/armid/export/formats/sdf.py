@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from armid.errors import OutputError
-from armid.export.content import Body, Content, Source, Witness, Written, com_form, rpy_of, text_of, unique_names
+from armid.export.types import Body, Content, Source, Witness, Written, com_form, rpy_of, text_of, unique_names
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.robot import Frame, InertialParameters, Joint, Link, Robot
 from armid.values import Array

@@ -16,10 +16,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from armid.errors import Finding, OutputError
-from armid.export.bodies import placed
-from armid.export.content import Body, Content, Source, Witness, Written, com_form, rpy_of, text_of, unique_names
-from armid.export.spans import Document, Node, element_text
-from armid.export.witness import mujoco_witness, pinocchio_witness
+from armid.export.body_split import placed
+from armid.export.other_programs import mujoco_witness, pinocchio_witness
+from armid.export.types import Body, Content, Source, Witness, Written, com_form, rpy_of, text_of, unique_names
+from armid.export.xml_edit import Document, Node, element_text
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.readers import urdf as reader
 from armid.robot.robot import InertialParameters, Joint, Robot

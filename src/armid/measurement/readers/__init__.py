@@ -8,8 +8,8 @@ from typing import Protocol
 
 from armid.errors import RecordingError
 from armid.measurement.bag_files import COMPRESSED, STORAGE, is_packed, sha256_of_recording
+from armid.measurement.log_format import Reading
 from armid.measurement.readers import bag, csv, excel, mat, npz, parquet
-from armid.measurement.reading import Reading
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 

@@ -14,7 +14,7 @@ import numpy as np
 from armid.errors import Finding, MissingExtraError, RecordingError
 from armid.measurement.bag_files import STORAGE, opened
 from armid.measurement.joint_states import FIELDS, JointStates, Publisher, collect, joined, names_of
-from armid.measurement.reading import Reading
+from armid.measurement.log_format import Reading
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 

@@ -9,8 +9,8 @@ import zlib
 from pathlib import Path
 
 from armid.errors import MissingExtraError, RecordingError
-from armid.measurement.columns import assemble, select
-from armid.measurement.reading import Reading
+from armid.measurement.columns.lookup import assemble, select
+from armid.measurement.log_format import Reading
 from armid.measurement.recording import Recording
 from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_of
 from armid.robot.robot import Robot

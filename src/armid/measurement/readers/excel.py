@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from armid.errors import MissingExtraError, RecordingError
-from armid.measurement.columns import assemble, select
-from armid.measurement.reading import Reading
+from armid.measurement.columns.lookup import assemble, select
+from armid.measurement.log_format import Reading
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import MissingExtraError, RecordingError
-from armid.measurement.columns import Selection, assemble, numeric, select
-from armid.measurement.reading import Reading
+from armid.measurement.columns.lookup import Selection, assemble, numeric, select
+from armid.measurement.log_format import Reading
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array

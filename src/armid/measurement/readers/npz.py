@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from armid.errors import RecordingError
-from armid.measurement.columns import assemble, numeric, select
-from armid.measurement.reading import Reading
+from armid.measurement.columns.lookup import assemble, numeric, select
+from armid.measurement.log_format import Reading
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array, load

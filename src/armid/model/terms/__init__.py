@@ -1,22 +1,22 @@
 """Torque terms, one a file. `TERMS` is the catalogue: a new term is a new file and one line here."""
 
-from armid.model.terms.asymmetric_coulomb import AsymmetricCoulomb
-from armid.model.terms.asymmetric_viscous import AsymmetricViscous
-from armid.model.terms.coulomb import Coulomb
 from armid.model.terms.coupling import Coupling
-from armid.model.terms.hysteresis import Hysteresis
-from armid.model.terms.load_coulomb import LoadCoulomb
-from armid.model.terms.load_viscous import LoadViscous
+from armid.model.terms.friction.asymmetric_coulomb import AsymmetricCoulomb
+from armid.model.terms.friction.asymmetric_viscous import AsymmetricViscous
+from armid.model.terms.friction.coulomb import Coulomb
+from armid.model.terms.friction.hysteresis import Hysteresis
+from armid.model.terms.friction.load_coulomb import LoadCoulomb
+from armid.model.terms.friction.load_viscous import LoadViscous
+from armid.model.terms.friction.piecewise_viscous import PiecewiseViscous
+from armid.model.terms.friction.power_viscous import PowerViscous
+from armid.model.terms.friction.sigmoid import Sigmoid
+from armid.model.terms.friction.stribeck import Stribeck
+from armid.model.terms.friction.viscous import Viscous
 from armid.model.terms.offset import Offset
-from armid.model.terms.piecewise_viscous import PiecewiseViscous
-from armid.model.terms.power_viscous import PowerViscous
 from armid.model.terms.rigid_body import RigidBody
 from armid.model.terms.ripple import Ripple
 from armid.model.terms.rotor_inertia import RotorInertia
-from armid.model.terms.sigmoid import Sigmoid
-from armid.model.terms.stribeck import Stribeck
 from armid.model.terms.term import Law, Term
-from armid.model.terms.viscous import Viscous
 
 __all__ = [
     "TERMS",

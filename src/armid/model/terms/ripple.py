@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from armid.errors import ModelError
 from armid.model.expression import Expression, cosine, sine, symbol
-from armid.model.shapes import require_positive, require_rising
+from armid.model.terms.checks import require_positive, require_rising
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 

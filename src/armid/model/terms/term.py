@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
 from armid.model.expression import Expression
-from armid.model.memory import Coordinate, Play
+from armid.model.hysteresis_memory import Coordinate, Play
 from armid.robot.robot import Joint, Robot
 
 __all__ = ["Law", "Term", "select_joints", "single_joint_laws"]

@@ -1,8 +1,8 @@
 """Nearest bodies of an arm to each other, or to the surroundings, at each moment of a motion.
 
-Bodies, pairs and distances are those of the pre-flight report (`armid.excitation.closest`), so the two cannot
-disagree. Capsules around the bodies, in NumPy and for all moments at once, say which pairs can be the nearest; Coal
-measures these one after the other, until no capsule is left that is nearer than the nearest body found.
+Bodies, pairs and distances are those of the pre-flight report (`armid.excitation.collision.closest_approach`), so the
+two cannot disagree. Capsules around the bodies, in NumPy and for all moments at once, say which pairs can be the
+nearest; Coal measures these one after the other, until no capsule is left that is nearer than the nearest body found.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.excitation.coal import nearest, whole
-from armid.excitation.collision import Collision, cell_of, looked_at
-from armid.excitation.hulls import parts_of
-from armid.excitation.limits import described_limits
+from armid.excitation.collision.coal import nearest, whole
+from armid.excitation.collision.collision_model import Collision, cell_of, looked_at
+from armid.excitation.collision.convex_hulls import parts_of
+from armid.excitation.limits.joint_limits import described_limits
 from armid.report.preview.clip import Clip
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.report.packing import packed
+from armid.report.plots.encoding import packed
 from armid.values import Array
 
 __all__ = ["MOST_TRIANGLES", "mesh_record", "simplified"]

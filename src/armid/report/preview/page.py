@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from armid.excitation.collision import Collision
-from armid.report.packing import compressed, embedded, packed
+from armid.excitation.collision.collision_model import Collision
+from armid.report.plots.encoding import compressed, embedded, packed
 from armid.report.preview.approach import Approach, closest
 from armid.report.preview.clip import Clip
 from armid.report.preview.masses import MassLayer

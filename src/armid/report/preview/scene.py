@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.coal import mesh_faces
+from armid.excitation.collision.coal import mesh_faces
 from armid.report.preview.meshes import MOST_TRIANGLES, mesh_record, simplified
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape

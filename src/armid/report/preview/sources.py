@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.collision import Collision
-from armid.excitation.experiments import Moves
-from armid.measurement.reading import Reading
-from armid.report.material import choices_of, records_of
+from armid.excitation.collision.collision_model import Collision
+from armid.excitation.point_to_point import Moves
+from armid.measurement.log_format import Reading
+from armid.report.data.page_data import choices_of, records_of
 from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
 from armid.report.preview.masses import MassLayer, layer_of_description
 from armid.report.preview.page import Preview
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.study.again import read_again
-from armid.study.excite import Designed
+from armid.runs.locate_recording import read_again
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice
 from armid.study.identify import read_recording
-from armid.study.plan_files import is_plan, motion_of_plan, read_whole_plan
-from armid.study.run import Run
-from armid.study.study import RecordingChoice
+from armid.study.plans.design import Designed
+from armid.study.plans.plan_files import is_plan, motion_of_plan, read_whole_plan
 from armid.values import Array
 
 __all__ = ["estimate_layer", "preview_of", "preview_of_design", "preview_of_moves"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from armid.report.material import Material
+from armid.report.data.page_data import Material
 from armid.report.section import Section
 from armid.report.sections.bodies import show_bodies
 from armid.report.sections.consistency import show_consistency

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.estimation.links import QUANTITIES, UNITS, LinkBody, LinkTable, link_table
-from armid.report.material import Material
-from armid.report.numbers import decimals_of, fixed, short
+from armid.estimation.link_properties import QUANTITIES, UNITS, LinkBody, LinkTable, link_table
+from armid.report.data.number_format import decimals_of, fixed, short
+from armid.report.data.page_data import Material
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
 from armid.values import Array

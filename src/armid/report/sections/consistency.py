@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.report.judgement import beyond_intervals
-from armid.report.material import Material
-from armid.report.names import label_of
-from armid.report.numbers import decimals_of, fixed, share, short
+from armid.report.data.joint_names import label_of
+from armid.report.data.number_format import decimals_of, fixed, share, short
+from armid.report.data.page_data import Material
+from armid.report.data.trust import beyond_intervals
 from armid.report.section import Section, one_of
 from armid.report.sections.parameters import plain_name
 from armid.report.tables import Cell, Column, Table

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from armid.report.material import Material
-from armid.report.names import label_of
-from armid.report.numbers import fixed, short
+from armid.report.data.joint_names import label_of
+from armid.report.data.number_format import fixed, short
+from armid.report.data.page_data import Material
 from armid.report.section import Section, effort_unit, one_of
 from armid.report.tables import Cell, Column, Table
 

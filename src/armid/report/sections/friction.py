@@ -9,14 +9,14 @@ import numpy as np
 from armid.estimation.estimate import averaged, torque_parameters
 from armid.model.expression import symbols
 from armid.model.motion import Motion
-from armid.report.evidence import Evidence, friction_columns, joined
-from armid.report.friction_laws import law_tables
-from armid.report.material import Material, velocity_unit
-from armid.report.names import heading_of, label_of
-from armid.report.numbers import decimals_of, fixed, short
-from armid.report.plots import Axes, Plot, Trace, binned, every, line, points
-from armid.report.remains import MUCH, find_remains
-from armid.report.reversals import Reversals, find_reversals
+from armid.report.data.friction_at_reversals import Reversals, find_reversals
+from armid.report.data.friction_laws import law_tables
+from armid.report.data.joint_names import heading_of, label_of
+from armid.report.data.number_format import decimals_of, fixed, short
+from armid.report.data.page_data import Material, velocity_unit
+from armid.report.data.recording_data import Evidence, friction_columns, joined
+from armid.report.data.residual_analysis import MUCH, find_remains
+from armid.report.plots.traces import Axes, Plot, Trace, binned, every, line, points
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Cell, Column, Table
 from armid.values import Array

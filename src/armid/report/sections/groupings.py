@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from armid.model.formulas import column_formulas
-from armid.report.material import Material
+from armid.model.base_formulas import column_formulas
+from armid.report.data.page_data import Material
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from armid.estimation.standard_fit import StandardFit
-from armid.report.material import Material
-from armid.report.names import groups_of
-from armid.report.numbers import decimals_of, fixed, share, short
+from armid.report.data.joint_names import groups_of
+from armid.report.data.number_format import decimals_of, fixed, share, short
+from armid.report.data.page_data import Material
 from armid.report.section import Section
 from armid.report.sections.parameters import plain_name
 from armid.report.tables import Cell, Column, Table

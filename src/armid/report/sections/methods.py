@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from armid.report.material import Material
-from armid.report.numbers import short
+from armid.report.data.number_format import short
+from armid.report.data.page_data import Material
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Cell, Column, Table
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.model.formulas import base_formulas
-from armid.report.material import Material
-from armid.report.names import groups_of
-from armid.report.numbers import decimals_of, fixed, percent
+from armid.model.base_formulas import base_formulas
+from armid.report.data.joint_names import groups_of
+from armid.report.data.number_format import decimals_of, fixed, percent
+from armid.report.data.page_data import Material
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
 

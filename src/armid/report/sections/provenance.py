@@ -5,11 +5,11 @@ from __future__ import annotations
 import platform
 from importlib.metadata import version
 
-from armid.report.material import Material
-from armid.report.noticed import remedy_words
+from armid.report.data.findings import remedy_words
+from armid.report.data.page_data import Material
+from armid.report.data.study_toml import study_to_toml
 from armid.report.section import Section
 from armid.report.tables import Cell, Column, Table
-from armid.report.toml import study_to_toml
 
 __all__ = ["show_provenance"]
 

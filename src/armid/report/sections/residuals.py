@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armid.report.evidence import Evidence, joined
-from armid.report.material import Material, velocity_unit
-from armid.report.names import heading_of, label_of
-from armid.report.numbers import fixed, short
-from armid.report.plots import MOST_POINTS, Axes, Plot, Sight, Trace, binned, crest, line, points
+from armid.report.data.joint_names import heading_of, label_of
+from armid.report.data.number_format import fixed, short
+from armid.report.data.page_data import Material, velocity_unit
+from armid.report.data.recording_data import Evidence, joined
+from armid.report.plots.traces import MOST_POINTS, Axes, Plot, Sight, Trace, binned, crest, line, points
 from armid.report.section import Section, cut_words, effort_unit
 from armid.report.tables import Cell, Column, Table
 from armid.values import Array

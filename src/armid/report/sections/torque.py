@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.report.evidence import Evidence
-from armid.report.judgement import POOR_COVERAGE
-from armid.report.material import Material
-from armid.report.names import heading_of, label_of, residual_title
-from armid.report.numbers import fixed, share, short
-from armid.report.plots import Axes, Plot, Sight, line, spread
+from armid.notebook import names_apart
+from armid.report.data.joint_names import heading_of, label_of, residual_title
+from armid.report.data.number_format import fixed, share, short
+from armid.report.data.page_data import Material
+from armid.report.data.recording_data import Evidence
+from armid.report.data.trust import POOR_COVERAGE
+from armid.report.plots.traces import Axes, Plot, Sight, line, spread
 from armid.report.section import Section, cut_words, effort_unit
 from armid.report.tables import Cell, Column, Table
-from armid.shown import names_apart
 
 __all__ = ["show_torque"]
 

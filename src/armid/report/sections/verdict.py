@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from armid.report.data.number_format import share, short
+from armid.report.data.page_data import Material
+from armid.report.data.trust import judge
 from armid.report.heading import commands_of
-from armid.report.judgement import judge
-from armid.report.material import Material
-from armid.report.numbers import share, short
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Cell, Column, Table
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from armid.robot.outline import Outline
+from armid.robot.joint_selection import Outline
 from armid.robot.readers import dh, mjcf, urdf, xacro
 from armid.robot.robot import Robot
 

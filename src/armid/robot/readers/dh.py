@@ -64,10 +64,10 @@ import numpy as np
 
 from armid.errors import Finding, RobotError, did_you_mean
 from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotation
-from armid.robot.markup import check_locked
-from armid.robot.outline import Named, Outline
+from armid.robot.joint_selection import Named, Outline
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
 from armid.robot.shapes import Shape, capsule_between, shape_name
+from armid.robot.xml import check_locked
 from armid.values import Array
 
 __all__ = ["SUFFIXES", "outline", "read", "recognises"]

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import RobotError
-from armid.robot.markup import check_locked, parse_xml, root_tag
-from armid.robot.mjcf_outline import joint_names, outline_of
+from armid.robot.joint_selection import Outline
+from armid.robot.mjcf_joints import joint_names, outline_of
 from armid.robot.mjcf_plain import flatten, plain_mjcf
 from armid.robot.mjcf_shapes import add_sites, carriers_of, shapes_of_mjcf
-from armid.robot.outline import Outline
 from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
+from armid.robot.xml import check_locked, parse_xml, root_tag
 
 __all__ = ["SUFFIXES", "outline", "read", "recognises"]
 

@@ -14,11 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import Finding, RobotError
-from armid.robot.markup import check_locked, floating, identity_only, numbers, parse_xml, root_tag
-from armid.robot.outline import Follows, Named, Outline
+from armid.robot.joint_selection import Follows, Named, Outline
 from armid.robot.pinocchio_model import Limits, build, limits_of, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.urdf_shapes import shapes_of_urdf
+from armid.robot.xml import check_locked, floating, identity_only, numbers, parse_xml, root_tag
 
 __all__ = ["SUFFIXES", "outline", "read", "recognises"]
 

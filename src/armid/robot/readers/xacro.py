@@ -13,11 +13,11 @@ from pathlib import Path
 from xml.parsers.expat import ExpatError
 
 from armid.errors import MissingExtraError, RobotError
-from armid.robot.markup import parse_xml, root_tag
-from armid.robot.outline import Outline
+from armid.robot.joint_selection import Outline
 from armid.robot.packages import REMEDY, given_packages, package_folders
 from armid.robot.readers import urdf
 from armid.robot.robot import Robot
+from armid.robot.xml import parse_xml, root_tag
 
 __all__ = ["SUFFIXES", "expand", "outline", "read", "recognises"]
 

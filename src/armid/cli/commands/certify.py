@@ -1,0 +1,128 @@
+"""`armid certify`: can these parameters belong to a real body?"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, robot_choice
+
+if TYPE_CHECKING:
+    from armid.runs.certification import Verdict
+    from armid.values import Array
+
+__all__ = ["certify"]
+
+RULES = {
+    "(3.52c)": "mass above zero",
+    "(3.52d)": "smallest principal moment of inertia above zero",
+    "(3.53a)": "triangle inequality of the moments of inertia",
+    "(3.53b)": "smallest moment of inertia at least a hundredth of the largest",
+    "(3.53c)": "products of inertia at most a tenth of the smallest moment of inertia",
+    "(3.53d)": "smallest moment of inertia at least 1e-4 kg·m²",
+    "(3.53e)": "moments about x and y at least three times that about z, as of a link that is long along z",
+    "(3.53f)": "moments about x and z at least three times that about y, as of a link that is long along y",
+}
+"""What the constraints of the thesis [Halper2024] ask for, by their number there."""
+
+
+def certify(
+    subject: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN | ROBOT", help="A run, or an arm: the links of its description, or the values that follow."
+        ),
+    ],
+    values: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[VALUES.json]",
+            help="{name: value} by base (ZZR_1), standard (ZZ_1) or physical names (m_1, rx_1, Ixx_1); FV_1, FS_1.",
+        ),
+    ] = None,
+    motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Look at the mass matrix along it too.")] = None,
+    heaviest: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Largest mass of a link in the second check, kg; 10, or twice the heaviest link where the "
+            "description has heavier ones.",
+        ),
+    ] = None,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
+    package: Package = None,
+    json: Json = False,
+) -> None:
+    """Certify parameters: physical consistency, the mass matrix over all poses, rules of thumb for single links.
+
+    Exit code 1 says that they are not physically consistent: no links of positive density have them.
+
+    Examples:
+        armid certify runs/today
+
+        armid certify arm.urdf
+
+        armid certify iiwa14-r820 values.json --gravity 0 0 9.81 --motion thesis-a2
+    """
+    from armid.runs import certification as stage
+    from armid.runs.run import load_run
+    from armid.study.config import load_choice
+    from armid.study.records import to_json
+
+    along = None if motion is None else stage.read_plan(motion)
+    if values is None and Path(subject).is_dir():
+        verdict = stage.certify_run(load_run(subject), motion=along, heaviest=heaviest)
+    else:
+        robot = load_choice(robot_choice(subject, gravity, lock, only, tip, package))
+        named = stage.described_values(robot) if values is None else stage.read_values(values)
+        verdict = stage.certify_named(robot, named, motion=along, heaviest=heaviest)
+    if json:
+        sys.stdout.write(to_json(stage.verdict_record(verdict)) + "\n")
+    else:
+        _report(verdict, motion)
+    if not verdict.certificate.feasible:
+        raise typer.Exit(1)
+
+
+def _report(verdict: Verdict, motion: str | None) -> None:
+    """The verdict on standard output, what it means on standard error."""
+    from armid.cli.console import output_console, print_findings
+
+    console, certificate = output_console(), verdict.certificate
+    yes = "[bold green]physically consistent[/]: links of positive density have them"
+    no = "[bold red]not physically consistent[/]: no links of positive density have them"
+    console.print(f"{verdict.kind} parameters: {yes if certificate.feasible else no}")
+    console.print(
+        f"  nearest consistent parameters: Euclidean distance {certificate.distance:.4g} "
+        f"({100 * certificate.relative_distance:.3g} % of all, {100 * certificate.inertial_distance:.3g} % of the "
+        f"inertial parameters); one choice of link masses for them, kg: {_list(certificate.masses)}"
+    )
+    console.print(
+        f"  with no link above {verdict.heaviest:g} kg: distance {verdict.limited.distance:.4g}; masses, kg: "
+        f"{_list(verdict.limited.masses)}"
+    )
+    definite = "positive definite" if verdict.pose.min_eigenvalue > 0.0 else "not positive definite everywhere"
+    console.print(
+        f"mass matrix within the joint limits: {definite}; smallest eigenvalue {verdict.pose.min_eigenvalue:.5g} "
+        f"{verdict.pose.unit} at q = {_list(verdict.pose.q)}"
+    )
+    if verdict.along is not None:
+        console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}")
+    broken = [each for each in verdict.constraints if not each.ok]
+    if broken:
+        console.print("rules of thumb that are not met; sound bodies break some of them, and they decide nothing:")
+    for each in broken:
+        note = " (met within rounding)" if each.rounding else ""
+        rule = f"{RULES[each.constraint]} {each.constraint}"
+        console.print(f"  link {each.link}: {rule}: {each.value:.4g}, bound {each.bound:.4g}{note}")
+    print_findings(verdict.findings)
+
+
+def _list(numbers: Array) -> str:
+    return ", ".join(f"{x:.4g}" for x in numbers)

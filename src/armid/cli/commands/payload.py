@@ -1,0 +1,161 @@
+"""`armid payload`: the load or tool of a known arm, or its drive gains from a load that is known."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armid.cli.options import Json, Out
+from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from armid.runs.payload import Payload
+    from armid.values import Array
+
+__all__ = ["payload"]
+
+
+def payload(
+    run: Annotated[str, typer.Argument(help="Run of the arm without the load.")],
+    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings with the load.")],
+    mass: Annotated[
+        float | None, typer.Option(metavar="KG", help="The load's mass is known; the drive gains are asked for.")
+    ] = None,
+    com: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(metavar="X Y Z", help="Its centre of mass in the tip frame is known, too, m."),
+    ] = None,
+    gain_deviation: Annotated[
+        float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, as 0.1.")
+    ] = None,
+    same_friction: Annotated[
+        bool, typer.Option("--same-friction", help="Friction is that of the run; by default it may have changed.")
+    ] = False,
+    rate: Rate = None,
+    torque_sign: TorqueSign = None,
+    columns: Columns = None,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Find the ten parameters of a load, read and processed as the run's own recordings were.
+
+    Examples:
+        armid payload runs/arm with_load.csv
+
+        armid payload runs/arm with_load.csv --mass 2.805
+    """
+    from armid.cli.console import print_findings
+    from armid.runs.payload import find_payload, payload_record
+    from armid.runs.run import load_run
+    from armid.study.records import to_json
+    from armid.values import replace_file
+
+    loaded = load_run(run)
+    found = find_payload(
+        loaded,
+        recordings,
+        changed_reading(loaded.reading, rate, torque_sign, columns),
+        mass=mass,
+        com=com,
+        gain_deviation=gain_deviation,
+        same_friction=same_friction,
+    )
+    text = to_json(payload_record(found)) + "\n"
+    path = None if out is None else replace_file(out / "payload.json", text)
+    if json:
+        sys.stdout.write(text)
+    else:
+        _report(found)
+    if path is not None and not json:
+        sys.stdout.write(f"\nwritten to {path}\n")
+    print_findings(found.findings)
+
+
+def _report(payload: Payload) -> None:
+    """Tables on standard output."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from armid.cli.console import output_console
+    from armid.cli.identification_result import intervals_line
+    from armid.runs.payload import payload_record
+
+    console, record = output_console(), payload_record(payload)
+    console.print(_body(payload))
+    if payload.load.moved > 0.0:
+        console.print(
+            "the nearest physically consistent body; the unconstrained estimate is "
+            f"{payload.load.moved:.2f} standard deviations away"
+        )
+    console.print(_parameters(record))
+    console.print(escape(intervals_line(payload.load.solved.fit)))
+    if record["gains"] is None:
+        return
+    table = Table(title="Drive gains")
+    for name in ("joint", "given", "found", "correction", "95 % interval"):
+        table.add_column(name, justify="left" if name == "joint" else "right")
+    for each in record["gains"]:
+        seen = each["gain"] is not None
+        table.add_row(
+            escape(each["joint"]),
+            f"{each['given']:.3f}",
+            f"{each['gain']:.3f}" if seen else "-",
+            f"{100 * each['correction']:+.1f} %" if seen else "-",
+            _interval(100 * each["interval95"], 1) if seen else "-",
+        )
+    console.print(table)
+
+
+def _body(payload: Payload) -> Table:
+    """Mass, centre of mass and inertia about it, which is what robot controllers ask for."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from armid.maths.inertia import INERTIA_INDEX
+
+    load, frame = payload.load, escape(payload.frame)
+    table = Table(title=f"{escape(payload.beside.run.robot.name)}: load in the frame {frame}", header_style="bold")
+    for name in ("load", "value", "unit", "95 % interval"):
+        table.add_column(name, justify="left" if name in ("load", "unit") else "right")
+    table.add_row("mass", f"{load.values[0]:.4f}", "kg", _interval(load.intervals[0]))
+    for name, value, ends in zip("xyz", load.com, load.com_intervals, strict=True):
+        table.add_row(f"centre of mass {name}", f"{value:.4f}", "m", _interval(ends))
+    inertia, pairs = load.inertia_about_com, ("xx", "yy", "zz", "xy", "xz", "yz")
+    for pair in pairs:
+        i, j = ("xyz".index(axis) for axis in pair)
+        ends = load.inertia_intervals[INERTIA_INDEX.index((i, j))]
+        table.add_row(f"inertia about it I{pair}", f"{inertia[i, j]:.5f}", "kg·m²", _interval(ends, 5))
+    return table
+
+
+def _parameters(record: dict[str, Any]) -> Table:
+    """The ten parameters about the frame's origin; intervals by noise alone where gains make a difference."""
+    import numpy as np
+    from rich.table import Table
+
+    parameters = record["parameters"]
+    apart = any(not np.array_equal(p["interval95"], p["statistical95"], equal_nan=True) for p in parameters)
+    table = Table(title="The same about the frame's origin, as torques show it", header_style="bold")
+    names = ["parameter", "value", "unit", "95 % interval", *(["with exact gains"] if apart else []), "status"]
+    for name in names:
+        table.add_column(name, justify="left" if name in ("parameter", "unit", "status") else "right")
+    for each in parameters:
+        table.add_row(
+            each["name"],
+            f"{each['value']:.4f}",
+            each["unit"],
+            _interval(each["interval95"]),
+            *([_interval(each["statistical95"])] if apart else []),
+            "known" if each["known"] else each["status"],
+        )
+    return table
+
+
+def _interval(ends: Array, decimals: int = 4) -> str:
+    """Both ends of an interval, or a dash where there is none."""
+    low, high = ends
+    return f"{low:.{decimals}f} … {high:.{decimals}f}" if low == low else "-"

@@ -1,0 +1,104 @@
+"""`armid recalibrate`: a run brought up to date after a change of friction or tool."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Json, Out, run_folder
+from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
+from armid.errors import OutputError, StudyError
+
+if TYPE_CHECKING:
+    from armid.runs.recalibration import Changed, Recalibration
+
+__all__ = ["recalibrate"]
+
+
+def recalibrate(
+    run: Annotated[str, typer.Argument(help="The earlier run.")],
+    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="New recordings of the same arm.")],
+    validate: Annotated[
+        list[str] | None,
+        typer.Option("--validate", metavar="RECORDING…", help="To check on: of after the change, too."),
+    ] = None,
+    tool: Annotated[bool, typer.Option("--tool", help="The tool has changed, too: the last link.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Everything may have changed: only the new recordings count.")
+    ] = False,
+    rate: Rate = None,
+    torque_sign: TorqueSign = None,
+    columns: Columns = None,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Estimate friction and offsets anew, with an earlier run for the rest, and say what has changed.
+
+    Examples:
+        armid recalibrate runs/spring autumn.csv --out runs/autumn
+
+        armid recalibrate runs/spring other_tool.csv --tool
+    """
+    from armid.cli.console import print_findings
+    from armid.runs.recalibration import changes_record
+    from armid.runs.recalibration import recalibrate as stage
+    from armid.runs.run import load_run, refuse_folder, save_run
+    from armid.study.records import estimate_record, to_json, validation_record
+
+    if tool and everything:
+        raise StudyError("--tool and --all are given.", remedy="give one: --all includes the tool.")
+    changed: Changed = "tool" if tool else "all" if everything else "friction"
+    earlier = load_run(run)
+    folder = run_folder(out, f"{earlier.robot.name}-recalibrated")
+    if folder.resolve() == Path(run).resolve():
+        raise OutputError(f"{folder} is the earlier run.", remedy="choose another folder with --out.")
+    refuse_folder(folder)
+    how = changed_reading(earlier.reading, rate, torque_sign, columns)
+    found = stage(earlier, recordings, how, changed=changed, held_out=validate or [])
+    save_run(found.result, folder)
+    if json:
+        record = estimate_record(found.result.estimate)
+        record["run"] = str(folder)
+        record["validation"] = validation_record(found.result.validation)
+        sys.stdout.write(to_json({**record, **changes_record(found)}) + "\n")
+    else:
+        _report(found, len(recordings))
+        sys.stdout.write(f"\nrun written to {folder}\n")
+    print_findings(found.result.estimate.findings)
+    if found.result.validation.verdict == "fail":
+        raise typer.Exit(1)
+
+
+def _report(found: Recalibration, recordings: int) -> None:
+    """Print what has changed, and the torque error, on standard output."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from armid.cli.console import output_console, print_verdict, validation_table
+    from armid.cli.identification_result import intervals_line
+    from armid.notebook import plural
+
+    console, result = output_console(), found.result
+    base = result.estimate.base
+    units = dict(zip(base.names, base.units, strict=True))
+    beyond = sorted((each for each in found.changes if each.beyond), key=lambda each: -each.ratio)
+    table = Table(title=f"{escape(result.robot.name)}: changed beyond their 95 % intervals since {found.earlier}")
+    for name in ("parameter", "before", "after", "unit", "change / σ"):
+        table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
+    for each in beyond:
+        table.add_row(
+            escape(each.name), f"{each.before:.4f}", f"{each.after:.4f}", units[each.name], f"{each.ratio:.1f}"
+        )
+    every = plural(len(found.changes), "parameter")
+    if beyond:
+        console.print(table)
+        console.print(f"not changed beyond them: {len(found.changes) - len(beyond)} of {every}")
+    else:
+        console.print(f"none of {every} has changed beyond its 95 % interval since {escape(found.earlier)}")
+    of_joints = [joint.effort_unit for joint in result.robot.joints]
+    console.print(validation_table(result.validation, result.training[:recordings], of_joints, found.before))
+    console.print(escape(intervals_line(result.estimate.fit)))
+    print_verdict(console, result.validation)

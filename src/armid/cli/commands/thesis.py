@@ -1,0 +1,80 @@
+"""`armid thesis`: the study that armid grew out of, run from end to end."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armid.cli.options import Json, Out, run_folder
+
+if TYPE_CHECKING:
+    from armid.thesis.retell import Thesis
+
+__all__ = ["thesis"]
+
+
+def thesis(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer seeds and starts, slower logs: half a minute, every chapter.")
+    ] = False,
+    seeds: Annotated[int | None, typer.Option(min=1, help="Seeds of the noise over which medians are taken.")] = None,
+    starts: Annotated[int | None, typer.Option(min=1, help="Random starts of Algorithm 2.")] = None,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Run the whole study of the thesis on a virtual arm, correct it, and write one page that reads like a paper.
+
+    The arm hangs; its frames, base parameters, excitation and estimates are those of the thesis, as printed and with
+    each correction in turn, and its published tables are audited. A folder holds `thesis.html`, `thesis.json` with
+    every number, and the tables as CSV and LaTeX. It needs the extras lab, nlp and report.
+
+    Examples:
+        armid thesis
+
+        armid thesis --quick --out study
+    """
+    from armid.cli.console import progress
+    from armid.report.page import require_extra
+    from armid.study.atomic_folder import refuse
+    from armid.study.records import to_json
+    from armid.thesis.page import KIND, MARKER, PAGE, write_thesis
+    from armid.thesis.retell import retell, thesis_record
+    from armid.thesis.setting import extent_of
+
+    folder = run_folder(out, "thesis")
+    refuse(folder, MARKER, KIND)
+    require_extra()
+    with progress(quiet=json) as tell:
+        done = retell(extent_of(quick=quick, seeds=seeds, starts=starts), progress=tell)
+    write_thesis(done, folder)
+    if json:
+        sys.stdout.write(to_json(thesis_record(done) | {"page": str(folder / PAGE)}) + "\n")
+    else:
+        _report(done)
+        sys.stdout.write(f"\nstudy written to {folder}, page {folder / PAGE}\n")
+
+
+def _report(done: Thesis) -> None:
+    """The steps of Algorithm 3 and the main findings."""
+    from rich.table import Table
+
+    from armid.cli.console import output_console
+
+    console = output_console()
+    table = Table(title="Algorithm 3 on the virtual arm", header_style="bold")
+    for name in ("what", "how", "all", "inertial", "friction", "Table A.2", "residual"):
+        table.add_column(name, justify="left" if name in ("what", "how") else "right")
+    for step in done.steps.rows:
+        found = step.errors
+        shares = (f"{100.0 * x:.3g} %" for x in (found.relative, found.inertial, found.friction))
+        table.add_row(step.group, step.title, *shares, f"{found.unseen:.4f} N·m", f"{found.residual:.4f} N·m")
+    console.print(table)
+    ratio, best = done.steps.spread.corrected_ratio, done.designs.best
+    certificate = done.audit.base.certificate
+    console.print(
+        f"wrong sign of gravity, columns filtered: residual at least {ratio.min():.1f} times over {len(ratio)} seeds"
+    )
+    console.print(f"trajectory kept: {best.name}, condition number {best.condition:.1f}")
+    console.print(f"Table 4.1: {certificate.distance:.3f} away from any real body; {len(done.errata)} errata")

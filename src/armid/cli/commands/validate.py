@@ -1,0 +1,71 @@
+"""`armid validate`: a run's torque error on motion that it has not seen."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armid.cli.options import Json
+from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
+
+__all__ = ["validate"]
+
+
+def validate(
+    run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],
+    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings of the same arm.")],
+    rate: Rate = None,
+    torque_sign: TorqueSign = None,
+    columns: Columns = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Also roll the model out and compare motion, in short windows.")
+    ] = False,
+    window: Annotated[float, typer.Option(metavar="S", help="Length of a rolled-out window, s.")] = 0.5,
+    tolerance: Annotated[
+        float, typer.Option(help="Position error that a rolled-out joint may have, rad or m.")
+    ] = 0.01,
+    controller: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Roll out under this controller: a JSON with its gains, as truth.json."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check a run on unseen recordings, read and processed as the run's own were.
+
+    Example:
+        armid validate runs/today next_week.csv
+
+        armid validate runs/today next_week.csv --simulate --window 0.3
+    """
+    from armid.cli.commands.validate_motion import motion_table, roll_out
+    from armid.cli.console import output_console, print_findings, print_verdict, validation_table
+    from armid.runs.prediction import validate_run
+    from armid.runs.rollout import judged_by_motion, motion_record
+    from armid.runs.run import load_run
+    from armid.study.records import to_json, validation_record
+
+    loaded = load_run(run)
+    how, closed = changed_reading(loaded.reading, rate, torque_sign, columns), controller is not None
+    found, findings = validate_run(loaded, recordings, how)
+    wanted = simulate or closed
+    motion = roll_out(loaded, recordings, how, window, tolerance, controller) if wanted else ()
+    if motion:
+        found = judged_by_motion(found, motion, closed=closed)
+    if json:
+        record = validation_record(found)
+        if motion:
+            record["motion"] = motion_record(motion, closed=closed)
+        sys.stdout.write(to_json(record) + "\n")
+    else:
+        console = output_console()
+        units = [joint.effort_unit for joint in loaded.robot.joints]
+        console.print(validation_table(found, (), units))
+        if motion:
+            console.print(motion_table(loaded.robot, motion, closed=closed))
+        print_verdict(console, found)
+    print_findings(findings)
+    if found.verdict == "fail":
+        raise typer.Exit(1)

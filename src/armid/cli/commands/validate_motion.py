@@ -1,0 +1,80 @@
+"""The part of `armid validate` that rolls the model out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from armid.robot.robot import Robot
+    from armid.runs.run import Run
+    from armid.validation.rollout_score import MotionScore
+
+__all__ = ["motion_table", "roll_out"]
+
+
+def roll_out(
+    run: Run,
+    recordings: Sequence[str],
+    reading: dict[str, Any],
+    window: float,
+    tolerance: float,
+    controller: Path | None,
+) -> tuple[MotionScore, ...]:
+    """Scores of the rolled-out model; what was noticed goes to standard error."""
+    from armid.cli.console import print_findings
+    from armid.runs.rollout import load_feedback, roll_out_run
+
+    feedback = None if controller is None else load_feedback(controller)
+    scores, findings = roll_out_run(run, recordings, reading, seconds=window, tolerance=tolerance, feedback=feedback)
+    print_findings([finding for finding in findings if finding.code.startswith("roll-out")])
+    return scores
+
+
+def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -> Table:
+    """Position errors, joint by joint, the mean over recordings."""
+    first = scores[0]
+    how = "under the same controller" if closed else "under the recorded torque alone"
+    table = Table(title=f"Position error of the rolled-out model, {how}", header_style="bold")
+    for name in ("joint", "RMS", "peak", "moved", f"until {first.tolerance:g}", "CAD RMS"):
+        table.add_column(name, justify="left" if name == "joint" else "right")
+    for j, joint in enumerate(robot.joints):
+        scale, unit = (1e3, "mm") if joint.is_prismatic else (180.0 / np.pi, "°")
+        prior = [score.prior_rms[j] for score in scores if score.prior_rms is not None]
+        table.add_row(
+            escape(joint.name),
+            _number(scale * _mean_square([score.rms[j] for score in scores]), unit),
+            _number(scale * max(score.peak[j] for score in scores), unit),
+            _number(scale * _mean_square([score.travelled[j] for score in scores]), unit),
+            f"{np.mean([score.held[j] for score in scores]):.2f} s",
+            _number(scale * _mean_square(prior), unit) if prior else "-",
+        )
+    count = sum(score.windows for score in scores)
+    table.caption = (
+        f"{count} windows of {first.seconds:g} s; moved: RMS distance from a window's start; until: median time "
+        "until the error exceeds the tolerance in rad or m; CAD: the description's own masses, without friction"
+        f"{_nominal(scores, count)}"
+    )
+    table.caption_justify = "left"
+    return table
+
+
+def _nominal(scores: Sequence[MotionScore], count: int) -> str:
+    """Tell why there is no nominal error, where there is none."""
+    if all(score.prior_rms is None for score in scores):
+        return ", which has no inertias here"
+    lost = sum(score.losses.nominal for score in scores)
+    return f", which lost {lost} of the {count} windows, so that no error of it is told" if lost else ""
+
+
+def _mean_square(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.3f} {unit}" if np.isfinite(value) else "-"

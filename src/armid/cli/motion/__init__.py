@@ -1,0 +1,1 @@
+"""Commands that plan or simulate a motion."""

@@ -1,0 +1,247 @@
+"""`armid excite`: the motion to record, designed."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armid.cli.commands.report import attempt
+from armid.cli.completion import CRITERIA, among, limits
+from armid.cli.motion.preview import PAGE as PREVIEW
+from armid.cli.options import (
+    BASE_TERMS,
+    Gravity,
+    Json,
+    Lock,
+    Only,
+    Out,
+    Package,
+    RobotName,
+    Terms,
+    TipLink,
+    model_choice,
+    robot_choice,
+    run_folder,
+)
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from armid.excitation.design.multistart import Candidate, Progress
+    from armid.model.dynamics import DynamicsModel
+
+__all__ = ["excite"]
+
+
+def _option(
+    kind: Any, default: Any, help: str, *names: str, metavar: str | None = None, complete: Any = None
+) -> tuple[Any, Any]:
+    """Annotation and default of an option."""
+    return Annotated[kind, typer.Option(*names, help=help, metavar=metavar, autocompletion=complete)], default
+
+
+PREFLIGHT = "preflight.html"
+
+POSE, SEVERAL = "Q…", list[str] | None
+
+OPTIONS: dict[str, tuple[Any, Any]] = {
+    "gravity": (Gravity, None),
+    "lock": (Lock, None),
+    "only": (Only, None),
+    "tip": (TipLink, None),
+    "package": (Package, None),
+    "terms": (Terms, None),
+    "experiment": _option(
+        str, "series", "series: the Fourier series; poses: static poses for gravity; sweeps: constant velocities, "
+        "one joint at a time, for friction."
+    ),
+    "poses": _option(int, 30, "How many static poses."),
+    "rest": _option(float, 2.0, "How long the arm rests in each, s."),
+    "criterion": _option(
+        str | None,
+        None,
+        "d-optimal, condition, scaled-condition, a-optimal, e-optimal, prediction (--predict), or worst: the largest "
+        "deviation of a parameter, over its size with --after RUN. Worst after a run, d-optimal otherwise.",
+        metavar="NAME",
+        complete=among(CRITERIA),
+    ),
+    "duration": _option(float, 20.0, "Length of a period, s."),
+    "harmonics": _option(int, 10, "Number of harmonics."),
+    "start": _option(str | None, None, "Start pose, rad or m: one number a joint. Found if left out.", metavar=POSE),
+    "free_start": _option(bool, False, "Let the search choose the start pose.", "--free-start"),
+    "free_centre": _option(bool, False, "Joints may swing about another pose than the start.", "--free-centre"),
+    "begin": _option(str | None, None, "Pose the arm comes from: adds a lead-in.", metavar=POSE),
+    "end": _option(str | None, None, "Pose it goes to: adds a lead-out.", metavar=POSE),
+    "limits": _option(
+        str, "true", "true: position, velocity and known torque of the motion itself; thesis: (3.55d-f) without "
+        "1/L; thesis-literal: as printed."
+    ),
+    "limit": _option(
+        SEVERAL, None, "Limits: A1.velocity=1.2, A1.position=-1:1, '*.effort=80' (of all joints), …; repeatable.",
+        metavar="JOINT.KIND=VALUE", complete=limits,
+    ),
+    "acceleration": _option(float | None, None, "Limit of every joint, rad/s² or m/s²."),
+    "jerk": _option(float | None, None, "Limit of every joint, rad/s³ or m/s³."),
+    "torque_margin": _option(float | None, None, "Share of the torque limits kept free; 0.1 with --limits true."),
+    "collision": _option(
+        bool | None, None, "Keep links apart from each other and from the surroundings; on where the description has "
+        "bodies.", "--collision/--no-collision",
+    ),
+    "clearance": _option(float, 0.02, "Distance that bodies keep, m."),
+    "floor": _option(
+        float | None, None, "A floor so high above the base, m; negative: below. Left out, it is the plane through "
+        "the base of an arm that stands on it."
+    ),
+    "no_floor": _option(bool, False, "Assume no floor.", "--no-floor"),
+    "environment": _option(Path | None, None, "TOML of boxes, spheres and half-spaces; means --collision."),
+    "tip_box": _option(
+        str | None, None, "Box for the tip, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"
+    ),
+    "envelope": _option(
+        str | None, None, "Recording, plan.json or thesis-a1@27: stay inside its velocity and acceleration.",
+        metavar="MOTION",
+    ),
+    "envelope_of_arm": _option(
+        bool, False, "The envelope is the highest of any joint, not each joint's own.", "--envelope-of-arm"
+    ),
+    "noise": _option(str | None, None, "Torque noise, N·m or N: one number, or one a joint.", metavar="S…"),
+    "rate": _option(float, 100.0, "Samples a second that will count, Hz."),
+    "repetitions": _option(int, 1, "Periods that will be recorded."),
+    "after": _option(SEVERAL, None, "Run or plan.json whose information is there already; repeatable."),
+    "predict": _option(SEVERAL, None, "Plan whose torque is to be predicted well; repeatable."),
+    "budget": _option(float, 30.0, "Wall time of the search, s; Ctrl-C keeps the best so far."),
+    "seed": _option(int, 1, "Of the random starts: the same seed, the same search."),
+    "workers": _option(int, 2, "Processes; 0 searches in this one."),
+    "formats": _option(SEVERAL, None, "csv, ros2, fri, urscript, mat; repeatable, all by default.", "--format"),
+    "format_rate": _option(float | None, None, "Samples a second of the motion in every format, Hz."),
+    "rehearsal": _option(float, 0.2, "Speed of the rehearsal beside each motion, 0.1 to 0.25."),
+    "no_report": _option(bool, False, "Do not write preflight.html and preview.html.", "--no-report"),
+    "out": (Out, None),
+    "json": (Json, False),
+}  # fmt: skip
+"""Options by name: annotation and default. So many that a function would be nothing but their list."""
+
+
+@contextmanager
+def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progress]]:
+    """Processes for the search, and a line on standard error that shows the best so far.
+
+    The processes come first: while nothing else runs here, they are forked, which takes no time.
+    """
+    from armid.cli.console import meshes_told, progress
+    from armid.excitation.design.multistart import single_threaded_pool
+    from armid.notebook import plural
+
+    workers = options["workers"]
+    budget = max(float(options["budget"]), 1e-3)
+    named = options["criterion"] or "criterion"
+    with (
+        single_threaded_pool(workers) if workers > 0 else nullcontext() as pool,
+        progress(quiet=options["json"]) as tell,
+        meshes_told(quiet=options["json"]),
+    ):
+
+        def report(best: Candidate, seconds: float, descents: int) -> None:
+            value = math.exp(best.value) if "condition" in named else best.value
+            tell(f"{named} {value:.4g}, {plural(descents, 'descent')}", min(seconds / budget, 1.0))
+
+        yield pool, report
+
+
+def excite(robot: str, **options: Any) -> None:
+    """Design the motion to record: as informative as possible inside every limit.
+
+    Writes plan.json, the motion for controllers, a slow rehearsal of each, and a report of every margin before the
+    arm moves. Numbers of a pose have commas or blanks between them.
+
+    Examples:
+        armid excite iiwa14-r820 --gravity 0 0 9.81 --floor -1.5 --budget 20
+
+        armid excite iiwa14-r820 --gravity 0 0 9.81 --criterion condition --limits thesis --budget 10
+
+        armid excite arm.urdf --limit elbow.velocity=1.5 --acceleration 5 --floor 0
+
+        armid excite panda --after runs/monday --duration 10
+    """
+    from armid.cli.console import output_console, print_findings
+    from armid.cli.motion.excite_request import run_request
+    from armid.report.preflight_page import write_preflight
+    from armid.report.preview.page import write_preview
+    from armid.report.preview.sources import preview_of_design
+    from armid.study.config import build_model, load_choice
+    from armid.study.plans.design_files import choose_formats, design_record, refuse_plan_folder, save_design
+    from armid.study.plans.preflight_text import report_text
+    from armid.study.records import to_json
+
+    formats = choose_formats(options["formats"])
+    arm = load_choice(robot_choice(robot, *(options[key] for key in ("gravity", "lock", "only", "tip", "package"))))
+    usual = run_folder(None, arm.name)
+    folder = options["out"] or usual.with_name(f"{usual.name}-plan")
+    refuse_plan_folder(folder)
+    model = build_model(arm, model_choice(options["terms"], default=BASE_TERMS))
+    if options["experiment"] != "series":
+        _other(model, options, folder, formats)
+        return
+    with _watching(options) as (pool, tell):
+        designed = run_request(model, options, executor=pool, progress=tell)
+    save_design(designed, folder, formats=formats, rate=options["format_rate"], rehearsal=options["rehearsal"])
+    if not options["no_report"]:
+        attempt(PREFLIGHT, lambda: write_preflight(designed, folder / PREFLIGHT))
+        attempt(PREVIEW, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
+    if options["json"]:
+        sys.stdout.write(to_json({**design_record(designed), "folder": str(folder)}) + "\n")
+    else:
+        sys.stdout.write(report_text(designed, findings=False))
+        output_console().print(f"written to [bold]{folder}[/]")
+    print_findings((*arm.findings, *designed.findings), shapes=True)
+    if designed.search.interrupted:
+        sys.stderr.write("interrupted; this is the best plan so far\n")
+    if designed.preflight.verdict == "fail":
+        sys.stderr.write(f"verdict: fail. {designed.preflight.sentence}; no motion was written for a controller\n")
+        raise typer.Exit(1)
+
+
+def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
+    """Poses or sweeps: nothing to search long for, nothing to report of."""
+    from armid.cli.console import meshes_told
+    from armid.cli.motion.excite_request import run_experiment
+    from armid.report.preview.page import write_preview
+    from armid.report.preview.sources import preview_of_moves
+    from armid.study.plans.design_files import save_moves
+    from armid.study.plans.surroundings import surroundings_of
+    from armid.study.records import to_json
+
+    with meshes_told(quiet=options["json"]):
+        moves, unchecked = run_experiment(model, options)
+    rate, rehearsal = options["format_rate"], options["rehearsal"]
+    record = save_moves(moves, model.robot, folder, formats=formats, rate=rate, rehearsal=rehearsal)
+    if not options["no_report"]:
+        around = surroundings_of(options, model.robot)
+        attempt(PREVIEW, lambda: write_preview(preview_of_moves(moves, model.robot, around), folder / PREVIEW))
+    if unchecked:
+        sys.stderr.write(f"warning collisions not checked: {unchecked}; look at the preview and run the rehearsal\n")
+    if options["json"]:
+        sys.stdout.write(to_json({**record, "folder": str(folder)}) + "\n")
+        return
+    counts = ", ".join(f"{moves.kinds.count(kind)} {kind}s" for kind in dict.fromkeys(moves.kinds))
+    sys.stdout.write(f"{model.robot.name}: {counts} in {moves.duration:.0f} s, written to {folder}\n")
+
+
+def _signature() -> inspect.Signature:
+    """Return what the parser is to see of `excite`."""
+    robot = RobotName
+    kind = inspect.Parameter.KEYWORD_ONLY
+    parameters = [inspect.Parameter("robot", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=robot)]
+    parameters += [inspect.Parameter(name, kind, default=d, annotation=a) for name, (a, d) in OPTIONS.items()]
+    return inspect.Signature(parameters)
+
+
+excite.__signature__ = _signature()  # pyright: ignore[reportFunctionMemberAccess]
+excite.__annotations__ = {p.name: p.annotation for p in _signature().parameters.values()}

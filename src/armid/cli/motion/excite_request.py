@@ -1,0 +1,356 @@
+"""Request of the command line for a design, turned into wishes, rules and effort."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError
+from armid.excitation.design.multistart import Progress
+from armid.excitation.design.objective import Goal, information_along, known_sizes
+from armid.excitation.fourier import Excitation
+from armid.excitation.limits.joint_limits import limits_of
+from armid.excitation.limits.workspace import Workspace, box_workspace
+from armid.excitation.point_to_point import Moves, choose_poses, free_ranges, poses_plan, straight_way, sweeps_plan
+from armid.information.information import Information
+from armid.measurement.log_format import Reading
+from armid.measurement.processing.options import Processing
+from armid.measurement.processing.pipeline import observe
+from armid.model.base_parameters import BaseParameters, find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+from armid.runs.run import MARKER, load_run
+from armid.study.config import RecordingChoice
+from armid.study.identify import read_recording
+from armid.study.plans.design import Designed, Effort, Rules, Wish, design_plan
+from armid.study.plans.placement import place
+from armid.study.plans.plan_files import is_plan, motion_of_plan, series_of
+from armid.study.plans.surroundings import assumed_floor, meshes_are_missing, surroundings_of
+from armid.values import Array, load
+
+__all__ = [
+    "motion_of_file",
+    "numbers",
+    "parse_limits",
+    "prior_of_run",
+    "rules_of",
+    "run_experiment",
+    "run_request",
+]
+
+Limit = float | tuple[float, float]
+
+WATCHED = 50.0
+"""Poses a second in which bodies are looked at on the way from pose to pose [Hz]."""
+
+TORQUE_MARGIN = 0.1
+"""Share of the torque limits that is kept free unless something else is asked: the description's masses are rough."""
+
+
+def run_request(
+    model: DynamicsModel,
+    options: Mapping[str, Any],
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Designed:
+    """Design what the options of `armid excite` ask for.
+
+    Args:
+        model: Arm and torque terms.
+        options: By name, as the command line has them.
+        executor: Runs the search; in this process where left out.
+        progress: Told of every descent.
+    """
+    goal = _goal(model, options)
+    wish = Wish(
+        goal,
+        options["duration"],
+        options["harmonics"],
+        _pose(options, "start", model.robot),
+        options["free_start"],
+        options["free_centre"],
+        _pose(options, "begin", model.robot),
+        _pose(options, "end", model.robot),
+    )
+    effort = Effort(options["budget"], options["seed"], 0)
+    rules = replace(rules_of(options, model.robot), parameters=_identified(options["after"] or (), goal))
+    return design_plan(wish, rules, effort, progress=progress, executor=executor)
+
+
+def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
+    """Limits of every kind."""
+    surroundings = surroundings_of(options, robot)
+    margin = options["torque_margin"]
+    return Rules(
+        options["limits"],
+        parse_limits(options["limit"] or ()),
+        options["acceleration"],
+        options["jerk"],
+        TORQUE_MARGIN if margin is None and options["limits"] == "true" else margin,
+        None,
+        _clearance(options, robot, surroundings),
+        surroundings,
+        assumed_floor(robot, options),
+        _workspace(options["tip_box"]),
+        None if options["envelope"] is None else motion_of_file(options["envelope"], robot),
+        not options["envelope_of_arm"],
+    )
+
+
+def _clearance(options: Mapping[str, Any], robot: Robot, surroundings: Sequence[Shape]) -> float | None:
+    """Distance that bodies keep [m]; nothing where collisions are left out, or the description has no bodies.
+
+    Raises:
+        ArmidError: Collisions are left out and asked for.
+    """
+    asked, bodies = options["collision"], bool(robot.shapes) or meshes_are_missing(robot)
+    if asked is False and surroundings:
+        raise ArmidError(
+            "--no-collision leaves out what --floor and --environment ask for.", remedy="give one or the other."
+        )
+    return options["clearance"] if asked is not False and (asked or surroundings or bodies) else None
+
+
+def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> tuple[Moves, str]:
+    """Static poses or constant velocities, as the options of `armid excite` ask for.
+
+    Returns:
+        The moves, and why collisions were not checked, empty where they were.
+
+    Raises:
+        ArmidError: There is no such experiment, or bodies come too close on the way.
+    """
+    robot, kind = model.robot, options["experiment"]
+    rules = rules_of(options, robot)
+    limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
+    placed = place(robot, limits, rules, _pose(options, "start", robot))
+    start, collision = placed.start, placed.collision
+
+    def apart(q: Array) -> NDArray[np.bool_]:
+        if collision is None:
+            return np.ones(len(q), dtype=np.bool_)
+        return collision.clear(robot, q)
+
+    def reachable(q: Array) -> NDArray[np.bool_]:
+        ways = np.concatenate([straight_way(start, pose) for pose in q])
+        return np.asarray(apart(ways).reshape(len(q), -1).all(axis=1), dtype=np.bool_)
+
+    if kind == "poses":
+        base = find_base_parameters(model)
+        poses = choose_poses(model, base, limits, options["poses"], seed=options["seed"], allowed=reachable)
+        moves = poses_plan(poses, limits, rest=options["rest"], via=start, free=apart)
+    elif kind == "sweeps":
+        moves = sweeps_plan(start, free_ranges(start, limits, apart))
+    else:
+        raise ArmidError(f"There is no experiment {kind!r}.", possible="series, poses, sweeps")
+    motion = moves.sample(WATCHED)
+    bad = np.flatnonzero(~apart(motion.q))
+    if len(bad):
+        raise ArmidError(
+            f"Bodies come too close {motion.time[bad[0]]:.1f} s into the {kind}.",
+            remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
+        )
+    return moves, placed.unchecked
+
+
+def _pose(options: Mapping[str, Any], name: str, robot: Robot) -> Array | None:
+    """A pose that an option gives, shape (n,) [rad or m].
+
+    Raises:
+        ArmidError: Its numbers are not those of the joints.
+    """
+    try:
+        return numbers(options[name], f"--{name}", robot.n)
+    except ArmidError as error:
+        order = f"one number a joint, in this order: {', '.join(robot.joint_names)}"
+        raise ArmidError(error.problem, possible=order, remedy=error.remedy) from error
+
+
+def numbers(text: str | None, name: str, count: int) -> Array | None:
+    """Numbers with commas or blanks between them, shape (count,); `None` where nothing is given.
+
+    Raises:
+        ArmidError: Something else, or another count.
+    """
+    if text is None:
+        return None
+    try:
+        values = np.array([float(x) for x in text.replace(",", " ").split()])
+    except ValueError:
+        raise ArmidError(f"{name} {text}: these are no numbers.", remedy="write for instance 0,0.5,-1.") from None
+    if len(values) != count or not np.isfinite(values).all():
+        raise ArmidError(f"{name} needs {count} finite numbers; found {len(values)}: {text}.")
+    return values
+
+
+def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> Goal:
+    """Criterion, noise, what is known already, what is to be predicted.
+
+    After a run the worst relative deviation is what a further recording is for, unless another criterion is named.
+    """
+    base, n = find_base_parameters(model), model.n
+    text = options["noise"]
+    one = text is not None and len(text.replace(",", " ").split()) == 1
+    noise = np.ones(n) if text is None else numbers(text, "--noise", 1 if one else n)
+    assert noise is not None
+    plain = Goal(model, base, "d-optimal", np.resize(noise, n), options["rate"], options["repetitions"])
+    prior: Array | None = None
+    scale: Array | None = None
+    for path in options["after"] or ():
+        known = prior_of_run(path, plain) if (Path(path) / MARKER).is_file() else _of_motion(path, plain)
+        prior = known if prior is None else prior + known
+        if (Path(path) / MARKER).is_file():
+            values, deviations = _estimates(path, base)
+            scale = known_sizes(values, deviations)
+    prediction: Array | None = None
+    for path in options["predict"] or ():
+        wanted = _of_motion(path, plain)
+        prediction = wanted if prediction is None else prediction + wanted
+    usual = "d-optimal" if scale is None else "worst"
+    return replace(plain, criterion=options["criterion"] or usual, prior=prior, prediction=prediction, scale=scale)
+
+
+def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
+    """Base parameters (b,) of a run and their deviations (b,); zero and infinite for those that it lacks."""
+    fit = load_run(path).estimate.fit
+    where = {name: k for k, name in enumerate(fit.names)}
+    known = np.array([name in where for name in base.names])
+    at = [where[name] for name in base.names if name in where]
+    values, deviations = np.zeros(base.count), np.full(base.count, np.inf)
+    values[known], deviations[known] = fit.values[at], fit.deviation[at]
+    return values, deviations
+
+
+def _identified(paths: Sequence[str], goal: Goal) -> Array | None:
+    """Base parameters (b,) for limits of torque, of the last run that knows all of them."""
+    for path in reversed(paths):
+        if (Path(path) / MARKER).is_file():
+            values, deviations = _estimates(path, goal.base)
+            if np.isfinite(deviations).all():
+                return values
+    return None
+
+
+def _of_motion(path: str, goal: Goal) -> Array:
+    """Information (b, b) of a plan or recording, once."""
+    series = _series(path)
+    motion = motion_of_file(path, goal.model.robot) if series is None else series.sample(goal.rate)
+    if motion.n != goal.model.n:
+        raise ArmidError(
+            f"{path} moves {motion.n} joints; {goal.model.robot.name} has {goal.model.n}.",
+            remedy="give a plan or recording of this arm.",
+        )
+    return information_along(goal, motion)
+
+
+def prior_of_run(folder: str, goal: Goal) -> Array:
+    """Information (b, b) that a run has already, its parameters matched by name, with the goal's noise.
+
+    Rows that the run has kept are weighed as samples of that noise.
+
+    Raises:
+        ArmidError: The run is about other parameters.
+    """
+    terms = ",".join(term.name for term in load_run(folder).model.terms)
+    information = load(Information, Path(folder) / "information.npz")
+    where = {name: k for k, name in enumerate(goal.base.names)}
+    place = np.array([where.get(name, -1) for name in information.names])
+    if information.n != goal.model.n or (place < 0).all():
+        raise ArmidError(
+            f"The run {folder} is about other parameters than {goal.model.robot.name} with these terms.",
+            possible=", ".join(information.names[:8]) + ", …",
+            remedy=f"for the same arm give that run's terms: --terms {terms}.",
+        )
+    result = np.zeros((goal.base.count, goal.base.count))
+    for joint, noise in zip(information.joints, goal.noise, strict=True):
+        rows = joint.R[:, :, :-1].reshape(-1, len(joint.parameters))
+        at = place[joint.parameters]
+        result[np.ix_(at, at)] += rows.T @ rows / noise**2
+    return result
+
+
+def _series(path: str) -> Excitation | None:
+    """The series of a plan, stretched where `@` and seconds follow; `None` for a recording."""
+    name, at, seconds = path.partition("@")
+    if not is_plan(name):
+        return None
+    series = series_of(name)
+    if not at:
+        return series
+    try:
+        period = float(seconds)
+    except ValueError:
+        period = 0.0
+    if not period > 0.0:
+        raise ArmidError(f"{path}: {seconds!r} is no duration.", remedy="write for instance thesis-a1@27.")
+    return series.stretched(period)
+
+
+def motion_of_file(path: str, robot: Robot) -> Motion:
+    """The motion of a plan, or of a recording processed as usual.
+
+    Raises:
+        ArmidError: It cannot be read, or moves other joints.
+    """
+    series = _series(path)
+    if series is not None:
+        motion = series.sample(1000.0)
+    else:
+        motion = motion_of_plan(path, robot, 1000.0)
+    if motion is None:
+        recording, _ = read_recording(RecordingChoice(path, reading=Reading()), ".", robot)
+        observations, _ = observe([recording], Processing(standstill="keep"))
+        runs = [run.motion for run in observations.runs]
+        motion = Motion(*(np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "q", "dq", "ddq")))
+    if motion.n != robot.n:
+        raise ArmidError(
+            f"{path} moves {motion.n} joints; {robot.name} has {robot.n}.",
+            remedy="give a plan or recording of this arm.",
+        )
+    return motion
+
+
+def parse_limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
+    """`JOINT.KIND=VALUE`, and `JOINT.position=LOW:HIGH`; several with commas between.
+
+    Raises:
+        ArmidError: Something else.
+    """
+    result: dict[tuple[str, str], Limit] = {}
+    for text in (part.strip() for each in given for part in each.split(",")):
+        name, equals, value = text.partition("=")
+        joint, dot, kind = name.rpartition(".")
+        low, colon, high = value.partition(":")
+        try:
+            if not equals or not dot:
+                raise ValueError
+            result[joint, kind] = (float(low), float(high)) if colon else float(value)
+        except ValueError:
+            raise ArmidError(
+                f"--limit {text}: this is no limit.",
+                remedy="write JOINT.velocity=1.2 or JOINT.position=-1:1; kinds are position, velocity, acceleration, "
+                "jerk, effort.",
+            ) from None
+    return result
+
+
+def _workspace(text: str | None) -> Workspace | None:
+    """The box for the tip."""
+    corners = numbers(text, "--tip-box", 6)
+    if corners is None:
+        return None
+    low, high = corners[:3], corners[3:]
+    if not (low < high).all():
+        raise ArmidError(
+            f"--tip-box {text}: the box is empty.", remedy="give its low corner and then its high one, in metres."
+        )
+    return box_workspace(low.tolist(), high.tolist())

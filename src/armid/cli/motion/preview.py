@@ -1,0 +1,137 @@
+"""`armid preview`: the arm moving through a plan or a recording, as a page that opens in a browser."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, known_arms, robot_choice
+from armid.cli.reading import Columns, Data, Rate, given
+
+if TYPE_CHECKING:
+    from armid.measurement.log_format import Reading
+    from armid.report.preview.masses import MassLayer
+    from armid.robot import Robot
+    from armid.robot.shapes import Shape
+    from armid.runs.run import Run
+
+__all__ = ["PAGE", "preview"]
+
+PAGE = "preview.html"
+
+
+ArmOrRun = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT | RUN", help="The arm, or a folder that armid identify made.", autocompletion=known_arms
+    ),
+]
+
+
+def preview(
+    robot: ArmOrRun,
+    motion: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[PLAN | RECORDING | RUN]",
+            help="What it does: a plan.json or its folder, thesis-a1, a recording, a run. Of a run alone its own.",
+        ),
+    ] = None,
+    floor: Annotated[float | None, typer.Option(help="A floor so high above the base, m; negative: below.")] = None,
+    environment: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML of boxes, spheres and half-spaces.")
+    ] = None,
+    rate: Rate = None,
+    columns: Columns = None,
+    data: Data = None,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
+    package: Package = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to write the page.")] = None,
+    json: Json = False,
+) -> None:
+    """Write a page on which the arm moves: play and scrub, turn and zoom; stops, nearest bodies, masses of the links.
+
+    One file that opens without a network. Links look as the description has them, meshes included where they are
+    beside it; else as capsules and boxes, or as bare axes. Masses that a run has found are a layer.
+
+    Examples:
+        armid preview iiwa14-r820 plans/first --floor -1.5
+
+        armid preview arm.urdf run1.csv --out run1.html
+
+        armid preview arm.urdf runs/today
+    """
+    from armid.cli.console import meshes_told
+    from armid.report.preview.page import write_preview
+    from armid.report.preview.sources import preview_of
+    from armid.report.rendering import require_extra
+    from armid.study.config import load_choice
+    from armid.study.records import to_json
+
+    require_extra("jinja2")
+    run, other = _run(robot), _run(motion)
+    arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package)) if run is None else run.robot
+    known, beside = other or run, Path(robot) if run and motion is None else Path()
+    with meshes_told(quiet=json):
+        made = preview_of(
+            arm,
+            other or motion or run,
+            reading=_reading(known, given(columns, rate)),
+            data=data,
+            surroundings=_surroundings(arm, floor, environment),
+            estimate=_estimate(known, arm),
+        )
+        path = write_preview(made, out or beside / PAGE)
+    told = to_json({"preview": str(path), "bytes": path.stat().st_size}) if json else f"page written to {path}"
+    sys.stdout.write(f"{told}\n")
+
+
+def _run(name: str | None) -> Run | None:
+    """The run in a folder; `None` where there is none."""
+    from armid.runs.run import MARKER, load_run
+
+    return load_run(name) if name is not None and (Path(name) / MARKER).is_file() else None
+
+
+def _reading(run: Run | None, said: dict[str, Any]) -> Reading:
+    """Tell how a recording is read: as the run's, or as the command line says."""
+    from armid.measurement.log_format import Reading
+
+    return Reading(**said) if run is None or said else run.reading
+
+
+def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> tuple[Shape, ...]:
+    from armid.excitation.collision.distances import floor as floor_at
+    from armid.excitation.collision.environment import load_environment
+
+    around = () if environment is None else load_environment(environment, arm)
+    return around if floor is None else (*around, floor_at(floor, arm.gravity))
+
+
+def _estimate(run: Run | None, arm: Robot) -> MassLayer | None:
+    """Link inertias that a run has found, or real bodies with its base values; nothing for another arm."""
+    from armid.errors import ArmidError
+    from armid.export.standard_values import values_to_write
+    from armid.report.preview.sources import estimate_layer
+
+    if run is None or run.robot.joint_names != arm.joint_names:
+        return None
+    notes = {
+        "estimated": "",
+        "nearest": "base values leave open how links share their mass; these are the physically consistent "
+        "links nearest to the description that have them",
+        "unphysical": "no physically consistent links have these base parameters; those without an ellipsoid are not "
+        "consistent",
+    }
+    try:
+        theta, kind, _ = values_to_write(run, allow_unphysical=True)
+    except ArmidError as error:
+        sys.stderr.write(f"no masses of the estimate: {error.problem}\n")
+        return None
+    return estimate_layer(theta, run, notes[kind])

@@ -1,0 +1,133 @@
+"""`armid simulate`: a recording of an arm whose truth is known."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, RobotName, TipLink, robot_choice, run_folder
+
+if TYPE_CHECKING:
+    from armid.lab.options import LabOptions
+    from armid.study.plans.simulation import Written
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    robot: RobotName,
+    plan: Annotated[
+        str,
+        typer.Argument(metavar="PLAN", help="A plan.json, its folder or files; thesis-a1 or thesis-a2."),
+    ],
+    options: Annotated[Path | None, typer.Option(metavar="FILE", help="A lab.toml with everything else.")] = None,
+    mode: Annotated[
+        str | None,
+        typer.Option(metavar="closed-loop|inverse-dynamics", help="MuJoCo under a controller, or exactly the plan."),
+    ] = None,
+    controller: Annotated[
+        str | None, typer.Option(metavar="computed-torque|pd-gravity|pid", help="The controller.")
+    ] = None,
+    effects: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B,…",
+            help="rotor, elastic, stribeck, asymmetric, load, hysteresis, ripple, temperature.",
+        ),
+    ] = None,
+    repetitions: Annotated[int | None, typer.Option(min=1, help="How often the motion is run through.")] = None,
+    period: Annotated[float | None, typer.Option(help="Play the plan over this period, s.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Rows a second of the log, up to 8000 Hz.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of noise and faults.")] = 1,
+    kind: Annotated[
+        str, typer.Option("--format", metavar="csv|parquet|npz|mat|bag|db3|mcap", help="Of the recording.")
+    ] = "csv",
+    noise_free: Annotated[bool, typer.Option("--noise-free", help="Also write what truly happened, as NPZ.")] = False,
+    gravity: Gravity = None,
+    lock: Lock = None,
+    only: Only = None,
+    tip: TipLink = None,
+    package: Package = None,
+    out: Out = None,
+    json: Json = False,
+) -> None:
+    """Record a simulated arm, in MuJoCo under a controller, and write the truth beside the recording.
+
+    Examples:
+        armid simulate iiwa14-r820 thesis-a1 --gravity 0 0 9.81 --rate 1000 --out lab
+
+        armid simulate ur10e.urdf plan.json --effects rotor,elastic,stribeck --options lab.toml
+    """
+    from armid.cli.console import print_findings, progress
+    from armid.lab.simulation import doubts
+    from armid.study.config import load_choice
+    from armid.study.plans.simulation import refuse_format, simulate_to, the_plan
+
+    refuse_format(kind)
+    arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package))
+    told = _told(options, mode, controller, effects, repetitions, rate)
+    motion = the_plan(plan, period)
+    with progress(quiet=json) as tell:
+        folder = out or run_folder(None, f"{arm.name}-lab")
+        write = partial(simulate_to, kind=kind, seed=seed, noise_free=noise_free)
+        done = write(folder, arm, motion, told, tell=lambda share: tell("simulation", share))
+    _report(done, json=json)
+    print_findings((*arm.findings, *doubts(done.simulated)))
+
+
+def _told(
+    path: Path | None,
+    mode: str | None,
+    controller: str | None,
+    effects: str | None,
+    repetitions: int | None,
+    rate: float | None,
+) -> LabOptions:
+    """Options of the file, with what the command line says instead."""
+    from dataclasses import replace
+
+    from armid.lab.options import LabOptions, load_options
+
+    told = LabOptions() if path is None else load_options(path)
+    changes: dict[str, Any] = {"mode": mode, "repetitions": repetitions}
+    if controller is not None:
+        changes["controller"] = replace(told.controller, kind=controller)
+    if effects is not None:
+        names = tuple(name.strip() for name in effects.split(",") if name.strip())
+        changes["arm"] = replace(told.arm, effects=names)
+    if rate is not None:
+        changes["sensing"] = replace(told.sensing, rate=rate)
+    return replace(told, **{key: value for key, value in changes.items() if value is not None})
+
+
+def _report(done: Written, *, json: bool) -> None:
+    """Print what was written and how far the arm was from its plan."""
+    import numpy as np
+
+    from armid.notebook import plural
+    from armid.study.records import to_json
+
+    recording, truth = done.simulated.recording, done.simulated.truth
+    trace = done.simulated.trace
+    peak = np.abs(trace.effort).max(axis=0)
+    if json:
+        record = {
+            "recording": str(done.recording),
+            "truth": str(done.truth),
+            "noise_free": None if done.noise_free is None else str(done.noise_free),
+            "samples": recording.samples,
+            "rate": done.simulated.options.sensing.rate,
+            "joints": truth.robot.joint_names,
+            "peak_effort": peak,
+        }
+        sys.stdout.write(to_json(record) + "\n")
+        return
+    written = [done.recording, done.truth, *([done.noise_free] if done.noise_free else [])]
+    sys.stdout.write(
+        f"{plural(recording.samples, 'row')} of {plural(truth.robot.n, 'joint')}; peak torque "
+        f"{', '.join(f'{x:.1f}' for x in peak)}\nwritten: {', '.join(map(str, written))}\n"
+    )

@@ -1,0 +1,180 @@
+"""Parameters on the screen: base parameters grouped by joint, bodies of links, friction joint by joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from armid.estimation.estimate import Estimate
+from armid.estimation.friction.selection import Ladder
+from armid.estimation.link_properties import QUANTITIES, LinkBody, LinkTable
+from armid.estimation.standard_fit import StandardFit
+from armid.model.parameter_counts import by_joint, counted
+from armid.model.term_descriptions import friction_of_joint
+from armid.robot.robot import Robot
+
+__all__ = ["estimate_table", "folded_line", "ladder_table", "print_links", "status_line"]
+
+FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
+
+NARROWEST = 12
+"""Characters of a link's name before it goes on in the next line."""
+
+ENDLESS = 1000
+"""Columns in which any table has the width that it asks for."""
+
+ORDER = (4, 6, 9, 5, 7, 8)
+"""Entries of an inertia as they are printed: xx yy zz xy xz yz."""
+
+
+PRIORS = {
+    "log-det": "bodies near those of the description (log-det divergence)",
+    "euclidean": "bodies near those of the description (Euclidean distance)",
+    "mass": "the smallest bodies (mass and second moments)",
+    "none": "none",
+}
+"""What a kind of prior asks for, in words."""
+
+
+def folded_line(estimate: Estimate) -> str:
+    """Count the parameters and say how well they are known, in one line."""
+    names = estimate.fit.names
+    poor = int(estimate.fit.poorly_identified.sum())
+    known = f"; relative standard deviation of {poor} more than ten times the smallest" if poor else ""
+    return f"{len(names)} base parameters, {counted(names)}, by {estimate.method}{known}"
+
+
+def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
+    """Base parameters with intervals, grouped by the joints whose numbers they end in."""
+    fit, ends = estimate.fit, estimate.intervals
+    decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
+    table = Table(
+        title=f"{estimate.robot}: {len(fit.names)} base parameters ({counted(fit.names)}), {estimate.method}",
+        caption="σ %: relative standard deviation. * over ten times the smallest: poorly identified, or near zero",
+        header_style="bold",
+    )
+    for name in ("parameter", "value", "unit", "σ %", "95 % interval"):
+        table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
+    units = dict(zip(estimate.base.names, estimate.base.units, strict=True))
+    for number, own in by_joint(fit.names).items():
+        table.add_section()
+        table.add_row(f"[bold]{number} {escape(joints[number - 1])}[/]")
+        for k in own:
+            table.add_row(
+                escape(fit.names[k]),
+                f"{fit.values[k]:.{decimals[k]}f}",
+                units[fit.names[k].split("[", 1)[0]],
+                f"{_percent(fit.relative_deviation[k])}{'*' if fit.poorly_identified[k] else ' '}",
+                f"{ends[k, 0]:.{decimals[k]}f} … {ends[k, 1]:.{decimals[k]}f}",
+            )
+    return table
+
+
+def _decimals(half_width: float) -> int:
+    """Decimals that show two digits of an interval's half width, but no fewer than Table 4.1 has."""
+    if not 0.0 < half_width < math.inf:
+        return FEWEST_DECIMALS
+    return min(max(FEWEST_DECIMALS, 1 - math.floor(math.log10(half_width))), MOST_DECIMALS)
+
+
+def _percent(relative: float) -> str:
+    """Two decimals, as in Table 4.1, three digits where these say nothing; above a thousand it is only large."""
+    if not relative < 1000.0:
+        return "> 999"
+    return f"{relative:.2f}" if relative >= 0.1 else f"{relative:.3g}"
+
+
+def print_links(console: Console, table: LinkTable) -> None:
+    """Mass, centre of mass and inertia about it of each link, estimate above description; or why there is none."""
+    if table.note or not table.links:
+        console.print(f"bodies of the links: {escape(table.note)}", highlight=False)
+        return
+    mass, inertia = (range(4), ("mass kg", "x m", "y m", "z m")), (ORDER, ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))
+    title = "Bodies of the links, new (estimate) and old (description)"
+    whole = _bodies(table, (*mass[0], *inertia[0]), (*mass[1], *inertia[1]), title)
+    if console.measure(whole, options=console.options.update(max_width=ENDLESS)).maximum <= console.width:
+        console.print(whole)
+    else:
+        console.print(_bodies(table, *mass, title))
+        console.print(_bodies(table, *inertia, None))
+    console.print(_links_note(table))
+
+
+def _bodies(table: LinkTable, columns: Sequence[int], names: Sequence[str], title: str | None) -> Table:
+    """Some quantities of every link, two rows each; names of links are folded before a number is cut."""
+    shown = Table(title=title, header_style="bold")
+    shown.add_column("link", overflow="fold", min_width=NARROWEST)
+    shown.add_column("", no_wrap=True)
+    for name in names:
+        shown.add_column(name, justify="right", no_wrap=True)
+    for body in table.links:
+        known = np.isfinite(body.intervals).sum(axis=1) == 2
+        digits = _digits(body)
+        new = [f"{_plain(body.estimate[k], digits[k])}{'*' if known[k] else ' '}" for k in columns]
+        shown.add_row(escape(body.link), "new", *new)
+        if np.isfinite(body.description).any():
+            old = [f"[dim]{_plain(body.description[k], digits[k])} [/]" for k in columns]
+            shown.add_row("", "[dim]old[/]", *old)
+    return shown
+
+
+def _links_note(table: LinkTable) -> str:
+    """Name the numbers, and those of them that the torques determine, with intervals."""
+    lines = ["centre of mass x y z and axes in the link frame; inertia about the centre of mass, kg·m²"]
+    short = ("mass", "x", "y", "z", *QUANTITIES[4:])
+    for body in table.links:
+        known = zip(short, body.intervals, strict=True)
+        spans = ", ".join(f"{name} {ends[0]:.3g} … {ends[1]:.3g}" for name, ends in known if np.isfinite(ends).all())
+        if spans:
+            lines.append(f"* {escape(body.link)}, 95 %: {spans}")
+    starred = len(lines) > 1
+    rest = "the others have" if starred else "each of these values has"
+    lines.append(f"{'* determined by the torques; ' if starred else ''}{rest} a part that the prior decides")
+    return "\n".join(lines)
+
+
+def _digits(body: LinkBody) -> list[int]:
+    """Decimals of each quantity, three digits of the largest of its kind, the same for estimate and description."""
+    result = [0] * 10
+    for kind in ((0,), (1, 2, 3), tuple(range(4, 10))):
+        sizes = np.abs(np.concatenate([body.estimate[list(kind)], body.description[list(kind)]]))
+        largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
+        decimals = 3 if not largest > 0.0 else min(max(2 - math.floor(math.log10(largest)), 1), 6)
+        for k in kind:
+            result[k] = decimals
+    return result
+
+
+def _plain(value: float, decimals: int) -> str:
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else "–"
+
+
+def status_line(standard: StandardFit) -> str:
+    """Return what the data say of the standard parameters, in one line, and the prior that says the rest."""
+    kinds = ("identified", "prior-dominated", "not identifiable")
+    counts = ", ".join(f"{standard.status.count(kind)} {kind}" for kind in kinds)
+    prior = standard.prior
+    weight = f", of weight {prior.weight:.3g} ({prior.how})" if prior.weight else ""
+    return f"of {len(standard.names)} standard parameters {counts}; prior: {PRIORS[prior.kind]}{weight}"
+
+
+def ladder_table(ladder: Ladder, robot: Robot) -> Table:
+    """Friction that was chosen for each joint, one law a line, and what it gains on motion that was left out."""
+    table = Table(title="Friction chosen by held-out stretches of the training motion", header_style="bold")
+    table.add_column("#", justify="right")
+    table.add_column("joint")
+    table.add_column("RMS ratio, with / without", justify="right")
+    table.add_column("added laws")
+    for j, joint in enumerate(robot.joints):
+        laws = friction_of_joint(ladder.added, joint.name, prismatic=joint.kind == "prismatic")
+        gain = f"{ladder.ratio[j]:.2f} ± {ladder.deviation[j]:.2f}"
+        table.add_row(str(j + 1), escape(joint.name), gain if laws else "-", escape("\n".join(laws) or "none"))
+    said = "± standard error between stretches; these made the choice, so that the ratio is optimistic"
+    table.caption = " ".join(filter(None, ((said + ".") if ladder.evidence else "", ladder.why)))
+    table.caption_justify = "left"
+    return table

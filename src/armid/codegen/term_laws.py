@@ -1,0 +1,104 @@
+"""The laws of torque terms and their memory, carried out on symbols."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from armid.codegen.graph import Scalar, call
+from armid.errors import ModelError
+from armid.model.dynamics import DynamicsModel
+from armid.model.expression import Expression, derivative, number, symbols
+from armid.model.hysteresis_memory import Coordinate, MemoryNode
+from armid.model.terms import Law
+
+__all__ = ["carried_out", "is_inertia", "law_value", "rotor_matrix", "updated", "uses"]
+
+
+def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Scalar:
+    """Value of an expression on scalars.
+
+    Raises:
+        ModelError: The expression has a function that generated code does not know.
+    """
+    head, arguments = expression.head, expression.arguments
+    if not isinstance(head, str):
+        return float(head)
+    if not arguments:
+        return environment[head]
+    values = [carried_out(argument, environment) for argument in arguments]
+    if head == "add":
+        return values[0] + values[1]
+    if head == "mul":
+        return values[0] * values[1]
+    if head not in KNOWN:
+        raise ModelError(
+            f"The function {head!r} of a torque term has no form in generated code.",
+            possible=", ".join(sorted(KNOWN)),
+            remedy="give it a row in armid.codegen.graph.FUNCTIONS and in each language.",
+        )
+    return call(head, *values)
+
+
+KNOWN = frozenset({"add", "mul", "pow", "sign", "tanh", "abs", "exp", "sin", "cos", "max", "min"})
+
+
+def uses(model: DynamicsModel, name: str) -> bool:
+    """Tell whether a law of the model reads `load` or `state`."""
+    return any(name in symbols(law.expression) for _, law in model.laws)
+
+
+def is_inertia(law: Law) -> bool:
+    """Tell whether a law is in proportion to the acceleration, so that it belongs to the mass matrix."""
+    return derivative(law.expression, "ddq") != number(0.0)
+
+
+def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scalar]]) -> Scalar:
+    """Value of a law, without its parameter and weight.
+
+    Args:
+        model: Whose law it is.
+        law: The law.
+        inputs: Joint by joint `q`, `dq`, `ddq` and `load`, and `state` node by node, as far as they are read.
+    """
+    return carried_out(law.expression, _environment(model, law, inputs))
+
+
+def rotor_matrix(
+    model: DynamicsModel, theta: Mapping[int, Scalar], q: Sequence[Scalar]
+) -> dict[tuple[int, int], Scalar]:
+    """Return what laws in proportion to the acceleration add to the mass matrix, for parameters by column."""
+    zero: list[Scalar] = [0.0] * model.n
+    inputs = {"q": q, "dq": zero, "ddq": zero}
+    matrix: dict[tuple[int, int], Scalar] = {}
+    for column, (_, law) in zip(model.law_columns.tolist(), model.laws, strict=True):
+        if not is_inertia(law) or column not in theta:
+            continue
+        per_acceleration = derivative(law.expression, "ddq")
+        inertia = theta[column] * carried_out(per_acceleration, _environment(model, law, inputs))
+        for i, w_i in law.coordinate:
+            for j, w_j in law.coordinate:
+                matrix[i, j] = matrix.get((i, j), 0.0) + (w_i * w_j) * inertia
+    return matrix
+
+
+def updated(node: MemoryNode, q: Sequence[Scalar], state: Scalar) -> Scalar:
+    """The next state of a memory node, from the last one and the new positions."""
+    return carried_out(node.memory.update, {"q": combined(node.coordinate, q), "state": state})
+
+
+def combined(coordinate: Coordinate, values: Sequence[Scalar]) -> Scalar:
+    """Σ w_j x_j."""
+    total: Scalar = 0.0
+    for j, weight in coordinate:
+        total = total + weight * values[j]
+    return total
+
+
+def _environment(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scalar]]) -> dict[str, Scalar]:
+    """Values of the symbols of a law."""
+    wanted = symbols(law.expression) | symbols(derivative(law.expression, "ddq"))
+    values = {name: combined(law.coordinate, inputs[name]) for name in wanted if name in inputs and name != "state"}
+    if "state" in wanted and "state" in inputs:
+        own = [node.coordinate == law.coordinate and node.memory == law.memory for node in model.nodes]
+        values["state"] = inputs["state"][own.index(True)]
+    return values

@@ -1,0 +1,1 @@
+"""Checks that compare the recording with a dynamic model."""

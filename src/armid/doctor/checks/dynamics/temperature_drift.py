@@ -1,0 +1,62 @@
+"""Friction that changes from the beginning of a log to its end, as it does while gears warm up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.doctor.evidence import Evidence
+from armid.doctor.quick_fit import solve
+from armid.errors import Finding
+
+__all__ = ["check"]
+
+CHANGE = 0.15
+"""Relative change of friction over the log worth a word."""
+
+SURE = 8.0
+"""Standard deviations by which it must differ from none."""
+
+GAIN = 0.02
+"""Fall of the residual, as a logarithm, that a change must bring."""
+
+JOINTS = 0.4
+"""Share of the joints that must change in the same sense: gears warm up together."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """One finding for all joints whose friction changes."""
+    state = evidence.understood
+    if state is None or state.log.band.is_open:
+        return []
+    rows, fit = state.rows, state.fit
+    time = rows.motion.time
+    if np.ptp(time) <= 0.0:
+        return []
+    share = (time - time.mean()) / float(np.ptp(time))
+    extra = np.zeros((rows.n, *rows.torque.shape))
+    for j in range(rows.n):
+        friction = np.zeros(len(time))
+        for symbol, column, p in zip(state.symbols(j), rows.columns[j], rows.parameters[j], strict=True):
+            if symbol in ("FV", "FS"):
+                friction += fit.values[p] * column
+        extra[j, :, j] = friction * share
+    found = solve(rows, extra=extra)
+    change, deviation = found.values[rows.count :], found.deviation[rows.count :]
+    sure = (np.abs(change) > SURE * deviation) & (np.abs(change) > CHANGE) & (deviation > 0.0)
+    gain = fit.cost - found.cost
+    sense = np.sign(np.median(change[sure])) if sure.any() else 0.0
+    together = sure & (np.sign(change) == sense)
+    if gain < GAIN or together.sum() < JOINTS * rows.n:
+        return []
+    names = evidence.robot.joint_names
+    listed = ", ".join(f"{names[j]} {100 * change[j]:+.0f} %" for j in np.flatnonzero(together))
+    return [
+        Finding(
+            "temperature-drift",
+            "warning",
+            ", ".join(names[j] for j in np.flatnonzero(together)),
+            f"Friction changes over {np.ptp(time):.0f} s: {listed}; with it {1 - np.exp(-gain):.0%} less of the "
+            "torque is left.",
+            "record again with warm gears, or a log for each state of warmth with friction_per_recording = true",
+        )
+    ]

@@ -1,0 +1,1 @@
+"""Checks of the signals by themselves."""

@@ -1,0 +1,62 @@
+"""Channels that stick for a while, and the arm standing still."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.doctor.evidence import Evidence
+from armid.doctor.stuck_channels import longest
+from armid.errors import Finding
+from armid.measurement.remedy import excluding
+
+__all__ = ["check"]
+
+STANDSTILL = 1.0
+"""Seconds of the same positions on all joints that are worth a word."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """Stuck channels as errors, standstill as information."""
+    recording = evidence.recording
+    if recording is None or recording.effort is None or recording.consecutive is False:
+        return []
+    rate = evidence.rate
+    findings: list[Finding] = []
+    names = evidence.robot.joint_names
+    counts = recording.valid[1:].any(axis=1) & recording.valid[:-1].any(axis=1)
+    still = longest(np.all(recording.q[1:] == recording.q[:-1], axis=1) & counts)
+    seconds = (still[1] - still[0]) / rate
+    if seconds >= STANDSTILL:
+        findings.append(
+            Finding(
+                "standstill",
+                "info",
+                "",
+                f"No joint moves for {seconds:.1f} s, rows {still[0]} to {still[1]}.",
+                excluding(
+                    evidence.reading,
+                    [_times(evidence, *still)],
+                    "such rows tell gravity and friction at rest apart from nothing",
+                ),
+            )
+        )
+    for j, what, a, b in evidence.stuck:
+        value = getattr(recording, what)[a, j]
+        findings.append(
+            Finding(
+                "channel-dead",
+                "error",
+                names[j],
+                f"{what} stays at {value:.6g} for {(b - a) / rate:.2f} s, rows {a} to {b}, while the arm moves.",
+                excluding(evidence.reading, [_times(evidence, a, b)], "or record it again"),
+            )
+        )
+    return findings
+
+
+def _times(evidence: Evidence, first: int, last: int) -> tuple[float, float]:
+    """Times of two rows on the recording's clock [s]."""
+    recording = evidence.recording
+    assert recording is not None
+    time = np.arange(recording.samples) / evidence.rate if recording.time is None else recording.time
+    return float(time[first]), float(time[min(last, recording.samples - 1)])

@@ -1,0 +1,93 @@
+"""Angles in another unit than the study says, all or some of them, where no limit gives it away."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.doctor.evidence import Evidence
+from armid.doctor.explanation import Explanation, State
+from armid.errors import Finding
+from armid.measurement.log_format import Reading
+from armid.measurement.remedy import lines
+from armid.values import Array
+
+__all__ = ["check", "explain"]
+
+CODE = "degrees"
+
+DEGREES = 180.0 / np.pi
+
+WIDEST, NARROWEST = 7.0, 0.1
+"""Largest angle of an arm whose joints turn about once at most, and the largest of one that moves at all [rad]."""
+
+GAIN = 0.3
+"""Fall of the residual, as a logarithm, that the other unit must bring: weights change their course with it, and so
+do inertias, by a factor 57."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """The finding, if the other unit explains the log."""
+    return evidence.explained(CODE)
+
+
+def explain(state: State) -> Explanation | None:
+    """The units that explain the log, or `None` if they are those that it is read with."""
+    best: tuple[float, State, NDArray[np.bool_], str] | None = None
+    for which, factor, said in _suspects(state):
+        after = state.on(state.log.scaled(np.where(which, factor, 1.0)))
+        gain = state.fit.cost - after.fit.cost
+        if gain > GAIN and (best is None or gain > best[0]):
+            best = gain, after, which, said
+    if best is None:
+        return None
+    gain, after, turned, said = best
+    largest = float(np.abs(state.rows.motion.q[:, turned]).max())
+    joints = state.model.robot.joints
+    everywhere = all(one or joint.is_prismatic for one, joint in zip(turned, joints, strict=True))
+    names = ", ".join(joint.name for one, joint in zip(turned, joints, strict=True) if one)
+    return Explanation(
+        CODE,
+        gain,
+        "error",
+        "q" if everywhere else names,
+        f"Read as {said}, {'no joint' if everywhere else names} turns beyond {largest:.3g} rad; in the other unit "
+        f"{1 - np.exp(-gain):.0%} less of the torque is left.",
+        lambda evidence: lines(units=_units(evidence.reading, turned, everywhere=everywhere)),
+        after,
+    )
+
+
+def _suspects(state: State) -> list[tuple[NDArray[np.bool_], float, str]]:
+    """Joints that may be in the other unit, what their angles would be multiplied by, and what they are read as.
+
+    All that turn, or those alone that leave their limits or hardly move.
+    """
+    joints = state.model.robot.joints
+    turns = np.array([not joint.is_prismatic for joint in joints])
+    if not turns.any():
+        return []
+    size: Array = np.abs(state.rows.motion.q).max(axis=0)
+    largest = float(size[turns].max())
+    found: list[tuple[NDArray[np.bool_], float, str]] = []
+    if largest * DEGREES <= WIDEST:
+        found.append((turns, DEGREES, "degrees"))
+    elif largest > WIDEST and largest / DEGREES >= NARROWEST:
+        found.append((turns, 1.0 / DEGREES, "radians"))
+    limits = np.array([joint.position_limits for joint in joints])
+    widest = np.where(np.isfinite(limits).all(axis=1), np.abs(limits).max(axis=1), WIDEST)
+    beyond = turns & (size > widest)
+    moves: Array = np.ptp(state.rows.motion.q, axis=0)
+    little = turns & (size * DEGREES <= np.minimum(widest, WIDEST)) & (moves > 0.0)
+    for which, factor, said in ((beyond, 1.0 / DEGREES, "radians"), (little, DEGREES, "degrees")):
+        if which.any() and (which != turns).any():
+            found.append((which, factor, said))
+    return found
+
+
+def _units(reading: Reading, turned: NDArray[np.bool_], *, everywhere: bool) -> str | list[str]:
+    """The units as they must be said."""
+    degrees = reading.degrees(len(turned)) != turned
+    if everywhere and (reading.units is None or isinstance(reading.units, str)):
+        return "rad" if reading.units == "deg" else "deg"
+    return ["deg" if one else "rad" for one in degrees]

@@ -1,0 +1,79 @@
+"""Repetitions of one motion that do not lie where the period says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.doctor.evidence import Evidence
+from armid.errors import Finding
+from armid.measurement.processing.alignment import windows
+from armid.measurement.processing.resampling import evened, stretches
+from armid.measurement.remedy import lines
+from armid.values import Array
+
+__all__ = ["check"]
+
+LATE_SAMPLES, LATE_SECONDS = 1.5, 0.005
+"""Delay of a repetition worth a word: more than the sample by which two may differ that begin at whole ones, and what
+moves a fast joint by half a degree."""
+
+STEPS = 25
+"""Rounds of moving one repetition over the other; each finds what a straight line through the motion does."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """One finding for the repetition that lies worst."""
+    recording, period = evidence.recording, evidence.reading.stated_period
+    if recording is None or period is None or recording.effort is None or recording.consecutive is False:
+        return []
+    piece = max(stretches(recording, 5.0)[0], key=lambda each: each.samples)
+    even = evened(piece, None, 0.0, each=True)
+    start = evidence.reading.start if evidence.reading.start is not None else float(even.time[0])
+    begins = windows(even, period, start)
+    samples = round(period * even.rate)
+    if len(begins) < 2:
+        return []
+    late = np.array([_lag(even.q, begins[0], begin, samples) for begin in begins])
+    worst = int(np.argmax(np.abs(late)))
+    if abs(late[worst]) < max(LATE_SAMPLES, LATE_SECONDS * even.rate):
+        return []
+    seconds = late[worst] / even.rate
+    even_steps = np.ptp(np.diff(late)) < LATE_SAMPLES and len(late) > 2
+    remedy = (
+        lines(period=float(f"{period + np.diff(late).mean() / even.rate:.6g}"))
+        if even_steps
+        else "record it again, or cut the log into one recording a repetition and leave the period out"
+    )
+    return [
+        Finding(
+            "period-misaligned",
+            "warning",
+            "q",
+            f"Repetition {worst + 1} of {len(begins)} lies {seconds:+.4g} s ({late[worst]:+.1f} samples) off the "
+            f"period of {period:g} s; all: {', '.join(f'{x:+.1f}' for x in late)} samples.",
+            remedy,
+        )
+    ]
+
+
+def _lag(q: Array, first: int, begin: int, samples: int) -> float:
+    """By how many samples the window from `begin` lies behind that from `first`."""
+    margin = samples // 8
+    inside = np.arange(margin, samples - margin)
+    reference = q[first + inside]
+    slope = np.gradient(q, axis=0)
+    lag = 0.0
+    for _ in range(STEPS):
+        at = begin + inside + lag
+        if at[0] < 1 or at[-1] > len(q) - 2:
+            break
+        low = at.astype(np.intp)
+        share = (at - low)[:, None]
+        now = (1 - share) * q[low] + share * q[low + 1]
+        turn = (1 - share) * slope[low] + share * slope[low + 1]
+        change = float(((reference - now) * turn).sum() / max(float((turn**2).sum()), 1e-300))
+        change = float(np.clip(change, -margin / 4, margin / 4))
+        lag += change
+        if abs(change) < 1e-3:
+            break
+    return lag

@@ -1,0 +1,82 @@
+"""Torque that is cut off: at a value of its own, or at the description's limit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.doctor.evidence import Evidence
+from armid.errors import Finding
+from armid.measurement.remedy import excluding, lines
+from armid.values import Array
+
+__all__ = ["check"]
+
+FEWEST, SHARE = 10, 0.002
+"""Samples at the very same extreme value that make a plateau, and the share of all that they must be."""
+
+DENSER = 5.0
+"""How much more often the extreme value must occur than its neighbours; coarse converters repeat all of them."""
+
+NEIGHBOURS = 12
+
+APART = 0.25
+"""Seconds between two stretches at the extreme from which they are two: noise cuts one into many."""
+
+LIMIT = 0.98
+"""Share of the description's limit that counts as reaching it."""
+
+
+def check(evidence: Evidence) -> list[Finding]:
+    """One finding for each joint whose torque is cut off."""
+    recording = evidence.recording
+    if recording is None or recording.effort is None:
+        return []
+    findings: list[Finding] = []
+    for j, joint in enumerate(evidence.robot.joints):
+        counted = recording.valid[:, j]
+        if evidence.saturation is not None and joint.effort_limit > 0.0:
+            counted = counted & (np.abs(recording.effort[:, j]) < evidence.saturation * joint.effort_limit)
+        tau = recording.effort[counted, j]
+        if not len(tau) or np.ptp(tau) == 0.0:
+            continue
+        count, level = max((_plateau(tau), _plateau(-tau)), key=lambda found: found[0])
+        at_limit = int((np.abs(tau) >= LIMIT * joint.effort_limit).sum()) if joint.effort_limit > 0.0 else 0
+        if count:
+            text = f"{count} of {len(tau)} samples stand at the same extreme, {level:.4g} {joint.effort_unit}."
+            flat = counted & (np.abs(np.abs(recording.effort[:, j]) - level) <= 1e-9 * max(level, float(np.ptp(tau))))
+            remedy = excluding(evidence.reading, _stretches(flat, evidence))
+        elif at_limit >= max(FEWEST, SHARE * len(tau)):
+            text = (
+                f"{at_limit} of {len(tau)} samples reach {LIMIT:g} of the description's limit, "
+                f"{joint.effort_limit:.4g} {joint.effort_unit}."
+            )
+            remedy = lines("in [processing]", saturation=LIMIT)
+        else:
+            continue
+        findings.append(Finding("saturation", "warning", joint.name, text, remedy))
+    return findings
+
+
+def _stretches(flat: NDArray[np.bool_], evidence: Evidence) -> list[tuple[float, float]]:
+    """Times in which a torque is cut off, those that nearly meet taken together [s]."""
+    recording = evidence.recording
+    assert recording is not None
+    rows = np.flatnonzero(flat)
+    time = rows / evidence.rate if recording.time is None else recording.time[rows]
+    pieces = np.split(time, np.flatnonzero(np.diff(time) > APART) + 1)
+    return [(float(piece[0]), float(piece[-1])) for piece in pieces]
+
+
+def _plateau(tau: Array) -> tuple[int, float]:
+    """Samples at the largest value, and that value, if they are too many for a peak."""
+    top = float(tau.max())
+    tolerance = 1e-9 * max(abs(top), float(np.ptp(tau)))
+    values, counts = np.unique(tau, return_counts=True)
+    near = values >= top - tolerance
+    count = int(counts[near].sum())
+    others = counts[~near][-NEIGHBOURS:]
+    usual = float(np.mean(others)) if len(others) else 0.0
+    if count < max(FEWEST, SHARE * len(tau)) or count < DENSER * usual:
+        return 0, top
+    return count, abs(top)

@@ -1,0 +1,184 @@
+"""A recording reduced to a moderate rate, with its band and its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.information.filtering import in_band
+from armid.maths.sampling import automatic_cutoff
+from armid.maths.signals import decimate, decimation_filter
+from armid.measurement.band import Band
+from armid.measurement.observations import ObservedRun
+from armid.measurement.processing.differentiation import movement
+from armid.measurement.processing.options import Processing
+from armid.measurement.processing.output_grid import moving, run_of, separate_rows
+from armid.measurement.processing.resampling import Stretch, evened, stretches
+from armid.measurement.processing.standstill import position_noise, standing
+from armid.measurement.recording import Recording
+from armid.model.motion import Motion
+from armid.values import Array
+
+__all__ = ["Thin", "thin"]
+
+CUTOFFS = (2.0, 6.0)
+"""Limits of the band that is looked at [Hz]: faults of a log show where the motion is, not above it."""
+
+THIN_RATE = 20.0
+"""Samples a second that are kept, in units of the cut-off: reversals of friction are sharper than the band, and
+with fewer their columns alias."""
+
+ROWS_RATE = 4.0
+"""Rows a second in units of the cut-off: twice what the band holds."""
+
+SEPARATE = 1000
+"""Rows that are kept, or up to twice as many, where they do not follow each other: what the band keeps of half a
+minute. What a model lacks makes neighbours alike, and where their order is lost nobody sees by how much."""
+
+COARSE = 400
+"""Rows, or up to twice as many, by which geometries are compared quickly: some times the parameters of a joint."""
+
+LONGEST = 60.0
+"""Seconds of a log that are looked at, half of them from its beginning and half from its end."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Thin:
+    """A recording at a moderate rate.
+
+    Attributes:
+        runs: Contiguous runs, motion filtered, torque not.
+        band: For torque and columns.
+        cutoff: Its cut-off [Hz]; that of the motion where the band is open.
+        rate: Samples a second of the recording itself [Hz].
+    """
+
+    runs: tuple[ObservedRun, ...]
+    band: Band
+    cutoff: float
+    rate: float
+
+    def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> Thin:
+        """The same log with its channels in another order; rows count where both channels of a joint do."""
+
+        def changed(run: ObservedRun) -> ObservedRun:
+            m, mask = run.motion, run.mask[:, motion] & run.mask[:, torque]
+            moved = Motion(m.time, m.q[:, motion], m.dq[:, motion], m.ddq[:, motion])
+            return replace(run, motion=moved, torque=run.torque[:, torque], mask=mask)
+
+        return replace(self, runs=tuple(changed(run) for run in self.runs))
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Tell which rows count, shape (M, n)."""
+        return np.concatenate([run.mask for run in self.runs])
+
+    def coarse(self) -> Thin:
+        """Some rows alone, their torque filtered and their columns not: quick, to compare geometries."""
+        every = max(1, sum(len(run.rows) for run in self.runs) // COARSE)
+
+        def changed(run: ObservedRun) -> ObservedRun:
+            raw = self.band.is_open or not run.consecutive
+            tau = run.torque if raw else in_band(run.torque, run.rate, self.band)
+            rows, m = run.rows[::every], run.motion
+            few = Motion(m.time[rows], m.q[rows], m.dq[rows], m.ddq[rows])
+            rate, mask, block = run.rate / (run.step * every), run.mask[::every], run.block[::every]
+            return replace(run, motion=few, torque=tau[rows], rate=rate, step=1, offset=0, mask=mask, block=block)
+
+        return replace(self, runs=tuple(changed(run) for run in self.runs), band=Band())
+
+    def moved(self, offset: Array) -> Thin:
+        """The same log with positions offset (n,) [rad or m]."""
+
+        def changed(run: ObservedRun) -> ObservedRun:
+            m = run.motion
+            return replace(run, motion=Motion(m.time, m.q + offset, m.dq, m.ddq))
+
+        return replace(self, runs=tuple(changed(run) for run in self.runs))
+
+    def scaled(self, motion: Array) -> Thin:
+        """The same log with the motion of each joint multiplied (n,)."""
+
+        def changed(run: ObservedRun) -> ObservedRun:
+            m = run.motion
+            return replace(run, motion=Motion(m.time, m.q * motion, m.dq * motion, m.ddq * motion))
+
+        return replace(self, runs=tuple(changed(run) for run in self.runs))
+
+
+def thin(recording: Recording, cutoff: float | None = None) -> Thin:
+    """Reduce a recording in the robot's terms to a moderate rate.
+
+    Args:
+        recording: In robot order, SI units, joint side.
+        cutoff: Of the band [Hz], if the rate allows it; that of the motion if not given.
+
+    Raises:
+        RecordingError: It cannot be differentiated or is too short.
+    """
+    if recording.consecutive is False:
+        few = slice(None, None, max(1, recording.samples // SEPARATE))
+        values = {name: getattr(recording, name) for name in ("q", "dq", "ddq", "effort", "valid")}
+        kept = {name: None if x is None else x[few] for name, x in values.items()}
+        whole = replace(recording, time=None, rate=1.0, number=None, **kept)
+        piece = stretches(whole, None)[0][0]
+        processing = Processing(family="none", derivatives="given")
+        run = separate_rows(piece, movement(piece, processing, given=True), processing)
+        return Thin((run,), Band(), 1.0, 1.0)
+    pieces, _ = stretches(recording, CUTOFFS[0])
+    noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
+    longest = max(pieces, key=lambda piece: piece.samples)
+    rate = longest.rate
+    even = [evened(piece, None, 0.0, each=False) for piece in pieces]
+    if cutoff is None:
+        cutoff = min(max(automatic_cutoff(evened(longest, None, 0.0, each=False).q, rate), CUTOFFS[0]), CUTOFFS[1])
+    cutoff = min(cutoff, 0.1 * rate)
+    processing = Processing(cutoff=cutoff, decimate=ROWS_RATE * cutoff, derivatives="central", trim=0.25)
+    runs: list[ObservedRun] = []
+    still: list[NDArray[np.bool_]] = []
+    for piece in _ends(even):
+        step = max(1, int(piece.rate / (THIN_RATE * cutoff)))
+        few = _decimated(piece, step)
+        if few.samples < 10 * int(few.rate / cutoff):
+            continue
+        run = run_of(few, movement(few, processing, given=False), processing)
+        if run is not None:
+            runs.append(run)
+            still.append(_any_near(standing(piece.q, piece.rate, noise), step))
+    runs, _ = moving(runs, still, processing)
+    return Thin(tuple(runs), processing.band, cutoff, rate)
+
+
+def _ends(pieces: Sequence[Stretch]) -> list[Stretch]:
+    """Return what lies in the first and the last half minute of a long log."""
+    begin, end = float(pieces[0].time[0]), float(pieces[-1].time[-1])
+    if end - begin <= 1.25 * LONGEST:
+        return list(pieces)
+    result: list[Stretch] = []
+    for low, high in ((begin, begin + LONGEST / 2), (end - LONGEST / 2, end)):
+        for piece in pieces:
+            first, stop = np.searchsorted(piece.time, (low, high))
+            if stop - first > 1:
+                result.append(piece.cut(int(first), int(stop)))
+    return result
+
+
+def _decimated(piece: Stretch, step: int) -> Stretch:
+    if step == 1:
+        return piece
+    taps = decimation_filter(step, attenuation=60.0)
+    rows = piece.time[::step]
+    return piece.changed(lambda x: decimate(x, taps, step), rows, piece.rate / step, lambda bad: _any_near(bad, step))
+
+
+def _any_near(flags: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
+    """Flags of every so many samples: whether any less than a step away is flagged."""
+    if step == 1:
+        return flags
+    rows = np.arange(0, len(flags), step)
+    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
+    low, high = np.maximum(rows - step, 0), np.minimum(rows + step, len(flags))
+    return counts[high] > counts[low]

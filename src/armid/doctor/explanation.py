@@ -1,0 +1,268 @@
+"""State of a log: how it is understood, how well a model then explains it, and what else it says about the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid import kernel
+from armid.doctor.downsample import Thin
+from armid.doctor.quick_fit import Fit, Rows, make_rows, solve
+from armid.information.column_source import ColumnSource, column_source
+from armid.information.filtering import in_band
+from armid.measurement.observations import ObservedRun
+from armid.model.base_parameters import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.values import Array
+
+if TYPE_CHECKING:
+    from armid.doctor.evidence import Evidence
+
+__all__ = ["OWN", "Explanation", "Nominal", "State"]
+
+OWN = ("FV", "FS", "FO", "IA")
+"""Symbols of what a joint has for itself, whatever it carries."""
+
+POSES = 40
+"""Poses along the motion at which inertias are looked at."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Nominal:
+    """Measured torque beside the description's, joint by joint, friction and offset of each taken out.
+
+    Attributes:
+        scale: Measured torque in units of the described one, shape (n,).
+        correlation: Shape (n,).
+        size: RMS of the described torque that is left, shape (n,) [N·m or N].
+    """
+
+    scale: Array
+    correlation: Array
+    size: Array
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A log as it is understood, and the model that it is compared with.
+
+    Attributes:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        log: The recording at a moderate rate.
+    """
+
+    model: DynamicsModel
+    base: BaseParameters
+    log: Thin
+
+    @cached_property
+    def source(self) -> ColumnSource:
+        """Makes the columns of the base parameters."""
+        return column_source(self.model, self.base)
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Columns and torque in the band."""
+        return make_rows(self.source, self.log)
+
+    def with_torque(self, factor: Array) -> State:
+        """The same with each joint's torque multiplied (n,): columns stay, and are not made again."""
+        runs = tuple(replace(run, torque=run.torque * factor) for run in self.log.runs)
+        after = self.on(replace(self.log, runs=runs))
+        after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor)
+        return after
+
+    def on(self, log: Thin) -> State:
+        """The same model beside another log."""
+        after = State(self.model, self.base, log)
+        after.__dict__["source"] = self.source  # where `cached_property` keeps it
+        return after
+
+    def without(self, left_out: NDArray[np.bool_]) -> State:
+        """The same with some rows not counted, shape (M,)."""
+        ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
+        kept = np.split(~left_out, ends)
+        runs = tuple(
+            replace(run, mask=run.mask & rows[:, None]) for run, rows in zip(self.log.runs, kept, strict=True)
+        )
+        after = self.on(replace(self.log, runs=runs))
+        after.__dict__["rows"] = replace(self.rows, mask=self.rows.mask & ~left_out[:, None])
+        return after
+
+    @cached_property
+    def fit(self) -> Fit:
+        """All joints with one set of parameters."""
+        return solve(self.rows)
+
+    @cached_property
+    def own_fits(self) -> tuple[Fit, ...]:
+        """Each joint with parameters of its own."""
+        return tuple(solve(self._own(j)) for j in range(self.rows.n))
+
+    @property
+    def conflict(self) -> float:
+        """Compare one set of parameters for all joints with one for each: logarithm of how much worse it explains.
+
+        What a model lacks, such as friction at reversals, is missing from both. What grows between the two is
+        wrong geometry: the order of channels, gravity, zeros, signs, scales.
+        """
+        alone = np.array([fit.sigma[0] for fit in self.own_fits])
+        return self.fit.cost - float(np.mean(np.log(alone)))
+
+    def _own(self, j: int) -> Rows:
+        rows, count = self.rows, len(self.rows.parameters[j])
+        return replace(
+            rows,
+            columns=(rows.columns[j],),
+            parameters=(np.arange(count, dtype=np.int32),),
+            count=count,
+            torque=rows.torque[:, [j]],
+            mask=rows.mask[:, [j]],
+        )
+
+    def symbols(self, j: int) -> list[str]:
+        """Symbols of joint j's columns; those of other joints' terms are empty."""
+        found = [self.model.parameters[self.base.kept[p]] for p in self.rows.parameters[j]]
+        return [p.symbol if p.number == j + 1 or p.symbol not in OWN else "" for p in found]
+
+    def standard(self, values: Array) -> Array:
+        """Standard parameters (p,) with the torque of base parameters (b,)."""
+        theta = np.zeros(len(self.model.parameters))
+        theta[self.base.kept] = values[: self.base.count]
+        return theta
+
+    def rigid_torque(self, theta: Array) -> Array:
+        """Torque of the links in the band at the rows, shape (M, n)."""
+        bodies = self._bodies(theta)
+        return self._at_rows(lambda run: self._torque(bodies, run.motion, run.motion.q))
+
+    def rigid_slopes(self, theta: Array, step: float) -> Array:
+        """Change of the links' torque by each position, in the band at the rows, shape (n, M, n) [N·m/rad].
+
+        Args:
+            theta: Standard parameters.
+            step: Displacement of the central difference [rad or m].
+        """
+        bodies, moves = self._bodies(theta), np.eye(self.rows.n) * step
+
+        def slopes(run: ObservedRun) -> Array:
+            m = run.motion
+            moved = [self._torque(bodies, m, m.q + e) - self._torque(bodies, m, m.q - e) for e in moves]
+            return np.stack(moved, axis=1) / (2.0 * step)
+
+        return np.moveaxis(self._at_rows(slopes), 1, 0)
+
+    def torque_slope(self) -> Array:
+        """Derivative of the torque in the band at the rows, shape (M, n) [N·m/s]."""
+        parts = [
+            np.gradient(in_band(run.torque, run.rate, self.log.band), 1.0 / run.rate, axis=0)[run.rows]
+            for run in self.log.runs
+        ]
+        return np.concatenate(parts)
+
+    def _bodies(self, theta: Array) -> Array:
+        """Parameters of the links, (n, 10)."""
+        return theta[self.model.inertial_columns].reshape(-1, 10)
+
+    def _torque(self, bodies: Array, motion: Motion, q: Array) -> Array:
+        """Torque of the links (N, n) as they move, at other positions (N, n)."""
+        return kernel.inverse_dynamics(self.model.tree, bodies, q, motion.dq, motion.ddq)
+
+    def _at_rows(self, made: Callable[[ObservedRun], Array]) -> Array:
+        """Return what is made of each run (N, ...), in the band at the rows (M, ...)."""
+        parts: list[Array] = []
+        for run in self.log.runs:
+            x, raw = made(run), self.log.band.is_open or not run.consecutive
+            parts.append((x if raw else in_band(x, run.rate, self.log.band))[run.rows])
+        return np.concatenate(parts)
+
+    def own_columns(self, j: int) -> Array:
+        """Columns of joint j's friction, offset and rotor, shape (M, k)."""
+        mine = [k for k, symbol in enumerate(self.symbols(j)) if symbol in OWN]
+        return self.rows.columns[j][mine].T
+
+    @cached_property
+    def nominal(self) -> Nominal | None:
+        """The description's torque beside the measured one; `None` where it has no inertias."""
+        theta = self.model.nominal_parameters()
+        if theta is None:
+            return None
+        told = self.rigid_torque(theta)
+        scale, correlation, size = np.zeros((3, self.rows.n))
+        for j in range(self.rows.n):
+            rows = self.rows.mask[:, j]
+            Q = np.linalg.qr(self.own_columns(j)[rows])[0]
+            x, y = told[rows, j], self.rows.torque[rows, j]
+            x, y = x - Q @ (Q.T @ x), y - Q @ (Q.T @ y)
+            power = float(x @ x)
+            size[j] = np.sqrt(power / max(len(x), 1))
+            if power > 0.0 and (y @ y) > 0.0:
+                scale[j], correlation[j] = x @ y / power, x @ y / np.sqrt(power * (y @ y))
+        return Nominal(scale, correlation, size)
+
+    @cached_property
+    def dissipation(self) -> Array:
+        """Tell how surely each joint's friction brakes, in standard deviations, shape (n,)."""
+        z = np.zeros(self.rows.n)
+        for j, fit in enumerate(self.own_fits):
+            power = np.array(
+                [
+                    float(np.mean(column * self.rows.motion.dq[:, j])) if symbol in ("FV", "FS") else 0.0
+                    for symbol, column in zip(self.symbols(j), self.rows.columns[j], strict=True)
+                ]
+            )
+            z[j] = _certainty(power, fit)
+        return z
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Tell how surely each joint's own inertia is positive, in standard deviations, shape (n,)."""
+        rows, n = self.rows, self.rows.n
+        q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
+        still = np.zeros_like(q)
+        rest = self.model.regressor(Motion.of_states(q, still, still))
+        z = np.zeros(n)
+        for j, fit in enumerate(self.own_fits):
+            unit = still.copy()
+            unit[:, j] = 1.0
+            per_acceleration = (self.model.regressor(Motion.of_states(q, still, unit)) - rest)[:, j].mean(axis=0)
+            z[j] = _certainty(per_acceleration[self.base.kept[rows.parameters[j]]], fit)
+        return z
+
+
+def _certainty(direction: Array, fit: Fit) -> float:
+    """A linear function of the estimate in its standard deviations."""
+    spread = float(np.sqrt(max(direction @ fit.covariance @ direction, 0.0)))
+    return float(direction @ fit.values) / spread if spread > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Explanation:
+    """A fault that would explain what a log contradicts.
+
+    Attributes:
+        code: Of the finding.
+        gain: By how much less is then left, as a logarithm.
+        severity: Of the finding.
+        channel: Joint, or empty for all.
+        evidence: What was seen, with numbers.
+        remedy: As a line of a study, on top of what the evidence says of the reading.
+        after: The log as it is understood then.
+        confirmed: Whether the log says so in another way, too, where there is one; asked of the first fault alone.
+    """
+
+    code: str
+    gain: float
+    severity: Literal["error", "warning", "info"]
+    channel: str
+    evidence: str
+    remedy: Callable[[Evidence], str]
+    after: State
+    confirmed: Callable[[Evidence], bool] | None = None

@@ -1,0 +1,1 @@
+"""Physical consistency: cones of real bodies, and the convex programs over them."""

@@ -1,0 +1,128 @@
+"""The middle of what data, prior and physics allow, and how narrow it is there.
+
+A consistent estimate often lies on the border of what bodies can be, where a parabola through it says nothing of how
+far the border lets it move. The analytic centre lies inside: the least of the data's cost and the prior's, with
+- log det J of each link and - log x of each value that cannot be negative, each of the weight of one independent
+sample. The curvature there says how narrow data and cone are together, and the way from the estimate to the centre
+how far from the middle of it the estimate stands [Nesterov1994].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.errors import EstimationError
+from armid.estimation.prior import MASS, Belief, relative_precision, size_of_bodies
+from armid.estimation.problem import Standard
+from armid.estimation.standard_fit import PriorUse
+from armid.estimation.whitening import Weighted
+from armid.maths.barrier_function import LogDet, Smooth
+from armid.maths.barrier_method import minimise
+from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
+from armid.values import Array
+
+__all__ = ["Centre", "find_centre"]
+
+AIM = 1e-6
+"""Gap aimed at: a curvature needs the centre to a few hundredths of a deviation."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Centre:
+    """The analytic centre.
+
+    Attributes:
+        values: Standard parameters, shape (p,).
+        precision: Curvature of prior and cone there, in units of the weighted normal equations, shape (p, p).
+    """
+
+    values: Array
+    precision: Array
+
+
+def find_centre(
+    standard: Standard, weighted: Weighted, belief: Belief, prior: PriorUse, values: Array, basis: Array
+) -> Centre | None:
+    """The centre around an estimate; `None` where no start inside the cone is found, or no centre.
+
+    Args:
+        standard: The standard parameters.
+        weighted: The data.
+        belief: The prior for weight 1.
+        prior: What was used of it.
+        values: The estimate, shape (p,).
+        basis: Parameters (p,) that each unknown moves, shape (p, x).
+    """
+    believed, mean = _rows(standard, belief, prior)
+    root = np.sqrt(weighted.correlation * believed)
+    moved = weighted.rows @ standard.regrouping
+    used = root > 0.0
+    problem = Smooth(
+        np.concatenate([moved @ basis, (root[:, None] * basis)[used]]),
+        np.concatenate([weighted.rows @ weighted.values - moved @ values, (root * (mean - values))[used]]),
+        _terms(standard, belief, prior, weighted.correlation, values, basis),
+        (),
+        np.zeros(basis.shape[1]),
+    )
+    pull = moved.T @ (moved @ values - weighted.rows @ weighted.values) + root**2 * (values - mean)
+    if prior.kind in ("mass", "none"):
+        pull += weighted.correlation * _weight(prior) / MASS * size_of_bodies(standard)
+    guess = belief.lifted(standard, values, pull, weighted.correlation, bodies=prior.kind != "log-det")
+    for place, near in ((guess, True), (belief.inside(standard), False)):
+        start = (basis.T @ (place - values)) / np.sum(basis**2, axis=0)
+        try:
+            found = values + basis @ minimise(problem, start, aim=AIM, near=near).x
+        except EstimationError:
+            continue
+        return Centre(found, weighted.correlation * _curvature(standard, belief, prior, found, basis))
+    return None
+
+
+def _weight(prior: PriorUse) -> float:
+    """Weight of the links' prior; where there was none, what is known of any arm."""
+    return prior.weight if prior.weight > 0.0 else 1.0
+
+
+def _rows(standard: Standard, belief: Belief, prior: PriorUse) -> tuple[Array, Array]:
+    """Precision (p,) and mean (p,) of what is believed apart from log-det terms."""
+    precision = np.diag(belief.precision).copy()
+    precision[standard.inertial] *= _weight(prior) if prior.kind == "euclidean" else 0.0
+    return precision, belief.mean
+
+
+def _terms(
+    standard: Standard, belief: Belief, prior: PriorUse, correlation: float, values: Array, basis: Array
+) -> tuple[LogDet, ...]:
+    """Terms that keep links and values inside, about the estimate."""
+    terms: list[LogDet] = []
+    if prior.kind == "log-det":
+        terms.extend(belief.log_det(standard, values, basis, correlation * _weight(prior)))
+    else:
+        units = PSEUDO_INERTIA_OF.transpose(1, 2, 0)
+        size = 0.0 if prior.kind == "euclidean" else _weight(prior) / MASS
+        cost = size * size_of_bodies(standard)
+        for own in standard.inertial:
+            if basis[own].any():
+                matrix, offset = units @ basis[own], pseudo_inertia(values[own])
+                terms.append(LogDet(matrix, offset, cost[own] @ basis[own], 0.0, correlation))
+    nothing = np.zeros(basis.shape[1])
+    for k in np.flatnonzero(standard.nonnegative & basis.any(axis=1)):
+        terms.append(LogDet(basis[k][None, None], values[[k]][:, None], nothing, 0.0, correlation))
+    return tuple(terms)
+
+
+def _curvature(standard: Standard, belief: Belief, prior: PriorUse, values: Array, basis: Array) -> Array:
+    """Second derivative (p, p) of prior and cone at the centre, for one row a sample."""
+    result = belief.curvature(standard, values, _weight(prior))
+    if prior.kind != "log-det":
+        relative = relative_precision(pseudo_inertia(values[standard.inertial]))
+        for own, precision in zip(standard.inertial, relative, strict=True):
+            if basis[own].any():
+                links = np.ix_(own, own)
+                before = result[links] if prior.kind == "euclidean" else 0.0
+                result[links] = before + precision
+    bounded = np.flatnonzero(standard.nonnegative & basis.any(axis=1))
+    result[bounded, bounded] += 1.0 / values[bounded] ** 2
+    return result

@@ -1,0 +1,177 @@
+"""The conic programs behind consistent estimates: the unknowns in the cones that fit rows best, and some inside.
+
+Solvers count digits from the largest number, which with data of little noise is the right-hand side, and with bodies
+of tons their masses. So a program is about the change from a place near the answer, in units of the size that the
+residual and the unknowns have there: the first are guesses, the next come from a rougher answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armid.errors import UnsolvedError
+from armid.estimation.consistency.constraints import Feasible
+from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
+from armid.maths.linalg import orthonormal
+from armid.values import Array
+
+__all__ = ["GOOD", "Nearest", "inside", "nearest"]
+
+GOOD = 2e-7
+"""Gap at which no better answer is looked for, over the size of the objective: a fifth of the largest accepted."""
+
+TRIES = 4
+"""Most programs from one start; one is usual."""
+
+UNIT = 1e3
+"""Size that columns are scaled down to where noise is so small that they are larger."""
+
+THIN = 1e-4
+"""Smallest diagonal entry of a matrix over its largest that rows are scaled by; what is thinner counts as so thin."""
+
+ROOM = 0.1
+"""Most slack that a start of the search is given in each cone; any positive one does."""
+
+FURTHEST = 1e3
+"""Size of the unknowns of a start, which without a limit would go anywhere where nothing bounds them."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Nearest:
+    """Unknowns in the cones.
+
+    Attributes:
+        x: Shape (unknowns,).
+        objective: Half the squared residual and the cost.
+        gap: By how much the minimum may lie below, over the objective, at least one.
+    """
+
+    x: Array
+    objective: float
+    gap: float
+
+
+def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Array) -> Nearest:
+    """The unknowns x that minimise ½ |A x - y|² + costᵀ x, with the best gap that is reached.
+
+    Args:
+        feasible: What is allowed.
+        A: Shape (rows, unknowns).
+        y: Shape (rows,).
+        cost: Shape (unknowns,).
+        precision: What is believed of the size of the unknowns before the data, for the first guess, shape
+            (unknowns,).
+
+    Raises:
+        UnsolvedError: No program had an answer.
+    """
+    best, trouble = (
+        None,
+        UnsolvedError(
+            "No consistent parameters were found.",
+            remedy="loosen heaviest, masses, com, known, fixed or equal, or identify with another method.",
+        ),
+    )
+    for near, units in _starts(A, y, precision):
+        size: Array | None = None
+        for _ in range(TRIES):
+            unit = units.pop(0)
+            try:
+                change, doubt = _change(feasible, A / unit, (y - A @ near) / unit, cost / unit**2, near, size)
+            except UnsolvedError as error:
+                trouble = error
+                if not units:
+                    break
+                continue
+            near = near + change
+            residual = float(np.linalg.norm(A @ near - y))
+            objective = 0.5 * residual**2 + float(cost @ near)
+            found = Nearest(near, objective, doubt * unit**2 / max(1.0, abs(objective)))
+            if found.gap <= GOOD:
+                return found
+            best = found if best is None or found.gap < best.gap else best
+            units = [max(residual, 1.0), 0.1 * residual if residual > 10.0 else float(np.sqrt(unit))]
+            size = np.maximum(np.abs(near), 1.0)
+    if best is None:
+        raise trouble
+    return best
+
+
+def inside(feasible: Feasible) -> Array | None:
+    """Unknowns with as much slack in every cone as there is, up to some; `None` where there is none."""
+    x = feasible.basis.shape[1]
+    cones: list[Cone] = []
+    for cone in feasible.cones:
+        matrix = np.concatenate([cone.matrix, np.zeros((len(cone.matrix), 1))], axis=1)
+        if cone.kind == "semidefinite":
+            i, j = upper_triangle(len(symmetric(cone.offset)))
+            matrix[:, x] = np.where(i == j, -1.0, 0.0)
+        else:
+            matrix[:, x] = -1.0
+        cones.append(Cone(cone.kind, matrix, cone.offset))
+    most = np.zeros((1, x + 1))
+    most[0, x] = -1.0
+    cost = np.zeros(x + 1)
+    cost[x] = -1.0
+    size = np.concatenate([np.zeros((1, x + 1)), np.eye(x, x + 1)])
+    limit = Cone("norm", size, np.append(FURTHEST, np.zeros(x)))
+    found = solve_cones(cost, [*cones, Cone("nonnegative", most, np.array([ROOM])), limit])
+    return found.x[:x] if found.x[x] > 0.0 else None
+
+
+def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[float]]]:
+    """Places to start from, each with the units that are tried first.
+
+    The first is the best without cones, where most data lead to. But what data hardly show may be anything there, up
+    to sizes that leave no digits; the other is nothing at all.
+    """
+    length = np.sqrt(np.sum(A**2, axis=0) + precision)
+    whole = np.concatenate([A / length, np.diag(np.sqrt(precision) / length)])
+    side = np.concatenate([y, np.zeros(len(length))])
+    clear = orthonormal(whole)
+    free = np.linalg.lstsq(whole, side, rcond=None)[0] if clear is None else clear[2] @ (clear[0].T @ side)
+    free = free / length
+    usual = max(float(np.median(length)) / UNIT, 1.0)
+    return [
+        (free, [usual, float(length.max())]),
+        (np.zeros(len(length)), [max(0.1 * float(np.linalg.norm(y)), 1.0), usual]),
+    ]
+
+
+def _change(
+    feasible: Feasible, A: Array, y: Array, cost: Array, near: Array, size: Array | None
+) -> tuple[Array, float]:
+    """The change d (x,) of the unknowns that minimises ½ |A d - y|² + costᵀ d, and by how much more may be won."""
+    x = A.shape[1]
+    cones = tuple(replace(c, offset=c.offset + c.matrix @ near) for c in feasible.cones)
+    cones = cones if size is None else tuple(_scaled(cone, size) for cone in cones)
+    size = np.ones(x) if size is None else size
+    norm = np.zeros((len(A) + 1, x + 1))
+    norm[0, x], norm[1:, :x] = 1.0, A * size
+    found = solve_cones(
+        np.append(cost * size, 0.0),
+        [*_widened(cones, 1), Cone("norm", norm, np.concatenate([[0.0], -y]))],
+        np.append(np.zeros(x), 1.0),
+    )
+    change = found.x[:x] * size
+    # The slope that is left matters where nothing else holds unknowns: tons that no torque tells of.
+    return change, found.doubt(np.append(np.abs(near + change) / size, 0.0))
+
+
+def _scaled(cone: Cone, size: Array) -> Cone:
+    """The same cone with unknowns in units of their size and rows of about one: S X S is positive where X is."""
+    if cone.kind == "semidefinite":
+        diagonal = np.diag(symmetric(cone.offset))
+        half = 1.0 / np.sqrt(np.maximum(diagonal, max(THIN * float(diagonal.max()), np.finfo(np.float64).tiny)))
+        i, j = upper_triangle(len(diagonal))
+        rows = half[i] * half[j]
+    else:
+        rows = 1.0 / np.maximum(np.abs(cone.offset), 1.0)
+    return Cone(cone.kind, rows[:, None] * cone.matrix * size, rows * cone.offset)
+
+
+def _widened(cones: tuple[Cone, ...], more: int) -> list[Cone]:
+    """The same cones with further variables that do not touch them."""
+    return [replace(c, matrix=np.concatenate([c.matrix, np.zeros((len(c.matrix), more))], axis=1)) for c in cones]

@@ -1,0 +1,240 @@
+"""Consistent parameters that fit whitened rows best, with a prior or without: the convex programs.
+
+    minimise |A (L θ) - y|    so that θ lies in the cone of real bodies
+
+The prior is added to half the square; `none` is a mass prior too weak to be felt. The residual enters as a
+second-order cone or by its rows, never as AᵀA, which would lose half of the digits.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armid.errors import EstimationError, UnsolvedError
+from armid.estimation.consistency.cones import smallest_eigenvalues
+from armid.estimation.consistency.conic_programs import GOOD, Nearest, inside, nearest
+from armid.estimation.consistency.constraints import ContradictionError, Feasible, Requirements, feasible_set
+from armid.estimation.consistency.infeasible_subset import conflicting
+from armid.estimation.prior import MASS, Belief, size_of_bodies
+from armid.estimation.problem import Standard
+from armid.maths.barrier_function import Smooth
+from armid.maths.barrier_method import GAP, SmoothSolution, minimise
+from armid.maths.cones import ACCEPTED
+from armid.values import Array
+
+__all__ = ["Bodies", "Program"]
+
+UNFELT = (1e-6, 1e-4, 1e-2)
+"""Weights of a mass prior that stands for none, of which the first that leaves enough digits is taken: without any
+there need be no smallest residual, since bodies of infinite mass can come ever nearer to it. The last moves what is
+known to a deviation of s kg by a thousandth of s of that deviation."""
+
+SHORT = 60
+"""Newton steps from the prior's mean after which another start is looked for; twenty to forty are usual."""
+
+MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
+"""Added to the eigenvalues asked for, until what the solver's last digits leave is no less than asked."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Bodies:
+    """A solution that was checked.
+
+    Attributes:
+        values: Standard parameters (p,).
+        basis: Parameters (p,) that each unknown moves, shape (p, x).
+        objective: Half the squared residual beyond the best, and the prior.
+        gap: By how much the minimum may lie below, relative.
+    """
+
+    values: Array
+    basis: Array
+    objective: float
+    gap: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Program:
+    """Demands on the parameters, whatever the data.
+
+    Attributes:
+        standard: The standard parameters.
+        asked: Constraints.
+        kind: `mass`, `log-det`, `euclidean` or `none`.
+        belief: The prior.
+        correlation: Rows that count as one independent sample.
+    """
+
+    standard: Standard
+    asked: Requirements
+    kind: str
+    belief: Belief
+    correlation: float = 1.0
+
+    def solve(self, rows: Array, side: Array, weight: float, *, aim: float = GAP) -> Bodies:
+        """The best parameters.
+
+        Args:
+            rows: Whitened rows, shape (k, b).
+            side: Shape (k,).
+            weight: Of the prior of the links, in independent samples.
+            aim: Gap aimed at, where the method can choose.
+
+        Raises:
+            EstimationError: The constraints contradict each other.
+        UnsolvedError: No checked solution was found.
+        """
+        for margin in MARGINS:
+            try:
+                feasible = feasible_set(self.standard, self.asked, margin)
+            except ContradictionError as error:
+                raise self._contradiction() from error
+            if not feasible.basis.shape[1]:
+                raise EstimationError(
+                    "Every parameter is given; there is nothing to estimate.",
+                    remedy="leave links out of known, or names out of fixed.",
+                )
+            found = self._solve(feasible, rows, side, weight, aim)
+            found = replace(found, values=self._cleared(found.values))
+            if self._holds(found.values, feasible):
+                return found
+        raise UnsolvedError(
+            "The solver's answer is not physical within its last digits.",
+            remedy="ask for a smaller epsilon, or look at constraints that contradict each other.",
+        )
+
+    def _solve(self, feasible: Feasible, rows: Array, side: Array, weight: float, aim: float) -> Bodies:
+        A = rows @ self.standard.regrouping
+        y = side - A @ feasible.origin
+        A = A @ feasible.basis
+        if self.kind == "log-det":
+            return self._log_det(feasible, A, y, weight, aim)
+        if self.kind != "none":
+            return self._conic(feasible, A, y, weight, aim)
+        for unfelt in UNFELT:
+            with contextlib.suppress(UnsolvedError):
+                return self._conic(feasible, A, y, unfelt, None)
+        # What is not felt beside noise may be lost beside a residual that is far larger.
+        least = self._conic(feasible, A, y, 1.0, aim).objective
+        return self._conic(feasible, A, y, max(UNFELT[-1], UNFELT[0] * least / len(y)), aim)
+
+    def _conic(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float | None) -> Bodies:
+        """With a prior that is linear or quadratic: by the conic solver, or else by Newton's method for some aim."""
+        believed = np.diag(self.belief.precision)
+        is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
+        cost = np.zeros(A.shape[1])
+        share = np.where(is_link, weight, weight if self.kind == "none" else 1.0)
+        if self.kind in ("mass", "none"):
+            share[is_link] = 0.0
+            cost = self.correlation * weight / MASS * (size_of_bodies(self.standard) @ feasible.basis)
+        root = np.sqrt(self.correlation * share * believed)
+        A = np.concatenate([A, (root[:, None] * feasible.basis)[root > 0.0]])
+        y = np.concatenate([y, (root * (self.belief.mean - feasible.origin))[root > 0.0]])
+        found: Nearest | SmoothSolution | None = None
+        with contextlib.suppress(UnsolvedError):
+            found = self._nearest(feasible, A, y, cost)
+        if found is None or found.gap > GOOD:
+            found = self._otherwise(feasible, Smooth(A, y, (), feasible.cones, cost), found, aim)
+        return Bodies(feasible.of(found.x), feasible.basis, found.objective, found.gap)
+
+    def _otherwise(
+        self, feasible: Feasible, problem: Smooth, rough: Nearest | None, aim: float | None
+    ) -> Nearest | SmoothSolution:
+        """Refine where the conic solver had no digits: by Newton's method if there is an aim, else what it found."""
+        trouble = UnsolvedError(
+            "The conic solver left too large a gap.", remedy="give a prior, or identify with --method log-cholesky."
+        )
+        if aim is not None:
+            try:
+                return minimise(problem, self._start(feasible), aim=aim)
+            except UnsolvedError as error:
+                trouble = error
+        if rough is None or rough.gap > ACCEPTED:
+            raise trouble
+        return rough
+
+    def _nearest(self, feasible: Feasible, A: Array, y: Array, cost: Array) -> Nearest:
+        return nearest(feasible, A, y, cost, np.diag(self.belief.precision) @ feasible.basis**2)
+
+    def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> Bodies:
+        """By Newton's method, first without the smallest eigenvalue, which the prior nearly always gives."""
+        others = np.setdiff1d(np.arange(len(self.standard.names)), self.standard.inertial)
+        root = np.sqrt(self.correlation * np.diag(self.belief.precision)[others])[:, None]
+        A = np.concatenate([A, root * feasible.basis[others]])
+        y = np.concatenate([y, root[:, 0] * (self.belief.mean - feasible.origin)[others]])
+        terms = self.belief.log_det(self.standard, feasible.origin, feasible.basis, self.correlation * weight)
+        loose = tuple(cone for cone in feasible.cones if cone.kind != "semidefinite")
+        nothing = np.zeros(A.shape[1])
+        found = self._smooth(feasible, Smooth(A, y, terms, loose, nothing), aim)
+        values = feasible.of(found.x)
+        if not self._holds(self._cleared(values), feasible):
+            found = self._smooth(feasible, Smooth(A, y, terms, feasible.cones, nothing), aim)
+            values = feasible.of(found.x)
+        return Bodies(values, feasible.basis, found.objective, found.gap)
+
+    def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
+        """The minimum with log-det terms: from the prior's mean, or from where it is without the logarithms.
+
+        Without them the program is conic. To solve that costs as much as fifty Newton steps, and pays where the path
+        from the mean is longer: mostly where no body explains the data.
+        """
+        mean = feasible.unknowns(self.belief.inside(self.standard))
+        with contextlib.suppress(EstimationError):
+            return minimise(problem, mean, aim=aim, longest=SHORT)
+        cost = np.array([term.weight * term.cost for term in problem.terms]).sum(axis=0)
+        weight = min((term.weight for term in problem.terms), default=0.0)
+        try:
+            x = self._nearest(feasible, problem.A, problem.y, cost).x
+            slope = problem.A.T @ (problem.A @ x - problem.y) + cost
+            pull = feasible.basis @ (slope / np.sum(feasible.basis**2, axis=0))
+            lifted = self.belief.lifted(self.standard, feasible.of(x), pull, weight)
+            return minimise(problem, feasible.unknowns(lifted), aim=aim, near=True)
+        except EstimationError:
+            return minimise(problem, self._start(feasible), aim=aim)
+
+    def _start(self, feasible: Feasible) -> Array:
+        """Unknowns strictly inside: bodies and some friction, or else what a conic program finds."""
+        start = feasible.unknowns(self.belief.inside(self.standard))
+        if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
+            return start
+        found = inside(feasible)
+        if found is None:
+            raise self._contradiction()
+        return found
+
+    def _contradiction(self) -> ContradictionError:
+        """Return what is said of requirements that leave no body."""
+
+        def empty(asked: Requirements) -> bool:
+            try:
+                feasible = feasible_set(self.standard, asked)
+                return bool(feasible.cones) and inside(feasible) is None
+            except EstimationError:
+                return True
+
+        together = "; ".join(conflicting(self.asked, empty))
+        return ContradictionError(
+            f"No body can have what is required: {together or 'an epsilon'} contradict each other or physics.",
+            remedy="take one of these back.",
+        )
+
+    def _cleared(self, values: Array) -> Array:
+        """Values that the solver left a rounding below zero are zero."""
+        bounded = self.standard.nonnegative & (values < 0.0) & (values > -ACCEPTED)
+        return np.where(bounded, 0.0, values)
+
+    def _holds(self, values: Array, feasible: Feasible) -> bool:
+        """Tell whether the bodies are physical and every other constraint holds, computed from the values."""
+        least = smallest_eigenvalues(self.standard, values)
+        estimated = (feasible.basis[self.standard.inertial] != 0.0).any(axis=(1, 2))
+        x = feasible.unknowns(values)
+        others = [cone for cone in feasible.cones if cone.kind != "semidefinite"]
+        return (
+            bool(np.isfinite(values).all())
+            and bool((least[estimated] >= self.asked.epsilon).all())
+            and bool((values[self.standard.nonnegative] >= 0.0).all())
+            and all(cone.leaves(x) <= ACCEPTED for cone in others)
+        )

@@ -1,0 +1,260 @@
+"""Requirements on standard parameters beside physical consistency: cones, and a smaller set of unknowns.
+
+θ = origin + basis · x        fixed parameters stand in the origin, equal ones share an unknown
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import EstimationError
+from armid.estimation.consistency.cones import consistency_cones, smallest_eigenvalues
+from armid.estimation.problem import Standard
+from armid.maths.cones import Cone
+from armid.values import Array
+
+__all__ = ["ContradictionError", "Feasible", "Requirements", "at_mass_limit", "feasible_set"]
+
+ROUNDED = 1e-9
+"""How negative an eigenvalue of a link that is given may be: rounding of a description."""
+
+
+class ContradictionError(EstimationError):
+    """Requirements that leave no body."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Requirements:
+    """Options of the physical estimate.
+
+    Attributes:
+        epsilon: Smallest eigenvalue of a pseudo-inertia.
+        heaviest: Largest mass of any link [kg].
+        total_mass: Least and largest mass of all links together [kg].
+        masses: Least and largest mass of a link [kg], by its number.
+        com: Points around a link's centre of mass [m], by its number: two corners of a box, or a hull.
+        equal: Sets of parameters that have one value.
+        fixed: Parameters that are known.
+        known: Numbers of links that are as the description says.
+    """
+
+    epsilon: float
+    heaviest: float | None = None
+    total_mass: tuple[float, ...] | None = None
+    masses: Mapping[str, Any] | None = None
+    com: Mapping[str, Any] | None = None
+    equal: Sequence[Sequence[str]] = ()
+    fixed: Mapping[str, Any] | None = None
+    known: Sequence[int] = ()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Feasible:
+    """The set of parameters that are allowed.
+
+    Attributes:
+        origin: Shape (p,).
+        basis: Shape (p, x), each parameter moved by one unknown at most.
+        cones: In the unknowns x.
+    """
+
+    origin: Array
+    basis: Array
+    cones: tuple[Cone, ...]
+
+    def of(self, x: Array) -> Array:
+        """Standard parameters (p,) of the unknowns."""
+        return self.origin + self.basis @ x
+
+    def unknowns(self, values: Array) -> Array:
+        """Unknowns (x,) of standard parameters, the nearest where these do not lie in the set's plane."""
+        return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
+
+
+def feasible_set(standard: Standard, asked: Requirements, margin: float = 0.0) -> Feasible:
+    """The set that requirements leave.
+
+    Args:
+        standard: The standard parameters.
+        asked: What is required.
+        margin: By how much more than asked the eigenvalues must be, so that a solver's last digits do not matter.
+
+    Raises:
+        EstimationError: A requirement that names nothing, or is of the wrong form.
+        ContradictionError: What is given contradicts a bound.
+    """
+    origin, basis = _affine(standard, asked)
+    p = len(standard.names)
+    cones = consistency_cones(standard, p, epsilon=asked.epsilon + margin, heaviest=asked.heaviest)
+    cones += _mass_cones(standard, asked) + _com_cones(standard, asked.com or {})
+    moved = [replace(c, matrix=c.matrix @ basis, offset=c.offset + c.matrix @ origin) for c in cones]
+    for own, cone in zip(standard.inertial, moved, strict=False):
+        if (
+            not cone.matrix.any()
+            and smallest_eigenvalues(standard, origin)[list(standard.inertial[:, 0]).index(own[0])] < -ROUNDED
+        ):
+            raise EstimationError(
+                f"The link of {standard.names[own[0]]} is given, and no body has its values.",
+                remedy="leave it to be estimated.",
+            )
+    return Feasible(origin, basis, tuple(part for cone in moved if (part := _felt(cone)) is not None))
+
+
+def _felt(cone: Cone) -> Cone | None:
+    """A cone without the rows that no unknown moves, where rows stand alone; `None` where none is left."""
+    moves = cone.matrix.any(axis=1)
+    if cone.kind == "semidefinite":
+        return cone if moves.any() else None
+    if (cone.offset[~moves] < -ROUNDED).any():
+        raise ContradictionError("Parameters that are given contradict a bound.", remedy="look at fixed and known.")
+    return Cone(cone.kind, cone.matrix[moves], cone.offset[moves]) if moves.any() else None
+
+
+def _affine(standard: Standard, asked: Requirements) -> tuple[Array, Array]:
+    position = {name: k for k, name in enumerate(standard.names)}
+    origin = np.zeros(len(standard.names))
+    given = np.zeros(len(standard.names), dtype=bool)
+    for number in asked.known:
+        own = standard.inertial[_link(standard, str(number), "known")]
+        if standard.nominal is None:
+            raise EstimationError("known needs a description with inertial parameters.", remedy="use fixed.")
+        origin[own], given[own] = standard.nominal[own], True
+    for name, value in (asked.fixed or {}).items():
+        k = _position(position, name, "fixed")
+        if given[k]:
+            raise EstimationError(
+                f"{name} is given twice: fixed says {value!r}, and its link is known with {origin[k]:g}.",
+                remedy="leave it out of fixed, or the link out of known.",
+            )
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise EstimationError(
+                f"fixed gives {name} = {value!r}, which is no number.", remedy="give a number in SI units."
+            )
+        origin[k], given[k] = value, True
+    leader = np.arange(len(origin))
+    for group in asked.equal:
+        where = [_position(position, name, "equal") for name in group]
+        if len(where) < 2 or given[where].any():
+            raise EstimationError(
+                f"equal must name two or more parameters that are not given otherwise; found {list(group)}."
+            )
+        if len(units := dict.fromkeys(standard.units[k] for k in where)) > 1:
+            raise EstimationError(
+                f"equal must name parameters of one unit; found {list(group)} in {', '.join(units)}.",
+                remedy="give a list for each unit.",
+            )
+        joined = np.isin(leader, leader[where])
+        leader[joined] = leader[joined].min()
+    unknown = np.unique(leader[~given])
+    basis = np.zeros((len(origin), len(unknown)))
+    free = np.flatnonzero(~given)
+    basis[free, np.searchsorted(unknown, leader[free])] = 1.0
+    return origin, basis
+
+
+def at_mass_limit(standard: Standard, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
+    """Tell which parameters (p,) are masses that stand at a limit of their own.
+
+    Args:
+        standard: The standard parameters.
+        asked: What is required.
+        values: The estimate, shape (p,).
+        near: Distance from a limit at which a parameter stands at it, shape (p,).
+    """
+    low, high = np.full(len(values), -np.inf), np.full(len(values), np.inf)
+    masses = standard.inertial[:, 0]
+    if asked.heaviest is not None:
+        high[masses] = asked.heaviest
+    for number, (least, largest) in (asked.masses or {}).items():
+        k = masses[_link(standard, number, "masses")]
+        low[k], high[k] = least, min(high[k], largest)
+    return np.asarray((values <= low + near) | (values >= high - near))
+
+
+def _mass_cones(standard: Standard, asked: Requirements) -> list[Cone]:
+    """Bounds of single masses and of their sum."""
+    p = len(standard.names)
+    rows: list[Array] = []
+    offsets: list[float] = []
+    bounds = [
+        (standard.inertial[_link(standard, k, "masses"), :1], v, "masses") for k, v in (asked.masses or {}).items()
+    ]
+    if asked.total_mass is not None:
+        bounds.append((standard.inertial[:, 0], asked.total_mass, "total_mass"))
+    for where, value, name in bounds:
+        good = isinstance(value, list | tuple) and len(value) == 2 and 0.0 <= value[0] < value[1]
+        if not good:
+            raise EstimationError(f"{name} must give a least and a larger largest mass [kg]; found {value!r}.")
+        row = np.zeros(p)
+        row[where] = 1.0
+        rows += [row, -row]
+        offsets += [-float(value[0]), float(value[1])]
+    return [Cone("nonnegative", np.array(rows), np.array(offsets))] if rows else []
+
+
+def _com_cones(standard: Standard, com: Mapping[str, Any]) -> list[Cone]:
+    """Half spaces n·c ≤ d of centres of mass c = h / m, that is d m - n·h ≥ 0."""
+    cones: list[Cone] = []
+    for key, points in com.items():
+        own = standard.inertial[_link(standard, key, "com")]
+        normals, distances = _half_spaces(key, points)
+        matrix = np.zeros((len(distances), len(standard.names)))
+        matrix[:, own[0]] = distances
+        matrix[:, own[1:4]] = -normals
+        cones.append(Cone("nonnegative", matrix, np.zeros(len(distances))))
+    return cones
+
+
+def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
+    """Outward normals (k, 3) and distances (k,) of a box between two corners or of a hull of more points."""
+    try:
+        given: Any = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        given = np.zeros(0)
+    if (
+        given.ndim != 2
+        or given.shape[1] != 3
+        or len(given) not in (2, *range(4, 1000))
+        or not np.isfinite(given).all()
+    ):
+        raise EstimationError(
+            f"com of link {link} must be two corners of a box or four and more points of a hull, each [x, y, z] [m]; "
+            f"found {points!r:.80}."
+        )
+    if len(given) == 2:
+        low, high = given.min(axis=0), given.max(axis=0)
+        if (low >= high).any():
+            raise EstimationError(
+                f"com of link {link}: the box has no inside.",
+                remedy="give a corner that is larger in x, y and z than the other.",
+            )
+        return np.vstack([np.eye(3), -np.eye(3)]), np.concatenate([high, -low])
+    from scipy.spatial import ConvexHull, QhullError  # a fifth of a second to import
+
+    try:
+        equations = ConvexHull(given).equations
+    except QhullError as error:
+        raise EstimationError(
+            f"com of link {link}: the points lie in a plane.", remedy="give points that have a volume between them."
+        ) from error
+    return equations[:, :3], -equations[:, 3]
+
+
+def _link(standard: Standard, key: str, option: str) -> int:
+    """Row of a link of that number among the inertial parameters."""
+    numbers = [standard.names[own[0]].rsplit("_", 1)[1] for own in standard.inertial]
+    if str(key) not in numbers:
+        raise EstimationError(f"{option} names a link {key!r} that is not there.", possible=", ".join(numbers))
+    return numbers.index(str(key))
+
+
+def _position(position: Mapping[str, int], name: str, option: str) -> int:
+    if name not in position:
+        raise EstimationError(f"{option} names an unknown parameter {name!r}.", possible=", ".join(position))
+    return position[name]

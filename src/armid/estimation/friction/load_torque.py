@@ -1,0 +1,56 @@
+"""The load that friction may depend on: the model's own rigid-body torque, from a pass without such friction.
+
+A measured torque as the load would leak the answer into the prediction. So the bodies come from an estimate without
+load-dependent terms, and stay fixed while these are estimated, which keeps the model linear. That estimate has a
+prior: least squares on weak data gives bodies whose torque is right along the motion and far off on another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from armid.errors import ModelError
+from armid.estimation.estimate import torque_parameters
+from armid.estimation.estimators.ridge import Ridge
+from armid.estimation.problem import Problem, standard_of
+from armid.information.accumulate import inform
+from armid.measurement.observations import Observations
+from armid.model.base_parameters import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.expression import symbols
+
+__all__ = ["reads_load", "with_load"]
+
+
+def reads_load(model: DynamicsModel) -> bool:
+    """Tell whether a term of the model depends on the load."""
+    return any("load" in symbols(law.expression) for _, law in model.laws)
+
+
+def with_load(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> DynamicsModel:
+    """The model with the bodies that its load-dependent terms take the load from.
+
+    Args:
+        model: Arm and torque terms.
+        observations: What the first pass is estimated from.
+        threads: Threads of the kernel.
+
+    Returns:
+        The model itself where no term depends on the load, or where it has its bodies already.
+
+    Raises:
+        ModelError: There are no rigid bodies among the terms.
+        EstimationError: The observations do not determine the model without load-dependent terms.
+    """
+    if not reads_load(model) or model.load_parameters is not None:
+        return model
+    if not model.has_rigid_bodies:
+        raise ModelError("A term depends on the load, and the model has no rigid bodies.", remedy="add rigid-body.")
+    plain = tuple(
+        term for term in model.terms if not any("load" in symbols(law.expression) for law in term.laws(model.robot))
+    )
+    first = DynamicsModel(model.robot, plain)
+    base = find_base_parameters(first)
+    problem = Problem(inform(first, base, observations, threads=threads), standard_of(first, base))
+    bodies = torque_parameters(base, Ridge().estimate(problem))[first.inertial_columns].reshape(-1, 10)
+    return replace(model, load_parameters=bodies)

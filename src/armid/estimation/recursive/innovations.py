@@ -1,0 +1,84 @@
+"""News of a block, which the estimate before it did not know: surprise, and the colour of the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.estimation.recursive.state import Innovations, State
+from armid.information.information import Information
+from armid.values import Array
+
+__all__ = ["hear", "surprise"]
+
+CREEP = 2.0
+"""Most squared error, over the usual one, that a block that shows a change adds to the usual."""
+
+
+def surprise(state: State, values: Array, new: Information) -> tuple[Array, Array]:
+    """Tell how far new rows are from what the estimate before them says.
+
+    Args:
+        state: Before the rows.
+        values: Its estimate, shape (b,).
+        new: The rows, one block.
+
+    Returns:
+        Squared torque error over the expected one, and the root of it over what it usually is, shapes (n,).
+    """
+    error = np.zeros(new.n)
+    if state.root is None:
+        return error, error
+    news = state.innovations
+    known = (news.blocks > 0.0) & (news.level > 0.0)
+    for j, joint in enumerate(new.joints):
+        own, R = joint.parameters, state.weights[j] * joint.R[0]
+        # Noise has the usual level, whatever weights say of it; how unsure the estimate is does not go with that.
+        unsure = np.sum((R[:, :-1] @ state.root[own]) ** 2) / (news.level[j] if known[j] else 1.0)
+        error[j] = np.sum((R[:, -1] - R[:, :-1] @ values[own]) ** 2) / (max(new.rows[0, j], 1) + unsure)
+    level = np.where(known, news.level, np.where(error > 0.0, error, 1.0))
+    return error, np.sqrt(error / level)
+
+
+def hear(
+    before: State,
+    values: Array,
+    new: Information,
+    half: Array,
+    error: tuple[Array, Array],
+    left: float,
+    *,
+    usual: bool,
+) -> Innovations:
+    """Return what blocks said that was new, one more taken in.
+
+    Args:
+        before: The state before the block, with the weights that hold after it.
+        values: Its estimate, shape (b,).
+        new: The block.
+        half: Square root of the inverse of all information after the block, shape (b, b).
+        error: What `surprise` said of the block.
+        left: Share of earlier blocks that is left.
+        usual: Whether nothing has changed; a block that shows a change says little of the noise.
+    """
+    news = before.innovations
+    seen = new.rows[0] > 0
+    if before.root is None:
+        return news
+    blocks = left * news.blocks + seen
+    # An error that stays large becomes the usual one in the end.
+    bounded = error[0] if usual else np.minimum(error[0], CREEP * news.level)
+    level = np.where(seen, news.level + (bounded - news.level) / np.maximum(blocks, 1.0), news.level)
+    pull, power, expected = np.zeros_like(news.pull), left * news.power, left * news.expected
+    for j in np.flatnonzero(seen):
+        own, R = new.joints[j].parameters, before.weights[j] * new.joints[j].R[0]
+        pull[j, own] = R[:, :-1].T @ (R[:, -1] - R[:, :-1] @ values[own])
+        told = R[:, :-1] @ half[own]
+        inner = told.T @ R[:, :-1]
+        white = float(np.sum(told**2))
+        unsure = float(np.sum((inner @ before.root[own]) ** 2))
+        # What the pull says of the noise, and not of an estimate that is still unsure.
+        share = (white / (white + unsure)) ** 2 if usual and white > 0.0 else 0.0
+        size, beside = half.T @ pull[j], half.T @ news.pull[j]
+        power[j] += share * (size @ (size + 2.0 * beside) - unsure) / max(white, np.finfo(np.float64).tiny)
+        expected[j] += share
+    return Innovations(error[1], level, blocks, pull, power, expected)

@@ -1,0 +1,321 @@
+"""The estimate brought up to date block by block, while it forgets what is old.
+
+What is stored is square-root information [Bierman1977]: factors of each joint's rows, discounted by λ = exp(-Δt/τ) as
+time goes by, and beside them whitened rows of what must not be forgotten (`armid.estimation.recursive.forgetting`) or
+was known at the beginning. A block merges as blocks always do, so that without forgetting the result is the batch
+estimate. Memory and work do not grow with time.
+
+Forgetting moves no estimate and makes none surer, so the covariance P changes with new rows alone,
+
+    P' = (1 - X G) P (1 - X G)ᵀ + X S X,        X = H'⁻¹,
+
+with G the block's information, H' all that is stored and S the variance of the block's pull. It is that of the
+forgetting estimate with as many samples as it really uses, twice as many as τ holds. S is G times a factor for each
+joint: how much more than white noise its blocks pull, alone and together with the block before. P is kept as a
+factor L with P = L Lᵀ: its update stacks (1 - X G) L beside X A_jᵀ for the whitened rows A_j of each joint and is
+made square by an orthogonal transformation, so that no variance can become negative [Bierman1977].
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import EstimationError
+from armid.estimation.fit import CovarianceReport, Fit
+from armid.estimation.recursive.forgetting import put_aside, renew
+from armid.estimation.recursive.innovations import hear, surprise
+from armid.estimation.recursive.state import JUMP, Innovations, Memory, State
+from armid.estimation.uncertainty.jackknife import filled
+from armid.estimation.whitening import RESOLUTION, shortest
+from armid.information.information import Information, JointFactors, merge, stack, total
+from armid.kernel import factor_columns
+from armid.maths.linalg import condition, inverse_of, scaled_condition
+from armid.values import Array, array
+
+__all__ = ["JUMP", "Innovations", "Memory", "State", "begin", "fit", "resume", "update"]
+
+ITERATIONS = 1000
+STANDSTILL = 1e-9
+"""Largest relative change of a deviation that ends the iteration, as in weighted least squares."""
+
+ENOUGH = 1.5
+"""Rows for each degree of freedom that they spend from which on their residual says something of the noise."""
+
+FIRST = 10.0
+"""Blocks that the noise of an earlier run, its level and its colour, counts for beside those of the recording."""
+
+
+def begin(block: Information, memory: Memory | None = None, *, weights: Array | None = None) -> State:
+    """A state that knows nothing, for blocks like this one, which is not taken in.
+
+    Args:
+        block: Says which parameters each joint's rows touch.
+        memory: How the past is forgotten; nothing is, where not given.
+        weights: One over the standard deviation of each joint's noise, shape (n,); they follow the residuals where
+            not given.
+    """
+    b, n, zero = block.count, block.n, np.zeros(block.n)
+    joints = tuple(JointFactors(joint.parameters, np.zeros((1, *joint.R.shape[1:]))) for joint in block.joints)
+    given = np.ones(n) if weights is None else array(weights, (n,), "weights")
+    news = Innovations(zero, np.ones(n), zero, np.zeros((n, b)), zero, zero)
+    empty = np.zeros((b, b + 1))
+    chosen = _checked(memory or Memory(), b)
+    return State(block.names, joints, zero, empty, given, weights is not None, empty, None, chosen, news)
+
+
+def resume(
+    block: Information,
+    earlier: Fit,
+    memory: Memory | None = None,
+    *,
+    further: Array | None = None,
+    factors: Information | None = None,
+) -> State:
+    """A state that knows an earlier estimate with its covariance, noise levels of joints included.
+
+    New rows weigh against it by what they are worth: the covariance of the earlier estimate over the textbook's says
+    how many rows of this kind make an independent one.
+
+    Args:
+        block: Says which parameters each joint's rows touch.
+        earlier: The estimate, about the same parameters.
+        memory: How the past is forgotten.
+        further: Standard deviations of parameters that the blocks have beyond the estimate's and that are zero so
+            far, shape (m,).
+        factors: What the earlier estimate was made from, for a covariance from a scatter of fewer degrees of freedom
+            than parameters: by itself that takes the estimate as exact in all directions it has not scattered in.
+
+    Raises:
+        EstimationError: The estimate is about other parameters.
+    """
+    more = np.zeros(0) if further is None else further
+    if earlier.names != block.names[: block.count - len(more)]:
+        raise EstimationError(
+            "The earlier estimate is about other parameters than the blocks.",
+            remedy="use the model of the earlier run; friction for each recording has to be made one first.",
+        )
+    textbook = earlier.deviation**2
+    known = textbook > 0.0
+    ratio = np.diag(earlier.covariance)[known] / textbook[known]
+    worth = max(float(np.median(ratio)), 1.0) if known.any() else 1.0
+    start = begin(block, memory, weights=earlier.weights / np.sqrt(worth))
+    covariance = np.diag(np.concatenate([np.zeros(len(earlier.values)), more**2]))
+    covariance[: len(earlier.values), : len(earlier.values)] = _definite(earlier, factors)
+    root = _root_of_inverse(covariance)
+    kept = _triangle(np.column_stack([root, root[:, : len(earlier.values)] @ earlier.values]))
+    first = np.full(block.n, FIRST)
+    news = replace(start.innovations, level=1.0 / worth + 0.0 * first, blocks=first, power=first, expected=first)
+    jump = JUMP * np.sqrt(np.diag(covariance)) if start.memory.jump is None else start.memory.jump
+    forgets = replace(start.memory, jump=jump)
+    return replace(start, kept=kept, whole=kept, root=_root(covariance), memory=forgets, innovations=news)
+
+
+def _definite(earlier: Fit, factors: Information | None) -> Array:
+    """The covariance of an earlier estimate, of full rank where its factors are given, shape (b, b)."""
+    if factors is None or earlier.covariance_kind not in ("period", "block"):
+        return earlier.covariance
+    A = stack(total(factors), earlier.weights)[0]
+    prior = np.zeros_like(earlier.covariance) if earlier.prior_precision is None else earlier.prior_precision
+    return filled(earlier.covariance, inverse_of(A.T @ A + prior), float(np.min(earlier.freedom)))
+
+
+def update(state: State, block: Information, seconds: float) -> State:
+    """Take in new rows.
+
+    Args:
+        state: What is known.
+        block: What the new rows say; its blocks are merged first.
+        seconds: Time from the last update to this one [s].
+
+    Raises:
+        EstimationError: The rows are about other parameters, or time runs backwards.
+    """
+    if not seconds >= 0.0:
+        raise EstimationError(f"Time goes forwards; found {seconds:g} s from one block to the next.")
+    new = total(block)
+    values = state.values
+    error = surprise(state, values, new)
+    changed = bool((error[1] >= state.memory.renewal).any())
+    left = float(np.exp(-seconds / state.memory.seconds))
+    if changed:
+        state = _renewed(state)
+    both = merge([state.information, new])
+    rows = left * state.rows + new.rows[0]
+    joints = tuple(_discounted(old, fresh, left) for old, fresh in zip(state.joints, new.joints, strict=True))
+    after = replace(both, joints=joints, rows=both.rows[:1], run=both.run[:1], recording=both.recording[:1])
+    kept = np.sqrt(left) * state.kept
+    if left < 1.0:
+        A, y = stack(new, state.weights)
+        aside = put_aside(state.whole, _triangle(np.column_stack([A, y])), 1.0 - left, _changing(state))
+        kept = _triangle(np.vstack([kept, aside]))
+    weights = state.weights if state.fixed else _next_weights(state, after, rows, kept)
+    whole = _whole(after, kept, weights)
+    moved = replace(state, joints=joints, rows=rows, kept=kept, weights=weights, whole=whole)
+    _, half, unseen = shortest(*_parted(whole))
+    if len(unseen):
+        return moved
+    if state.memory.jump is None:
+        jump = JUMP * np.sqrt(np.sum(half**2, axis=1))
+        moved = replace(moved, memory=replace(state.memory, jump=jump))
+    news = hear(replace(state, weights=weights), values, new, half, error, left, usual=not changed)
+    return replace(moved, root=_spread(state, weights, new, half), innovations=news)
+
+
+def fit(state: State) -> Fit:
+    """The estimate with intervals; without forgetting that of weighted least squares.
+
+    Raises:
+        EstimationError: The rows so far do not determine every parameter.
+    """
+    covariance = state.covariance
+    if covariance is None:
+        unseen = shortest(state.whole[:, :-1], state.whole[:, -1])[2]
+        raise EstimationError(
+            f"The rows so far determine {len(state.names) - len(unseen)} of {len(state.names)} parameters.",
+            remedy="go on, move more joints, or begin with an earlier run.",
+        )
+    data = state.information
+    weights = state.weights if state.fixed else _settled(state, data)
+    values, half, _ = shortest(*_parted(_whole(data, state.kept, weights)))
+    squares, spent = _left(data, values, weights, half)
+    A = stack(data)[0]
+    c = state.innovations.correlation
+    free = np.maximum(state.rows - spent, 1.0)
+    known = state.kept[:, :-1].T @ state.kept[:, :-1]
+    why = f"innovations of the blocks weigh {c.min():.3g} to {c.max():.3g} times as for uncorrelated noise"
+    return Fit(
+        state.names,
+        values,
+        np.sqrt(np.sum(half**2, axis=1)),
+        covariance,
+        "recursive",
+        max(float(np.sum(state.innovations.expected)), 1.0),
+        np.sqrt(squares / np.maximum(state.rows, 1.0)),
+        data.rows[0],
+        condition(A),
+        scaled_condition(A),
+        weights,
+        known if known.any() else None,
+        CovarianceReport(why, noise=np.sqrt(squares / free)),
+    )
+
+
+def _checked(memory: Memory, b: int) -> Memory:
+    for name in ("changing", "jump"):
+        given = getattr(memory, name)
+        if given is not None and np.shape(given) != (b,):
+            raise EstimationError(f"Memory.{name} must have shape ({b},); found {np.shape(given)}.")
+    return memory
+
+
+def _changing(state: State) -> NDArray[np.bool_]:
+    given = state.memory.changing
+    return np.ones(len(state.names), dtype=np.bool_) if given is None else given
+
+
+def _triangle(rows: Array) -> Array:
+    """Triangular factor (b, b + 1) of rows with their side last; what no parameters explain is left out."""
+    return factor_columns(np.ascontiguousarray(rows.T))[0][:-1]
+
+
+def _parted(whole: Array) -> tuple[Array, Array]:
+    return whole[:, :-1], whole[:, -1]
+
+
+def _whole(data: Information, kept: Array, weights: Array) -> Array:
+    """All rows whitened and triangular, shape (b, b + 1)."""
+    A, y = stack(data, weights)
+    return _triangle(np.vstack([np.column_stack([A, y]), kept]))
+
+
+def _discounted(old: JointFactors, new: JointFactors, left: float) -> JointFactors:
+    """Merged factors of one joint, the old ones discounted."""
+    rows = np.vstack([np.sqrt(left) * old.R[0], new.R[0]])
+    return JointFactors(old.parameters, factor_columns(rows.T))
+
+
+def _root(covariance: Array) -> Array:
+    """Factor (b, b) of a covariance, whatever the units; what rounding made negative is zero."""
+    size, share, directions = _scaled_eigenvalues(covariance)
+    return size[:, None] * directions * np.sqrt(np.maximum(share, 0.0))
+
+
+def _root_of_inverse(covariance: Array) -> Array:
+    """Square root of the inverse of a covariance, whatever the units."""
+    size, share, directions = _scaled_eigenvalues(covariance)
+    return (directions / np.sqrt(np.maximum(share, np.finfo(np.float64).eps * share[-1]))).T / size
+
+
+def _scaled_eigenvalues(covariance: Array) -> tuple[Array, Array, Array]:
+    """Deviations, eigenvalues and eigenvectors of the correlations of a covariance (b, b)."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.where(size > 0.0, size, 1.0)
+    share, directions = np.linalg.eigh(covariance / np.outer(size, size))
+    return size, share, directions
+
+
+def _left(data: Information, values: Array, weights: Array, half: Array) -> tuple[Array, Array]:
+    """Squared residual of each joint, unweighted, and the degrees of freedom that its rows spent, shapes (n,)."""
+    squares, spent = np.empty((2, data.n))
+    for j, joint in enumerate(data.joints):
+        R = joint.R[0]
+        squares[j] = np.sum((R[:, -1] - R[:, :-1] @ values[joint.parameters]) ** 2)
+        spent[j] = weights[j] ** 2 * np.sum((R[:, :-1] @ half[joint.parameters]) ** 2)
+    return squares, spent
+
+
+def _next_weights(state: State, data: Information, rows: Array, kept: Array) -> Array:
+    """One over the deviation of each joint's residual, from the solution under the present weights."""
+    values, half, _ = shortest(*_parted(_whole(data, kept, state.weights)))
+    squares, spent = _left(data, values, state.weights, half)
+    torque = np.array([np.sum(joint.R[0, :, -1] ** 2) for joint in data.joints])
+    deviation = np.sqrt(np.maximum(squares, RESOLUTION**2 * torque) / np.maximum(rows - spent, 1.0))
+    usable = (deviation > 0.0) & (rows > ENOUGH * spent)
+    return np.where(usable, 1.0 / np.where(usable, deviation, 1.0), state.weights)
+
+
+def _settled(state: State, data: Information) -> Array:
+    """Weights that reproduce themselves."""
+    for _ in range(ITERATIONS):
+        weights = _next_weights(state, data, state.rows, state.kept)
+        if (np.abs(state.weights / weights - 1.0) <= STANDSTILL).all():
+            return weights
+        state = replace(state, weights=weights)
+    raise EstimationError(
+        f"The weights of the joints did not settle in {ITERATIONS} iterations.",
+        remedy="begin with weights, or with an earlier run.",
+    )
+
+
+def _renewed(state: State) -> State:
+    """The state once what may change has done so: all that is known becomes rows that are kept."""
+    assert state.root is not None  # else nothing is a surprise
+    assert state.memory.jump is not None
+    changing = _changing(state)
+    kept = _triangle(renew(state.whole, changing, state.memory.jump))
+    empty = tuple(JointFactors(joint.parameters, np.zeros_like(joint.R)) for joint in state.joints)
+    root = _square(np.column_stack([state.root, np.diag(np.where(changing, state.memory.jump, 0.0))]))
+    return replace(state, joints=empty, rows=np.zeros_like(state.rows), kept=kept, whole=kept, root=root)
+
+
+def _spread(before: State, weights: Array, new: Information, half: Array) -> Array:
+    """Factor (b, b) of the covariance after new rows, with a square root of the inverse of all information."""
+    if before.root is None:  # white noise until blocks have said more
+        return _square(half)
+    X, b = half @ half.T, len(before.names)
+    G, S = np.zeros((b, b)), []
+    for weight, c, joint in zip(weights, before.innovations.correlation, new.joints, strict=True):
+        A = weight * joint.R[0, :, :-1]
+        G[np.ix_(joint.parameters, joint.parameters)] += A.T @ A
+        S.append(np.sqrt(c) * (X[:, joint.parameters] @ A.T))
+    return _square(np.column_stack([before.root - X @ (G @ before.root), *S]))
+
+
+def _square(root: Array) -> Array:
+    """Lower triangular factor (b, b) of the same covariance as a wide one (b, k), k >= b."""
+    R: Any = np.linalg.qr(root.T, mode="r")
+    return R.T

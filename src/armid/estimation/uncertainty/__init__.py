@@ -1,0 +1,1 @@
+"""Covariance of an estimate: noise spectra, scatter between blocks, reversals."""

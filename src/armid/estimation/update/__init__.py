@@ -1,0 +1,1 @@
+"""Earlier estimates updated by new recordings: recalibration and payload."""

@@ -1,0 +1,1 @@
+"""Distances between bodies, and the pairs that a trajectory keeps apart."""

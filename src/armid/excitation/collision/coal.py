@@ -1,0 +1,275 @@
+"""Distances by Coal, which comes with Pinocchio: of bodies as they are, meshes by triangles, and of convex ones.
+
+Slower by far than capsules, so bodies as they are have the last word on a plan and no part in the search, and convex
+ones (`armid.excitation.collision.convex_hulls`) only where capsules do not do.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import lru_cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError
+from armid.robot.shapes import Shape
+from armid.values import Array
+
+__all__ = [
+    "apart",
+    "convex",
+    "distances",
+    "geometry",
+    "mesh_faces",
+    "mesh_triangles",
+    "nearest",
+    "stamp",
+    "telling_of_meshes",
+    "too_close",
+    "version",
+    "whole",
+]
+
+
+Parts = Callable[[Shape], Sequence[Any]]
+"""Bodies for Coal that stand for a body, in its frame."""
+
+
+Tell = Callable[[str], None]
+
+_tell: ContextVar[Tell] = ContextVar("_tell", default=lambda path: None)
+
+
+@contextmanager
+def telling_of_meshes(tell: Tell) -> Generator[None]:
+    """Have the path of each mesh told before it is read."""
+    token = _tell.set(tell)
+    try:
+        yield
+    finally:
+        _tell.reset(token)
+
+
+def _coal() -> Any:
+    return import_module("coal")
+
+
+def stamp(path: str) -> tuple[int, int]:
+    """Size and time of change of a file, which tell one that was written anew; zeros where it is not there."""
+    try:
+        about = os.stat(path)
+    except OSError:
+        return 0, 0
+    return about.st_size, about.st_mtime_ns
+
+
+@lru_cache(maxsize=64)
+def _mesh(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> Any:
+    """The triangles of a file.
+
+    Raises:
+        ArmidError: Coal cannot read it.
+    """
+    coal = _coal()
+    _tell.get()(path)
+    try:
+        return coal.MeshLoader().load(path, np.array(scale))
+    except (ValueError, RuntimeError) as error:
+        raise ArmidError(
+            f"The mesh {path} cannot be read: {error}.", remedy="convert it to STL, DAE or OBJ, or remove it."
+        ) from error
+
+
+def mesh_triangles(shape: Shape) -> Array:
+    """Triangles of a mesh in its own frame, shape (t, 3, 3) [m]."""
+    corners, faces = mesh_faces(shape)
+    return corners[faces]
+
+
+def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
+    """Corners (v, 3) [m] of a mesh in its own frame, and the three of each triangle, shape (t, 3).
+
+    They go counter-clockwise seen from outside, as in the file, also where the scale mirrors the mesh.
+    """
+    a, b, c = shape.size.tolist()
+    corners, index = _faces(shape.path, (a, b, c), stamp(shape.path))
+    return corners.copy(), index.copy()
+
+
+@lru_cache(maxsize=64)
+def _faces(path: str, scale: tuple[float, float, float], written: tuple[int, int]) -> tuple[Array, NDArray[np.intp]]:
+    """The same, read once: Coal gives one triangle after the other."""
+    mesh = _mesh(path, scale, written)
+    faces = (mesh.tri_indices(k) for k in range(mesh.num_tris))
+    index = np.array([(face[0], face[1], face[2]) for face in faces], dtype=np.intp).reshape(-1, 3)
+    index = index[:, ::-1] if np.prod(scale) < 0.0 else index
+    return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3), np.ascontiguousarray(index)
+
+
+def geometry(shape: Shape) -> Any:
+    """The body for Coal, whose primitives lie as ours do."""
+    coal = _coal()
+    a, b, c = (float(x) for x in shape.size)
+    if shape.kind == "mesh":
+        return _mesh(shape.path, (a, b, c), stamp(shape.path))
+    made = {
+        "capsule": lambda: coal.Capsule(a, b),
+        "sphere": lambda: coal.Sphere(a),
+        "cylinder": lambda: coal.Cylinder(a, b),
+        "box": lambda: coal.Box(a, b, c),
+        "half-space": lambda: coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0),
+    }
+    return made[shape.kind]()
+
+
+def version() -> str:
+    """Version of Coal."""
+    return str(_coal().__version__)
+
+
+def convex(corners: Array, faces: NDArray[np.intp], beyond: float = 0.0) -> Any:
+    """A convex body for Coal.
+
+    Args:
+        corners: Shape (v, 3) [m].
+        faces: Three corners of each triangle, counter-clockwise from outside, shape (t, 3).
+        beyond: How far the body reaches beyond these, all around [m].
+    """
+    coal = _coal()
+    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for corner in corners:
+        points.append(corner)
+    for face in faces.tolist():
+        triangles.append(coal.Triangle(*face))
+    made = coal.Convex(points, triangles)
+    if beyond:
+        made.setSweptSphereRadius(beyond)
+    return made
+
+
+def apart(body: Any, points: Array) -> Array:
+    """Distances of points (v, 3) [m] from a body for Coal, shape (v,) [m]; negative inside."""
+    coal = _coal()
+    request, result, here = coal.DistanceRequest(), coal.DistanceResult(), coal.Transform3s()
+    ball, turn = coal.Sphere(0.0), np.eye(3)  # Coal does not keep what it is given alive
+    measure = coal.ComputeDistance(body, ball)
+
+    def distance(point: Array) -> float:
+        result.clear()
+        return measure(here, coal.Transform3s(turn, point), request, result)
+
+    return np.array([distance(point) for point in points])
+
+
+def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
+    """Tell where a body is along a motion, with rotations (N, n, 3, 3) and origins (N, n, 3) of the links."""
+    transform = _coal().Transform3s
+    turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
+    R, p = poses
+    if shape.link < 0:
+        return [transform(turn, place)] * len(p)
+    turns, places = R[:, shape.link] @ turn, p[:, shape.link] + R[:, shape.link] @ place
+    return list(map(transform, turns, places))
+
+
+def whole(shape: Shape) -> tuple[Any, ...]:
+    """A body as its only part."""
+    return (geometry(shape),)
+
+
+def _measured(
+    shapes: Sequence[Shape], parts: Parts, pairs: NDArray[np.intp], poses: tuple[Array, Array]
+) -> Iterator[tuple[int, int, float, Any]]:
+    """Pair, pose, distance and Coal's result of each two parts of the bodies of each pair in each pose."""
+    coal = _coal()
+    used = np.unique(pairs).tolist()
+    of = {k: parts(shapes[k]) for k in used}
+    placed = {k: _placed(shapes[k], poses) for k in used}
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    for m, (a, b) in enumerate(pairs.tolist()):
+        for one in of[a]:
+            for other in of[b]:
+                measure = coal.ComputeDistance(one, other)
+                for k, (first, second) in enumerate(zip(placed[a], placed[b], strict=True)):
+                    result.clear()
+                    yield m, k, measure(first, second, request, result), result
+
+
+def distances(
+    shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array], parts: Parts = whole
+) -> Array:
+    """Distance of each pair along a motion.
+
+    Args:
+        shapes: Bodies.
+        pairs: Indices of two bodies each, shape (m, 2).
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+        parts: What is measured in the place of each body, for Coal.
+
+    Returns:
+        Shape (N, m) [m]; negative where bodies overlap.
+    """
+    out = np.full((len(poses[1]), len(pairs)), np.inf)
+    for m, k, distance, _ in _measured(shapes, parts, pairs, poses):
+        out[k, m] = min(out[k, m], distance)
+    return out
+
+
+def nearest(
+    shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array], parts: Parts
+) -> tuple[Array, Array, Array, Array]:
+    """Distances of bodies along a motion, and where they are nearest.
+
+    Args:
+        shapes: Bodies.
+        pairs: Indices of two bodies each, shape (m, 2).
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+        parts: Convex parts in the place of each body, for Coal.
+
+    Returns:
+        Distances (N, m) [m], negative where parts overlap, nearest points of both and the directions from the second
+        body to the first in which they come apart, (N, m, 3).
+    """
+    shape = (len(poses[1]), len(pairs))
+    out = np.full(shape, np.inf)
+    first, second, normal = (np.zeros((*shape, 3)) for _ in range(3))
+    for m, k, distance, result in _measured(shapes, parts, pairs, poses):
+        if distance < out[k, m]:
+            out[k, m] = distance
+            first[k, m], second[k, m] = result.getNearestPoint1(), result.getNearestPoint2()
+            normal[k, m] = -result.normal
+    return out, first, second, normal
+
+
+def too_close(
+    shapes: Sequence[Shape], pair: NDArray[np.intp], margin: float, poses: tuple[Array, Array]
+) -> NDArray[np.bool_]:
+    """Tell whether two bodies as they are come closer than a margin [m], pose by pose: less work than a distance.
+
+    Args:
+        shapes: Bodies.
+        pair: Indices of two, shape (2,).
+        margin: The distance [m].
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+
+    Returns:
+        Shape (N,).
+    """
+    coal = _coal()
+    one, other = (shapes[int(k)] for k in pair)
+    bodies = geometry(one), geometry(other)
+    request, result = coal.CollisionRequest(), coal.CollisionResult()
+    request.security_margin = margin
+
+    def close(first: Any, second: Any) -> bool:
+        result.clear()
+        return coal.collide(bodies[0], first, bodies[1], second, request, result) > 0
+
+    places = zip(_placed(one, poses), _placed(other, poses), strict=True)
+    return np.array([close(first, second) for first, second in places], dtype=np.bool_)

@@ -1,0 +1,225 @@
+"""Outlines of a mesh: capsules, and convex hulls of its slabs with few corners.
+
+Made once for the content of a file and a scale, and kept in the user's cache folder
+(`armid.excitation.collision.cache`). A hull of many corners is replaced by one of some of them that reaches beyond
+them all around by as much as any other corner of the mesh is outside, half a millimetre at most, so that the mesh
+lies in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from armid.excitation.collision.cache import Arrays, keep, kept
+from armid.excitation.collision.capsules import Points, around, covering, cuts_of, smallest, volume_of
+from armid.excitation.collision.coal import apart, convex, mesh_faces, stamp, version
+from armid.robot.shapes import Shape
+from armid.values import Array
+
+__all__ = ["Outline", "Part", "capsules_of", "hull_points", "lightened", "outline_of", "part_of"]
+
+FORMAT = 1
+"""Of entries in the cache folder; raised where what is made of a mesh changes."""
+
+ENOUGH = 64
+"""Corners of a hull that is left as it is."""
+
+LIGHT = 5e-4
+"""What a hull of fewer corners may reach beyond the mesh [m]."""
+
+CLOSE = 0.8
+"""Share of that which corners may be outside a face; where faces meet they are further from the hull."""
+
+FURTHEST = 0.6
+"""Corners are taken together that are outside by no less than this share of what the furthest one is."""
+
+SOLVER = 1e-6
+"""What Coal may be off when it measures that [m]."""
+
+THIN = 1e-5
+"""Half the thickness [m] given to a part that has none."""
+
+WHOLE = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
+"""Endings of files that refer to no other file for their triangles, so that their content tells them apart."""
+
+FIRST = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)
+"""Directions in which a light hull reaches as far as the mesh."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Part:
+    """A convex body.
+
+    Attributes:
+        corners: Shape (v, 3) [m].
+        faces: Three corners of each triangle, counter-clockwise from outside, shape (t, 3).
+        beyond: How far it reaches beyond these, all around [m].
+    """
+
+    corners: Array
+    faces: NDArray[np.intp]
+    beyond: float = 0.0
+
+    def solid(self) -> Any:
+        """The body for Coal."""
+        return convex(self.corners, self.faces, self.beyond)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Outline:
+    """Outline of a mesh, in its frame.
+
+    Attributes:
+        capsules: Capsules that it lies in.
+        parts: Convex bodies that it lies in, closer than these.
+    """
+
+    capsules: tuple[Shape, ...]
+    parts: tuple[Part, ...]
+
+
+def capsules_of(shape: Shape) -> tuple[Shape, ...]:
+    """Capsules that a body lies in, of its name and link; a capsule is itself."""
+    if shape.kind != "mesh":
+        return covering(shape)
+    return tuple(
+        Shape(shape.name, shape.link, "capsule", each.size, shape.placement @ each.placement)
+        for each in outline_of(shape).capsules
+    )
+
+
+def outline_of(shape: Shape) -> Outline:
+    """Return what goes around a mesh, from the cache folder where it is there.
+
+    Raises:
+        ArmidError: The file cannot be read.
+    """
+    a, b, c = shape.size.tolist()
+    return _outline(shape.path, (a, b, c), stamp(shape.path))
+
+
+@lru_cache(maxsize=256)
+def _outline(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> Outline:
+    name = _name(path, scale)
+    found = _read(kept(name)) if name else None
+    if found is None:
+        found = _made(*mesh_faces(Shape("", -1, "mesh", np.array(scale), np.eye(4), path)))
+        if name:
+            keep(name, _written(found))
+    return found
+
+
+def _name(path: str, scale: tuple[float, float, float]) -> str:
+    """Name of the entry; empty where the content of the file is not all that matters, or cannot be read."""
+    if Path(path).suffix.lower() not in WHOLE:
+        return ""
+    try:
+        content = Path(path).read_bytes()
+    except OSError:
+        return ""
+    about = f"{FORMAT} {version()} {ENOUGH} {LIGHT} {scale} {Path(path).suffix.lower()}\n"
+    return f"mesh-{hashlib.sha256(about.encode() + content).hexdigest()[:40]}"
+
+
+def _written(outline: Outline) -> Arrays:
+    """The outline as arrays."""
+    arrays = {
+        "sizes": np.array([each.size for each in outline.capsules]),
+        "placements": np.array([each.placement for each in outline.capsules]),
+        "beyond": np.array([part.beyond for part in outline.parts]),
+    }
+    for k, part in enumerate(outline.parts):
+        arrays |= {f"corners{k}": part.corners, f"faces{k}": part.faces}
+    return arrays
+
+
+def _read(arrays: Arrays | None) -> Outline | None:
+    """The outline of arrays; `None` where they are not those of one."""
+    if arrays is None:
+        return None
+    try:
+        sizes, placements = (np.asarray(arrays[key], dtype=np.float64) for key in ("sizes", "placements"))
+        pairs = zip(sizes, placements, strict=True)
+        capsules = tuple(Shape("", -1, "capsule", size, placement) for size, placement in pairs)
+        parts = tuple(
+            Part(
+                np.asarray(arrays[f"corners{k}"], dtype=np.float64).reshape(-1, 3),
+                np.asarray(arrays[f"faces{k}"], dtype=np.intp).reshape(-1, 3),
+                beyond,
+            )
+            for k, beyond in enumerate(np.asarray(arrays["beyond"], dtype=np.float64).tolist())
+        )
+    except (KeyError, ValueError, TypeError):
+        return None
+    return Outline(capsules, parts) if capsules and parts else None
+
+
+def _made(corners: Array, faces: NDArray[np.intp]) -> Outline:
+    """Return what goes around triangles; hulls of all slabs are made once, for both."""
+    cuts = cuts_of(corners, faces)
+    hulls: dict[int, ConvexHull] = {}
+
+    def hull(part: Points) -> ConvexHull:
+        if id(part) not in hulls:
+            hulls[id(part)] = hull_points(part.at)
+        return hulls[id(part)]
+
+    def capsule(part: Points) -> Shape:
+        return around("", part, hull(part).points[hull(part).vertices])
+
+    hollow = smallest(cuts, hull, lambda made: float(made.volume))
+    return Outline(smallest(cuts, capsule, volume_of), tuple(map(lightened, hollow)))
+
+
+def hull_points(points: Array) -> ConvexHull:
+    """The convex hull of points (v, 3); of flat ones, that of the points made a little thick."""
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        thick = THIN * np.vstack([np.eye(3), -np.eye(3)])
+        return ConvexHull((points[:, None] + thick).reshape(-1, 3))
+
+
+def lightened(hull: ConvexHull) -> Part:
+    """A convex body of few corners that a hull lies in.
+
+    Corners that are furthest outside what has been taken are taken as well, until none is outside by more than
+    `LIGHT`; by what the others are outside, the body reaches beyond its corners.
+    """
+    points = hull.points[hull.vertices]
+    if len(points) <= ENOUGH:
+        return part_of(hull)
+    taken = np.unique((points @ FIRST.T).argmax(axis=0))
+    while True:
+        some = hull_points(points[taken])
+        outside = points @ some.equations[:, :3].T + some.equations[:, 3]
+        far = outside.max(axis=0)
+        more = np.setdiff1d(outside.argmax(axis=0)[far > max(CLOSE * LIGHT, FURTHEST * far.max())], taken)
+        if not len(more):
+            part = part_of(some)
+            which = np.flatnonzero(outside.max(axis=1) > 0.0)
+            solid = part.solid()
+            away = apart(solid, points[which])
+            more = which[away > LIGHT - SOLVER]
+            if not len(more):
+                return Part(part.corners, part.faces, max(float(away.max(initial=0.0)), 0.0) + SOLVER)
+        taken = np.union1d(taken, more)
+
+
+def part_of(hull: ConvexHull) -> Part:
+    """A hull with its corners."""
+    place = np.full(len(hull.points), -1)
+    place[hull.vertices] = np.arange(len(hull.vertices))
+    corners = hull.points[hull.simplices]
+    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inwards = (outwards * hull.equations[:, :3]).sum(axis=1) < 0.0
+    faces = place[np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)]
+    return Part(hull.points[hull.vertices], faces)

@@ -1,0 +1,51 @@
+"""Pairs of bodies that a motion could bring together: links with each other and with the surroundings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.excitation.collision.distances import Bodies
+from armid.excitation.collision.mesh_hulls import capsules_of
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+
+__all__ = ["joints_between", "pairs_of_bodies", "stands"]
+
+
+def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDArray[np.intp]]:
+    """Capsules and solids with their pairs, and the pairs as indices into the shapes."""
+    solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
+    capsules: list[Shape] = []
+    solids = [shape for shape, apart in zip(shapes, solid, strict=True) if apart]
+    places: list[list[int]] = []
+    for shape, apart in zip(shapes, solid, strict=True):
+        made = () if apart else capsules_of(shape)
+        places.append(list(range(len(capsules), len(capsules) + len(made))))
+        capsules += made
+    for number, k in enumerate(np.flatnonzero(solid)):
+        places[k] = [len(capsules) + number]
+    chosen: list[tuple[int, int]] = []
+    for a in range(len(shapes)):
+        for b in range(a + 1, len(shapes)):
+            nearest = 1 if stands(robot, shapes, b) else 2
+            apart = joints_between(robot, shapes[a].link, shapes[b].link)
+            if apart >= nearest and not (solid[a] and solid[b]):
+                chosen.append((b, a) if solid[a] else (a, b))
+    own = [(i, j, group) for group, (a, b) in enumerate(chosen) for i in places[a] for j in places[b]]
+    index = np.array(own, dtype=np.intp).reshape(-1, 3)
+    bodies = Bodies(tuple(capsules), tuple(solids), index[:, :2], index[:, 2])
+    return bodies, np.array(chosen, dtype=np.intp).reshape(-1, 2)
+
+
+def stands(robot: Robot, shapes: Sequence[Shape], k: int) -> bool:
+    """Tell whether a body is one of the surroundings that no link carries."""
+    return k >= len(robot.shapes) and shapes[k].link < 0
+
+
+def joints_between(robot: Robot, a: int, b: int) -> int:
+    """Joints on the way from one link to another."""
+    above_a, above_b = ([*robot.tree.ancestors(k)] if k >= 0 else [] for k in (a, b))
+    return len(set(above_a) ^ set(above_b))

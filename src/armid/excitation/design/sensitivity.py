@@ -1,0 +1,70 @@
+"""Columns of the base parameters along a series, and the exact gradient of anything made of them.
+
+Rigid bodies go through the kernel, which makes their columns where they are used, the other terms through the
+derivatives of their laws.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid import kernel
+from armid.excitation.design.term_columns import Laws
+from armid.information.column_source import ColumnSource
+from armid.values import Array
+
+__all__ = ["Columns"]
+
+
+class Columns:
+    """Columns along N samples, the information in them, and gradients back to the states.
+
+    Args:
+        source: Model and layout of the columns.
+        samples: N.
+        width: Width over which laws with corners are spread [rad/s or m/s]; 0 leaves them as they are.
+    """
+
+    def __init__(self, source: ColumnSource, samples: int, width: float = 0.0) -> None:
+        self.source = source
+        self.samples = samples
+        self._layout = source.layout
+        self._laws = Laws(source, width)
+        self._terms = np.zeros((len(self._layout.term), samples))
+        self._none = np.zeros((samples, source.tree.n))
+        self._states = (self._none, self._none, self._none)
+
+    def fill(self, q: Array, dq: Array, ddq: Array) -> None:
+        """Go to states (N, n)."""
+        self._states = (q, dq, ddq)
+        self._laws.fill(self._states, self._terms)
+
+    def information(self, weights: Array) -> Array:
+        """G = Σ_j weights_j Y_jᵀ Y_j there, shape (b, b)."""
+        count = len(self.source.names)
+        return kernel.information(self.source.tree, self._layout, *self._states, self._terms, weights, count)
+
+    def information_gradient(self, slopes: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """Gradient by q, dq, ddq (N, n) of a function of G whose derivative is `slopes`, symmetric, shape (b, b)."""
+        *gradient, worth = kernel.information_adjoint(
+            self.source.tree, self._layout, *self._states, self._terms, weights, slopes
+        )
+        self._laws.pull(worth, tuple(gradient))
+        return gradient[0], gradient[1], gradient[2]
+
+    def torque(self, values: Array) -> Array:
+        """Torque (N, n) of base parameters (b,)."""
+        x = kernel.columns(self.source.tree, self._layout, *self._states, self._none, self._terms)
+        offset = self._layout.offset
+        return np.stack(
+            [values[p] @ x[offset[j] : offset[j + 1] - 1] for j, p in enumerate(self._layout.parameters)], axis=1
+        )
+
+    def torque_gradient(self, values: Array, joint: int, slopes: Array) -> tuple[Array, Array, Array]:
+        """Gradient by q, dq, ddq (N, n) of Σ slopes · torque of one joint, slopes (N,)."""
+        cotangent = np.zeros((self._layout.columns, self.samples))
+        p, start = self._layout.parameters[joint], self._layout.offset[joint]
+        np.multiply(values[p][:, None], slopes, out=cotangent[start : start + len(p)])
+        gradient = kernel.columns_adjoint(self.source.tree, self._layout, *self._states, cotangent)
+        self._laws.pull(cotangent[self._layout.term], gradient)
+        return gradient

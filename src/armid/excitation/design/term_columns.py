@@ -1,0 +1,147 @@
+"""The terms' columns along a motion, and what they are worth to its states.
+
+Columns that share a law are evaluated together, and a law and its slopes share what they have in common: of tanh(x/w)
+and its derivative only one tanh is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ModelError
+from armid.excitation.design.smoothed_laws import softened
+from armid.information.column_source import ColumnSource
+from armid.model.expression import FUNCTIONS, Expression, derivative
+from armid.values import Array
+
+__all__ = ["Laws"]
+
+STATES = ("q", "dq", "ddq")
+
+
+class _Steps:
+    """Several expressions of the states, evaluated in one go: every part of them once.
+
+    Args:
+        expressions: What is wanted.
+    """
+
+    def __init__(self, expressions: Sequence[Expression]) -> None:
+        self._known: dict[Expression, int] = {}
+        self._steps: list[tuple[str, tuple[int, ...]]] = []
+        self._constants: list[Array | None] = []
+        self._wanted = [self._add(expression) for expression in expressions]
+        self.states = frozenset(name for name, inputs in self._steps if name in STATES and not inputs)
+
+    def _add(self, expression: Expression) -> int:
+        if expression in self._known:
+            return self._known[expression]
+        inputs = tuple(self._add(argument) for argument in expression.arguments)
+        number = isinstance(expression.head, float)
+        if not number and not inputs and expression.head not in STATES:
+            raise ModelError(
+                f"A law depends on {expression.head!r}, which a motion alone does not tell.",
+                remedy="design with terms of position, velocity and acceleration.",
+            )
+        self._steps.append(("" if number else str(expression.head), inputs))
+        self._constants.append(np.asarray(expression.head) if number else None)
+        self._known[expression] = len(self._steps) - 1
+        return len(self._steps) - 1
+
+    def __call__(self, states: dict[str, Array]) -> list[Array]:
+        """The expressions' values."""
+        values: list[Array] = []
+        for (name, inputs), constant in zip(self._steps, self._constants, strict=True):
+            if constant is not None:
+                values.append(constant)
+            elif inputs:
+                values.append(FUNCTIONS[name].value(*(values[k] for k in inputs)))
+            else:
+                values.append(states[name])
+        return [values[k] for k in self._wanted]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Group:
+    """Columns that share a law.
+
+    Attributes:
+        rows: Which of the terms' rows, shape (e,).
+        coordinate: Joints that make the coordinate of each, shape (e, n).
+        joints: The one joint of each where no coordinate couples several, shape (e,).
+        weight: Factor of each row, shape (e, 1).
+        slopes: States that the law depends on.
+        steps: The law, softened, and its derivatives by them.
+    """
+
+    rows: NDArray[np.intp]
+    coordinate: Array
+    joints: NDArray[np.intp] | None
+    weight: Array
+    slopes: tuple[int, ...]
+    steps: _Steps
+
+
+def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
+    """The terms' kept rows, by law."""
+    by_law: dict[Expression, list[int]] = {}
+    entries = [source.model.entries[e] for e in source.layout.kept]
+    for row, (_, _, law, _) in enumerate(entries):
+        by_law.setdefault(law.expression, []).append(row)
+    groups: list[_Group] = []
+    for expression, rows in by_law.items():
+        law = softened(expression, width)
+        slopes = {k: derivative(law, state) for k, state in enumerate(STATES)}
+        slopes = {k: slope for k, slope in slopes.items() if slope != Expression(0.0)}
+        coordinate = np.zeros((len(rows), source.model.n))
+        for at, row in enumerate(rows):
+            for j, weight in entries[row][2].coordinate:
+                coordinate[at, j] = weight
+        plain = bool((np.count_nonzero(coordinate, axis=1) == 1).all() and (coordinate.max(axis=1) == 1.0).all())
+        groups.append(
+            _Group(
+                np.array(rows),
+                coordinate,
+                coordinate.argmax(axis=1) if plain else None,
+                np.array([[entries[row][3]] for row in rows]),
+                tuple(slopes),
+                _Steps([law, *slopes.values()]),
+            )
+        )
+    return tuple(groups)
+
+
+class Laws:
+    """The terms' rows (e, N) of a model at the states that they were last filled with.
+
+    Args:
+        source: Model and layout of the columns.
+        width: Width over which laws with corners are spread [rad/s or m/s]; 0 leaves them as they are.
+    """
+
+    def __init__(self, source: ColumnSource, width: float) -> None:
+        self._groups = _groups(source, width)
+        self._slopes: list[list[Array]] = []
+
+    def fill(self, states: tuple[Array, Array, Array], rows: Array) -> None:
+        """Fill rows (e, N) at states (N, n)."""
+        self._slopes = []
+        for group in self._groups:
+            environment: dict[str, Array] = {}
+            for name, x in zip(STATES, states, strict=True):
+                if name in group.steps.states:
+                    environment[name] = x.T[group.joints] if group.joints is not None else group.coordinate @ x.T
+            values, *slopes = group.steps(environment)
+            rows[group.rows] = group.weight * values
+            self._slopes.append(slopes)
+
+    def pull(self, worth: Array, gradient: tuple[Array, ...]) -> None:
+        """Add the gradient of Σ worth · rows to those by q, dq, ddq, each (N, n)."""
+        for group, slopes in zip(self._groups, self._slopes, strict=True):
+            own = group.weight * worth[group.rows]
+            for k, slope in zip(group.slopes, slopes, strict=True):
+                gradient[k][:] += (own * slope).T @ group.coordinate

@@ -1,0 +1,1 @@
+"""Limits that a trajectory keeps, with gradients: positions, velocities, torques, workspace."""

@@ -1,0 +1,268 @@
+"""Limits of the joints' motion, and what a search makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError, did_you_mean
+from armid.excitation.limits.constraints import Amplitudes, Channel, Coefficients, Range
+from armid.excitation.limits.torque_limits import Torque
+from armid.excitation.series_basis import SeriesBasis
+from armid.model.motion import Motion
+from armid.robot.joint_selection import matching
+from armid.robot.robot import Robot
+from armid.values import Array, array
+
+__all__ = [
+    "KINDS",
+    "Limits",
+    "described_limits",
+    "limits_of",
+    "motion_channels",
+    "thesis_channels",
+    "torque_channel",
+    "with_limits",
+]
+
+KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
+"""What a joint may have a limit of."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Limits:
+    """Limits of all joints; infinite where there is none.
+
+    Attributes:
+        joints: Their names.
+        lower: Lowest positions, shape (n,) [rad or m].
+        upper: Highest positions, shape (n,) [rad or m].
+        velocity: Shape (n,) [rad/s or m/s].
+        acceleration: Shape (n,) [rad/s² or m/s²].
+        jerk: Shape (n,) [rad/s³ or m/s³].
+        effort: Shape (n,) [N·m or N].
+    """
+
+    joints: tuple[str, ...]
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    effort: Array
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper", "velocity", "acceleration", "jerk", "effort"):
+            value = array(getattr(self, name), (len(self.joints),), name, finite=False)
+            object.__setattr__(self, name, value)
+            if name not in ("lower", "upper") and not (value > 0.0).all():
+                joint = self.joints[int(np.flatnonzero(~(value > 0.0))[0])]
+                raise ArmidError(f"The {name} limit of {joint} must be positive.")
+        empty = np.flatnonzero(~(self.lower < self.upper))
+        if len(empty):
+            j = int(empty[0])
+            raise ArmidError(
+                f"The position limits of {self.joints[j]} leave no room: {self.lower[j]:g} to {self.upper[j]:g}.",
+                remedy="give a lower limit below the upper one.",
+            )
+
+    def narrowed(self, motion: Motion, *, by_joint: bool = True) -> Limits:
+        """The same with velocity and acceleration no higher than those of a motion that has been run.
+
+        Args:
+            motion: The motion.
+            by_joint: Each joint keeps to its own peaks. Otherwise all joints may use the highest share of a velocity
+                limit and the highest acceleration that any joint has reached.
+        """
+        tiny = np.finfo(float).tiny
+        velocity, acceleration = (np.maximum(np.abs(x).max(axis=0), tiny) for x in (motion.dq, motion.ddq))
+        if not by_joint:
+            share = velocity / self.velocity
+            velocity = share.max() * self.velocity if (share > 0.0).any() else np.full_like(share, velocity.max())
+            acceleration = np.full_like(acceleration, acceleration.max())
+        return replace(
+            self,
+            velocity=np.minimum(self.velocity, velocity),
+            acceleration=np.minimum(self.acceleration, acceleration),
+        )
+
+
+def described_limits(robot: Robot) -> Limits:
+    """Return what the description says; nothing is known there of acceleration and jerk."""
+    lower, upper = np.array([joint.position_limits for joint in robot.joints]).T
+    velocity = np.array([joint.velocity_limit for joint in robot.joints])
+    effort = np.array([joint.effort_limit for joint in robot.joints])
+    unknown = np.full(robot.n, np.inf)
+    return Limits(robot.joint_names, lower, upper, velocity, unknown, unknown, effort)
+
+
+def limits_of(
+    robot: Robot,
+    given: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
+    *,
+    acceleration: float | None = None,
+    jerk: float | None = None,
+) -> Limits:
+    """Return what the description says, with what is given in its place.
+
+    Args:
+        robot: The arm.
+        given: Limits by joint and kind; of positions a lower and an upper one. Joints are names or patterns such as
+            `*`; a name goes before a pattern, a later pattern before an earlier one.
+        acceleration: Of every joint [rad/s² or m/s²]; none where left out.
+        jerk: Of every joint [rad/s³ or m/s³]; none where left out.
+
+    Raises:
+        ArmidError: A joint or kind that is not there, or a joint without a limit of position or velocity; a
+            continuous joint needs none of position.
+    """
+    values = _given(described_limits(robot), robot, given or {}, acceleration, jerk)
+    limits = Limits(robot.joint_names, **values)
+    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    without = [
+        f"{joint.name}.position" for joint, ok in zip(robot.joints, bounded, strict=True)
+        if not ok and joint.kind != "continuous"
+    ]  # fmt: skip
+    without += [f"{name}.velocity" for name, v in zip(limits.joints, limits.velocity, strict=True) if v == np.inf]
+    if without:
+        raise ArmidError(
+            f"{robot.name} does not say how far or how fast these may move: {', '.join(without)}.",
+            remedy=_examples(without, robot.n),
+        )
+    return limits
+
+
+def _given(
+    described: Limits,
+    robot: Robot,
+    given: Mapping[tuple[str, str], float | tuple[float, float]],
+    acceleration: float | None = None,
+    jerk: float | None = None,
+) -> dict[str, Array]:
+    """Limits by kind, each (n,), with what is given in the place of what is described."""
+    values = {
+        "lower": described.lower.copy(),
+        "upper": described.upper.copy(),
+        "velocity": described.velocity.copy(),
+        "acceleration": np.full(robot.n, np.inf if acceleration is None else acceleration),
+        "jerk": np.full(robot.n, np.inf if jerk is None else jerk),
+        "effort": described.effort.copy(),
+    }
+    names = robot.joint_names
+    for (name, kind), value in sorted(given.items(), key=lambda each: each[0][0] in names):
+        which = [names.index(each) for each in matching(name, names)] or [robot.joint_index(name)]
+        if kind not in KINDS:
+            raise ArmidError(
+                f"There is no limit of {kind!r}.", possible=", ".join(KINDS), remedy=did_you_mean(kind, KINDS)
+            )
+        if kind == "position":
+            if not isinstance(value, tuple):
+                raise ArmidError(f"The position limit of {name} needs a lower and an upper number; found {value}.")
+            values["lower"][which], values["upper"][which] = value
+        else:
+            values[kind][which] = value
+    return values
+
+
+def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[float, float]]) -> Robot:
+    """The arm with limits in the place of its own; arguments as of `limits_of`.
+
+    Raises:
+        ArmidError: A joint or kind that is not there.
+    """
+    values = _given(described_limits(robot), robot, given)
+    joints = [
+        replace(
+            joint,
+            position_limits=np.array([values["lower"][j], values["upper"][j]]),
+            velocity_limit=float(values["velocity"][j]),
+            effort_limit=float(values["effort"][j]),
+        )
+        for j, joint in enumerate(robot.joints)
+    ]
+    return replace(robot, joints=tuple(joints))
+
+
+def _examples(without: list[str], joints: int) -> str:
+    """Options that give limits which are missing; a pattern only where no joint has a limit of its own."""
+    said: list[str] = []
+    for kind, value in (("position", "-1.5:1.5"), ("velocity", "1.0")):
+        own = [name for name in without if name.endswith(f".{kind}")]
+        if own:
+            each = [f"'*.{kind}={value}'"] if len(own) == joints > 1 else [f"{name}={value}" for name in own]
+            said.append(f"--limit {','.join(each)}")
+    return f"give them, for instance {' '.join(said)}, in radians, metres and seconds."
+
+
+def _finite(values: Array) -> NDArray[np.intp]:
+    return np.flatnonzero(np.isfinite(values))
+
+
+def motion_channels(limits: Limits) -> tuple[Channel, ...]:
+    """Position, velocity, acceleration and jerk of the motion itself."""
+    names = limits.joints
+    bounded = _finite(limits.upper - limits.lower)
+    low, high = limits.lower[bounded], limits.upper[bounded]
+    middle, half = 0.5 * (high + low), 0.5 * (high - low)
+    result: list[Channel] = []
+    if len(bounded):
+        labels = tuple(names[j] for j in bounded)
+        result.append(Range("position", 0, tuple(bounded.tolist()), labels, middle, half))
+    for order, kind in enumerate(("velocity", "acceleration", "jerk"), 1):
+        values: Array = getattr(limits, kind)
+        own = _finite(values)
+        if len(own):
+            labels = tuple(names[j] for j in own)
+            result.append(Range(kind, order, tuple(own.tolist()), labels, np.zeros(len(own)), values[own]))
+    return tuple(result)
+
+
+def thesis_channels(
+    limits: Limits, basis: SeriesBasis, *, form: Literal["thesis", "thesis-literal"] = "thesis"
+) -> tuple[Channel, ...]:
+    """(3.55d-f), bounds by the amplitudes of the harmonics whatever their phases.
+
+    (3.55f) is printed with 1/L, which the thesis's own tables violate. Without it, it follows from (3.55d) and
+    (3.55e) and needs no saying; `thesis-literal` holds it as printed.
+    """
+    room = np.minimum(limits.upper - basis.start, basis.start - limits.lower)
+    bounded, moving = _finite(room), _finite(limits.velocity)
+    names = limits.joints
+
+    def of(joints: NDArray[np.intp]) -> tuple[tuple[int, ...], tuple[str, ...]]:
+        return tuple(joints.tolist()), tuple(names[j] for j in joints)
+
+    result: list[Channel] = [
+        Amplitudes("position", 0, *of(bounded), room[bounded]),
+        Amplitudes("velocity", 1, *of(moving), limits.velocity[moving]),
+    ]
+    if form == "thesis-literal":
+        number, L = np.arange(1, basis.harmonics + 1), basis.harmonics
+        limit = np.minimum(number * (basis.base_frequency / L) * room[:, None], limits.velocity[:, None])
+        every = np.arange(len(names))
+        labels = tuple(name for name in names for _ in range(2 * L))
+        result.append(Coefficients("coefficients", tuple(every.tolist()), labels, limit))
+    return tuple(result)
+
+
+def torque_channel(limits: Limits, base: Array, margin: float) -> Torque | None:
+    """Torque within the limits less a margin, a share of them; `None` where no limit is known.
+
+    Args:
+        limits: Of the joints.
+        base: Base parameters, nominal or identified, shape (b,).
+        margin: Share of the limit that is kept free, 0 to 1.
+    """
+    if not 0.0 <= margin < 1.0:
+        raise ArmidError(f"The torque margin is a share of the limit, 0 to 1; found {margin}.")
+    known = _finite(limits.effort)
+    if not len(known):
+        return None
+    return Torque(
+        "torque", tuple(known.tolist()), tuple(limits.joints[j] for j in known), base,
+        (1.0 - margin) * limits.effort[known],
+    )  # fmt: skip

@@ -1,0 +1,137 @@
+"""Other programs' word on a written file: what they read from it, and the torque that follows."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from armid.errors import RobotError
+from armid.export.types import Content, Witness
+from armid.robot.pinocchio_model import build, pinocchio
+from armid.values import Array
+
+__all__ = ["mujoco_witness", "pinocchio_witness"]
+
+SOURCE = "the written file"
+
+
+def pinocchio_witness(
+    make: Callable[[Any], Any], content: Content, q: Array, dq: Array, ddq: Array, *, reads: Sequence[str]
+) -> Witness:
+    """Pinocchio's inverse dynamics of a model that it makes itself, locked joints held where they are.
+
+    Args:
+        make: Gives the model, from the module.
+        content: What was written.
+        q: Positions (N, n) [rad or m].
+        dq: Velocities.
+        ddq: Accelerations.
+        reads: Terms whose parameters it reads from the format.
+    """
+    pin = pinocchio()
+    try:
+        model = build(lambda: make(pin), SOURCE)
+    except RobotError as error:
+        return Witness("pinocchio", None, {}, error.problem)
+    start = pin.neutral(model)
+    for name, value in content.locked.items():
+        if model.existJointName(name):
+            _set(model, start, name, value)
+    model.gravity = pin.Motion(np.array(content.robot.gravity), np.zeros(3))
+    rotors = np.array(model.armature) + np.array(model.rotorInertia)
+    model.armature = np.zeros(model.nv)
+    names = content.robot.joint_names
+    at = [model.joints[model.getJointId(name)].idx_v for name in names]
+    data, torque = model.createData(), np.empty_like(q)
+    for k in range(len(q)):
+        position, velocity, acceleration = start.copy(), np.zeros(model.nv), np.zeros(model.nv)
+        for name, value in zip(names, q[k], strict=True):
+            _set(model, position, name, value)
+        velocity[at], acceleration[at] = dq[k], ddq[k]
+        torque[k] = pin.rnea(model, data, position, velocity, acceleration)[at]
+    found = {"viscous": np.array(model.damping), "coulomb": np.array(model.friction), "rotor-inertia": rotors}
+    return Witness("pinocchio", torque, _by_joint(names, at, found, reads))
+
+
+def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array, *, reads: Sequence[str]) -> Witness:
+    """MuJoCo's inverse dynamics of the rigid bodies, without contacts, limits, springs and friction.
+
+    Args:
+        text: The file, without what needs meshes.
+        content: What was written.
+        q: Positions (N, n) [rad or m].
+        dq: Velocities.
+        ddq: Accelerations.
+        reads: Terms whose parameters it reads from the format.
+    """
+    try:
+        mj: Any = importlib.import_module("mujoco")
+    except ImportError:
+        return Witness("mujoco", None, {}, "the package mujoco is not installed", is_absent=True)
+    try:
+        with _without_log(mj):
+            model = mj.MjModel.from_xml_string(text)
+    except ValueError as error:
+        return Witness("mujoco", None, {}, " ".join(str(error).split()))
+    disable = mj.mjtDisableBit
+    model.opt.disableflags |= disable.mjDSBL_CONSTRAINT | disable.mjDSBL_CONTACT
+    model.opt.gravity[:] = content.robot.gravity
+    model.opt.density, model.opt.viscosity, model.opt.wind[:] = 0.0, 0.0, 0.0
+    names = content.robot.joint_names
+    at = [int(model.joint(name).dofadr[0]) for name in names]
+    positions = [int(model.joint(name).qposadr[0]) for name in names]
+    found = {
+        "viscous": np.array(model.dof_damping).reshape(model.nv, -1)[:, 0],
+        "coulomb": np.array(model.dof_frictionloss).reshape(model.nv, -1)[:, 0],
+        "rotor-inertia": np.array(model.dof_armature),
+    }
+    joints = _by_joint(names, at, found, reads)
+    for other in ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "body_gravcomp"):
+        getattr(model, other)[:] = 0.0
+    data, torque = mj.MjData(model), np.empty_like(q)
+    for name, value in content.locked.items():
+        joint = model.joint(name)
+        if int(model.jnt_type[joint.id]) in (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE)):
+            data.qpos[joint.qposadr[0]] = value
+    for k in range(len(q)):
+        data.qpos[positions], data.qvel[at], data.qacc[at] = q[k], dq[k], ddq[k]
+        mj.mj_inverse(model, data)
+        torque[k] = data.qfrc_inverse[at]
+    return Witness("mujoco", torque, joints)
+
+
+@contextmanager
+def _without_log(mj: Any) -> Generator[None]:
+    """Keep MuJoCo from writing what it warns of into a file in the working folder."""
+    before = mj.get_mju_user_warning()
+    mj.set_mju_user_warning(_unheard)
+    try:
+        yield
+    finally:
+        mj.set_mju_user_warning(before)
+
+
+def _unheard(_: str) -> None:
+    """A warning that is not written down."""
+
+
+def _set(model: Any, position: Array, name: str, value: float) -> None:
+    """Put a joint of one degree of freedom at a position; endless ones are stored as cosine and sine."""
+    joint = model.joints[model.getJointId(name)]
+    if joint.nv != 1:
+        return
+    if joint.nq == 2:
+        position[joint.idx_q : joint.idx_q + 2] = math.cos(value), math.sin(value)
+    else:
+        position[joint.idx_q] = value
+
+
+def _by_joint(
+    names: Sequence[str], at: Sequence[int], found: Mapping[str, Array], reads: Sequence[str]
+) -> dict[str, dict[str, float]]:
+    return {name: {term: float(found[term][k]) for term in reads} for name, k in zip(names, at, strict=True)}

@@ -1,0 +1,142 @@
+"""Bodies that a file is not to have without being asked for, and those that stand far from the description."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from armid.errors import Finding, OutputError
+from armid.estimation.problem import standard_of
+from armid.export.carried_bodies import is_possible, is_thin
+from armid.export.types import Body, Content
+from armid.robot.robot import InertialParameters
+from armid.runs.run import Run
+from armid.study.plausibility import far_masses
+from armid.values import Array
+
+__all__ = ["far_bodies", "refuse_unidentified", "refuse_unphysical", "unphysical_names"]
+
+SEEN = 1e-6
+"""Largest distance of a mass from what base parameters determine, over one, of a mass that they do."""
+
+
+def unphysical_names(content: Content, placeless: Collection[int], bodies: Sequence[Body]) -> list[str]:
+    """Names of links, bodies and joints that cannot be, unless the description has them so."""
+    links = {link.name: link.inertial for k, link in enumerate(content.robot.links) if k not in placeless}
+    changed = content.bodies or {}
+    thin = {each.name for each in bodies if each.name in changed and is_thin(each, changed[each.name])}
+    own = {name: body for name, body in changed.items() if name not in thin}
+    written: Mapping[str, InertialParameters | None] = {**links, **own}
+    names = [name for name, body in written.items() if body is None or not (is_possible(body) or _is_nothing(body))]
+    empty = [name for name, body in links.items() if body is None or _is_nothing(body)]
+    negative = [
+        f"the {term} parameter of {joint}"
+        for joint, values in content.joints.items()
+        for term, value in values.items()
+        if value < 0.0
+    ]
+    return [*dict.fromkeys([*names, *empty]), *negative]
+
+
+def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple[Finding, ...]:
+    """Refuse links, bodies and joints that cannot be, unless that is allowed.
+
+    Raises:
+        OutputError: There are such, and they may not be written.
+    """
+    if not names:
+        return ()
+    what = f"not physically consistent: {', '.join(names)}; no body of positive density has what was identified"
+    if allowed:
+        return (Finding("unphysical", "warning", "", what),)
+    again = 'identify again with method = "physical".'
+    other = "correct these in the description, or write a file of another format."
+    raise OutputError(
+        f"{what[0].upper()}{what[1:]}.",
+        possible="--allow-unphysical writes it all the same; simulators may refuse the file",
+        remedy=again if run.estimate.fit.standard is None else other,
+    )
+
+
+def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, allowed: bool) -> tuple[Finding, ...]:
+    """Refuse links whose mass neither torque nor the description tells, unless that is allowed.
+
+    Where the description gives a mass, the estimate is held near it, and nothing is said.
+
+    Args:
+        run: The run.
+        theta: Standard parameters (p,) that would be written.
+        placeless: Links that the file has no body for.
+        allowed: Whether they may be written all the same.
+
+    Raises:
+        OutputError: There are such links, and they may not be written.
+    """
+    standard = standard_of(run.model, run.estimate.base)
+    columns, kept = standard.inertial[:, 0], run.estimate.fit.standard
+    if kept is not None:
+        unseen = [kept.status[kept.names.index(standard.names[k])] != "identified" for k in columns]
+    else:
+        _, sizes, rows = np.linalg.svd(standard.regrouping, full_matrices=False)
+        rows = rows[sizes > SEEN * sizes[0]]
+        unseen = [float(np.linalg.norm(rows[:, k])) < 1.0 - SEEN for k in columns]
+    guessed = [
+        f"{link.name} ({theta[k]:.3g} kg)"
+        for i, (link, k, hidden) in enumerate(zip(run.robot.links, columns, unseen, strict=True))
+        if hidden and i not in placeless and (link.inertial is None or link.inertial.mass <= 0.0)
+    ]
+    if not guessed:
+        return ()
+    what = f"no torque tells the mass of {', '.join(guessed)}, and the description gives none"
+    if not allowed:
+        raise OutputError(
+            f"{what[0].upper()}{what[1:]}: they are some of many values that fit.",
+            possible="--allow-unidentified writes them; torque in free motion is right, masses are not",
+            remedy="give these links a mass in the description, rough ones will do, and identify again: what torque "
+            "does not tell then stays near the description.",
+        )
+    return (
+        Finding("unidentified", "warning", "", f"{what}; what stands in the file is one of many values that fit"),
+    )
+
+
+def far_bodies(run: Run, content: Content, bodies: Sequence[Body] | None, kind: str) -> list[Finding]:
+    """A word on bodies of the file whose mass has nothing to do with the description's.
+
+    Args:
+        run: The run.
+        content: What is written.
+        bodies: The description's bodies to look at; `None` for whole links.
+        kind: What the standard parameters are.
+    """
+    written = content.bodies or {}
+    if bodies is None:
+        pairs = [
+            (new.name, new.inertial, old.inertial)
+            for new, old in zip(content.robot.links, run.robot.links, strict=True)
+        ]
+    else:
+        pairs = [(body.name, written[body.name], body.nominal) for body in bodies if body.name in written]
+    known = [(name, new.mass, old.mass) for name, new, old in pairs if new is not None and old is not None]
+    if not known:
+        return []
+    names, found, described = zip(*known, strict=True)
+    said = far_masses(names, np.array(found), np.array(described))
+    if not said:
+        return []
+    what = f"{said} in the file: torques do not tell these masses apart from others. Torque is the same"
+    ways = (
+        ["--nearest writes the bodies nearest to the description with the same torque"] if kind == "estimated" else []
+    )
+    kept = run.estimate.fit.standard
+    if kept is None or kept.prior.kind != "log-det":
+        near = 'physical = { prior = "log-det" } in [estimation] of a study'
+        ways.append(f"identify with {near}, which keeps near the description")
+    ways = ways or ["give the description masses nearer to the real ones where they are known, and identify again"]
+    remedy = "; or ".join(ways)
+    return [Finding("mass-far-from-description", "warning", "", what, remedy)]
+
+
+def _is_nothing(body: InertialParameters) -> bool:
+    return not np.any(body.vector)

@@ -1,0 +1,86 @@
+"""The side file: the whole model, with what a robot description has no place for."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from armid.estimation.estimate import Estimate, collapse
+from armid.export.types import Content
+from armid.model.base_formulas import base_formulas
+from armid.runs.run import Run
+from armid.study.records import finding_record
+from armid.values import Array
+
+__all__ = ["KIND", "side_record"]
+
+KIND = "armid-model 1"
+"""What the file says it is; the number goes up when a key changes its meaning."""
+
+
+def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str, kind: str) -> dict[str, Any]:
+    """The model of a run as JSON.
+
+    Args:
+        run: The run.
+        content: What was written.
+        theta: Standard parameters (p,) that were written.
+        data: The written file.
+        name: Its name.
+        kind: What the parameters are: `estimated`, `nearest` or `unphysical`.
+    """
+    model, estimate = run.model, run.estimate
+    return {
+        "kind": KIND,
+        "robot": model.robot.name,
+        "file": {"name": name, "sha256": hashlib.sha256(data).hexdigest()},
+        "run": Path(run.folder).name,
+        "method": estimate.method,
+        "standard_parameters": kind,
+        "made_from": estimate.made_from,
+        "gravity": model.robot.gravity,
+        "locked": dict(content.locked),
+        "joints": model.robot.joint_names,
+        "terms": [{"name": use.name, "joints": use.joints, "shapes": use.shapes} for use in estimate.terms],
+        "parameters": _parameters(run, content, theta),
+        "base_parameters": _base_parameters(estimate),
+        "load_parameters": model.load_parameters,
+        "warnings": [finding_record(finding) for finding in estimate.findings],
+    }
+
+
+def _parameters(run: Run, content: Content, theta: Array) -> list[dict[str, Any]]:
+    """Standard parameters, each with its law where it has one, and whether the file has it too."""
+    model = run.model
+    laws = dict(zip(model.law_columns.tolist(), model.laws, strict=True))
+    result: list[dict[str, Any]] = []
+    for k, parameter in enumerate(model.parameters):
+        record: dict[str, Any] = {
+            "name": parameter.name,
+            "value": theta[k],
+            "unit": parameter.unit,
+            "term": parameter.kind,
+            "joint": parameter.joint,
+            "in_file": True,
+        }
+        if k in laws:
+            _, law = laws[k]
+            single = law.coordinate == ((law.joint, 1.0),)
+            record["in_file"] = single and parameter.kind in content.joints.get(parameter.joint, {})
+            record["torque"] = str(law.expression)
+            record["acts_on"] = [{"joint": model.robot.joint_names[j], "weight": w} for j, w in law.coordinate]
+            if law.memory is not None:
+                record["remembers"] = {"width": law.memory.width}
+        result.append(record)
+    return result
+
+
+def _base_parameters(estimate: Estimate) -> list[dict[str, Any]]:
+    """Base values with what each stands for."""
+    base = estimate.base
+    values, formulas = collapse(base.names, estimate.fit), base_formulas(base, "text")
+    return [
+        {"name": name, "value": value, "unit": unit, "formula": formula}
+        for name, value, unit, formula in zip(base.names, values, base.units, formulas, strict=True)
+    ]

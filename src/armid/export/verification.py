@@ -1,0 +1,268 @@
+"""Check of a written file: read back, it must say the same: torque in other programs and on unseen motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armid import kernel
+from armid.errors import Finding, OutputError
+from armid.estimation.estimate import torque_parameters
+from armid.export.formats import Exporter
+from armid.export.source import Unseen
+from armid.export.types import PLACED, Content, Witness, Written
+from armid.information.residuals import compare
+from armid.model.dynamics import DynamicsModel
+from armid.robot.angle_rounding import rounded
+from armid.robot.robot import Robot
+from armid.runs.run import Run
+from armid.study.identify import observe_recordings
+from armid.validation.prediction import Check
+from armid.values import Array
+
+__all__ = ["Prediction", "Verified", "verify"]
+
+STATES = 50
+"""Random states that torque is compared on: more than an arm has parameters, and a matter of milliseconds."""
+
+SPEED, ACCELERATION = 2.0, 4.0
+"""Their bounds [rad/s or m/s, rad/s² or m/s²]: gravity, centrifugal and inertial torques are of one size."""
+
+REACH = np.pi
+"""Bound of the positions of a joint without limits [rad or m]."""
+
+TORQUE = 1e-9
+"""Largest difference over the largest torque: programs that turn tensors to their principal axes lose 1e-13, numbers
+with seventeen digits nothing."""
+
+PREDICTED = 1e-6
+"""Largest difference of predictions on unseen motion, over the torque."""
+
+ROUNDED = 1e-3
+"""The same where angles of the description were rounded: bodies on locked joints then turn by up to 1e-4 rad."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Prediction:
+    """Error on one recording of unseen motion, per joint (n,) [N·m or N].
+
+    Attributes:
+        path: The recording.
+        estimate: Of the run's estimate.
+        file: Of what the file says.
+    """
+
+    path: str
+    estimate: Array
+    file: Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Verified:
+    """Result of reading back.
+
+    Attributes:
+        checks: Conditions that hold.
+        predictions: Errors on unseen motion.
+        findings: What could not be checked, and what follows from the format.
+    """
+
+    checks: tuple[Check, ...]
+    predictions: tuple[Prediction, ...]
+    findings: tuple[Finding, ...]
+
+
+def verify(
+    exporter: Exporter,
+    written: Written,
+    content: Content,
+    run: Run,
+    theta: Array,
+    unseen: Unseen,
+    *,
+    unphysical: bool = False,
+) -> Verified:
+    """Read a file back and compare.
+
+    Args:
+        exporter: Its format.
+        written: The file.
+        content: What should be in it.
+        run: The run.
+        theta: Standard parameters (p,) that were written.
+        unseen: Recordings that validated the run.
+        unphysical: Whether it is known that no real body has what is in it, which programs may refuse.
+
+    Raises:
+        OutputError: The file does not say what was identified.
+    """
+    raw = exporter.read(written.data, content.locked)
+    robot = _in_order(_held(raw, content), content.robot)
+    checks, findings = _torques(exporter, written, content, robot, unphysical)
+    findings += [Finding("unseen-missing", "info", "", text) for text in unseen.missing]
+    snapped = _in_order(_held(rounded(raw)[0], content), content.robot)
+    predictions, found = _predictions(run, snapped, theta, unseen)
+    checks += found
+    findings += _rounding(content, robot)
+    if not np.allclose(raw.gravity, content.robot.gravity):
+        own, said = (", ".join(f"{x:g}" for x in gravity) for gravity in (content.robot.gravity, raw.gravity))
+        what = (
+            f"the run has the gravity ({own}) in the base frame; a simulator that loads the file will have ({said})"
+        )
+        findings.append(Finding("gravity-differs", "info", "", what, "mount the arm there as it was mounted"))
+    for check in checks:
+        if not check.ok:
+            raise OutputError(
+                f"The written file does not say what was identified: {check.name} differs by {check.value:.2g} "
+                f"of the torque, more than {check.bound:g}. Nothing was written.",
+                remedy="look for settings of the description that change inertias, or write another format.",
+            )
+    return Verified(tuple(checks), tuple(predictions), tuple(findings))
+
+
+def _held(raw: Robot, content: Content) -> Robot:
+    """A file's arm with its joints held still, under the run's gravity."""
+    held = {name: value for name, value in content.locked.items() if name in raw.joint_names}
+    return raw.lock(held).with_gravity(content.robot.gravity)
+
+
+def _in_order(robot: Robot, like: Robot) -> Robot:
+    """The same arm with its joints in the order of another."""
+    if robot.joint_names == like.joint_names:
+        return robot
+    if sorted(robot.joint_names) != sorted(like.joint_names):
+        raise OutputError(
+            f"The written file has the joints {', '.join(robot.joint_names)}.",
+            remedy="report this: the description holds something that armid does not write.",
+        )
+    order = [robot.joint_index(name) for name in like.joint_names]
+    joints = [robot.joints[k] for k in order]
+    joints = [replace(j, parent=order.index(j.parent) if j.parent >= 0 else -1) for j in joints]
+    tip = replace(robot.tip, parent=order.index(robot.tip.parent) if robot.tip.parent >= 0 else -1)
+    return replace(robot, joints=tuple(joints), links=tuple(robot.links[k] for k in order), tip=tip)
+
+
+def _torques(
+    exporter: Exporter, written: Written, content: Content, robot: Robot, unphysical: bool
+) -> tuple[list[Check], list[Finding]]:
+    """Torque of the rigid bodies and what stands beside it, as several programs read them."""
+    q, dq, ddq = _states(content.robot)
+    wanted = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
+    largest = float(np.abs(wanted).max()) or 1.0
+    own = _inverse_dynamics(robot, _inertial(robot), q, dq, ddq)
+    checks = [_check("rigid-body torque read by armid", own, wanted, largest)]
+    findings: list[Finding] = []
+    for witness in exporter.witnesses(written.data, content, q, dq, ddq):
+        if witness.torque is None:
+            if not witness.is_absent and not unphysical:
+                _refuse_broken(exporter, content, witness)
+            findings.append(Finding("not-checked", "info", witness.name, witness.reason))
+        else:
+            checks.append(_check(f"rigid-body torque in {witness.name}", witness.torque, wanted, largest))
+        for joint, values in witness.joints.items():
+            for term, value in content.joints.get(joint, {}).items():
+                if term in values:
+                    name = f"{term} of {joint} in {witness.name}"
+                    error = abs(values[term] - value) / max(abs(value), 1.0)
+                    checks.append(Check(name, error, TORQUE, error <= TORQUE))
+    return checks, findings
+
+
+def _refuse_broken(exporter: Exporter, content: Content, witness: Witness) -> None:
+    """Refuse a file that a program does not take, unless it does not take the description either."""
+    q = np.zeros((1, content.robot.n))
+    before = [] if content.source is None else exporter.witnesses(content.source.data, content, q, q, q)
+    if not any(each.name == witness.name and each.torque is None for each in before):
+        raise OutputError(
+            f"{witness.name} does not take the file that would be written: {witness.reason} Nothing was written.",
+            remedy="write another format.",
+        )
+
+
+def _check(name: str, found: Array, wanted: Array, largest: float) -> Check:
+    error = float(np.abs(found - wanted).max()) / largest
+    return Check(name, error, TORQUE, error <= TORQUE)
+
+
+def _states(robot: Robot) -> tuple[Array, Array, Array]:
+    """Random states within the joints' limits."""
+    rng = np.random.default_rng(0)
+    limits = np.array([joint.position_limits for joint in robot.joints])
+    low, high = np.maximum(limits[:, 0], -REACH), np.minimum(limits[:, 1], REACH)
+    return (
+        rng.uniform(np.minimum(low, high), high, (STATES, robot.n)),
+        rng.uniform(-SPEED, SPEED, (STATES, robot.n)),
+        rng.uniform(-ACCELERATION, ACCELERATION, (STATES, robot.n)),
+    )
+
+
+def _inertial(robot: Robot) -> Array:
+    """Inertial parameters (n, 10)."""
+    found = robot.inertial_vector
+    return np.zeros((robot.n, 10)) if found is None else found
+
+
+def _inverse_dynamics(robot: Robot, inertial: Array, q: Array, dq: Array, ddq: Array) -> Array:
+    return kernel.inverse_dynamics(robot.tree, inertial, q, dq, ddq)
+
+
+def _rounding(content: Content, robot: Robot) -> list[Finding]:
+    """Return what the description's rounded angles make of the torque, where the run has taken them as exact."""
+    q, dq, ddq = _states(content.robot)
+    exact = _inverse_dynamics(content.robot, _inertial(content.robot), q, dq, ddq)
+    as_written = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
+    error = float(np.abs(exact - as_written).max()) / (float(np.abs(exact).max()) or 1.0)
+    if error <= TORQUE:
+        return []
+    what = f"angles of the description are rounded; the run took them as exact, which changes torque by {error:.1g}"
+    return [Finding("description-rounded", "info", "", what)]
+
+
+def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[list[Prediction], list[Check]]:
+    """Errors on unseen motion: of the estimate, and of what the file says."""
+    said = theta.copy()
+    said[run.model.inertial_columns] = _inertial(robot).ravel()
+    model = DynamicsModel(robot, run.model.terms, run.model.load_parameters)
+    estimated = torque_parameters(run.estimate.base, run.estimate.fit)
+    bound = ROUNDED if any(f.code == "description-rounded" for f in run.robot.findings) else PREDICTED
+    predictions: list[Prediction] = []
+    checks: list[Check] = []
+    for choice, recording in unseen.recordings:
+        observations, _ = observe_recordings([(choice, recording)], run.processing, run.robot)
+        band = observations.band
+        both = [(compare(run.model, estimated, o, band), compare(model, said, o, band)) for o in observations.runs]
+        mask = np.concatenate([a.mask for a, _ in both])
+        mine = np.concatenate([a.predicted for a, _ in both])
+        theirs = np.concatenate([b.predicted for _, b in both])
+        measured = np.concatenate([a.measured for a, _ in both])
+        predictions.append(Prediction(choice.path, _rms(measured - mine, mask), _rms(measured - theirs, mask)))
+        error = float(np.linalg.norm(_rms(mine - theirs, mask)) / (np.linalg.norm(_rms(mine, mask)) or 1.0))
+        checks.append(Check(f"torque on {choice.path}", error, bound, error <= bound))
+    return predictions, checks
+
+
+def _rms(values: Array, mask: Array | np.ndarray) -> Array:
+    """Root mean square of each column where its mask holds; zero where it never does."""
+    counted = np.where(mask, values, 0.0)
+    return np.sqrt(np.sum(counted**2, axis=0) / np.maximum(np.sum(mask, axis=0), 1))
+
+
+def places_of(model: DynamicsModel, theta: Array) -> dict[str, dict[str, float]]:
+    """Parameters of single joints that a format may have a place for, by joint and term."""
+    found: dict[str, dict[str, float]] = {name: {} for name in model.robot.joint_names}
+    for column, (term, law) in zip(model.law_columns, model.laws, strict=True):
+        if term in PLACED and law.coordinate == ((law.joint, 1.0),):
+            found[model.robot.joint_names[law.joint]][term] = float(theta[column])
+    return found
+
+
+def without_place(model: DynamicsModel, places: Sequence[str]) -> Mapping[str, list[str]]:
+    """Names of parameters that a format has no place for, by term."""
+    found: dict[str, list[str]] = {}
+    names = [parameter.name for parameter in model.parameters]
+    for column, (term, law) in zip(model.law_columns, model.laws, strict=True):
+        if term not in places or law.coordinate != ((law.joint, 1.0),):
+            found.setdefault(term, []).append(names[column])
+    return found

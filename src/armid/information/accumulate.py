@@ -1,0 +1,258 @@
+"""From observations to information in one pass, without ever holding the regressor at full rate.
+
+Where the band is open, samples go straight into the factors. Where it filters, every column of the regressor and
+the torque pass the same filter: first a linear-phase decimation inside the kernel's stream, then the sharp filter on
+what is left, a segment at a time, so that memory does not grow with the length of the recording. What a model
+remembers of a run is followed once, over the whole run at full rate, before any of it is filtered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid import kernel
+from armid.errors import ArmidError
+from armid.information.column_source import ColumnSource, column_source
+from armid.information.filtering import filtered_columns, filtered_torque
+from armid.information.hysteresis_states import refuse_forgotten, remember
+from armid.information.information import Information, JointFactors, merge, stack, total
+from armid.maths.linalg import scaled_condition
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations, ObservedRun
+from armid.model.base_parameters import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.threads import one_blas_thread
+from armid.values import Array
+
+__all__ = ["Progress", "inform"]
+
+Progress = Callable[[int, int], None]
+"""Told how many samples are done, and of how many."""
+
+CHUNK = 8192
+"""Samples whose term columns are held at a time: 1 MB for a seven-joint arm."""
+
+GRAM_ROWS = 20_000
+"""Below so many rows a QR takes milliseconds, and the faster way is not worth a thought."""
+
+GRAM_CONDITION = 60.0
+"""Largest scaled condition number at which factors made from products are as good as a QR: their error is
+ε times its square, so below 1e-12."""
+
+GRAM_RESIDUAL = 1e-5
+"""Smallest residual, over the torque, that factors made from products resolve: ε under the root, with room."""
+
+
+@one_blas_thread
+def inform(
+    model: DynamicsModel,
+    base: BaseParameters,
+    observations: Observations,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Information:
+    """Return what the observations say about the base parameters.
+
+    Factors are made by QR. Long unfiltered recordings first try the columns' products, twice as fast, and keep the
+    result only where the condition number and the residual prove it as exact.
+
+    Args:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        observations: Runs and their band.
+        threads: Blocks of unfiltered runs are shared among so many threads.
+        progress: Told of samples done.
+
+    Raises:
+        ArmidError: The observations have other joints than the model, or no row counts; or a model with memory
+            meets samples that do not follow each other, or a motion that never decides what it remembers.
+    """
+    if not any(run.mask.any() for run in observations.runs):
+        raise ArmidError(
+            "No row of the recordings counts: every one is masked or trimmed away.",
+            remedy="record longer, trim less, or look at what `slow`, `saturation` and `exclude` mask.",
+        )
+    for run in observations.runs:
+        if run.motion.n != model.n:
+            raise ArmidError(
+                f"A run has {run.motion.n} joints; {model.robot.name} has {model.n}.",
+                remedy="give the motion of this arm.",
+            )
+    source = column_source(model, base)
+    long = sum(len(run.block) for run in observations.runs if _is_raw(run, observations.band)) > GRAM_ROWS
+    if long:
+        information = _inform(source, observations, threads, progress, by_gram=True)
+        if _is_exact(information):
+            return information
+        del information
+    return _inform(source, observations, threads, progress, by_gram=False)
+
+
+def _is_raw(run: ObservedRun, band: Band) -> bool:
+    """Tell whether the columns of this run go into the factors as they are."""
+    return band.is_open or not run.consecutive or not band.columns
+
+
+def _is_exact(information: Information) -> bool:
+    """Tell whether products of columns, instead of a QR, have cost no accuracy."""
+    whole = total(information)
+    torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
+    residual = np.array([abs(joint.R[0, -1, -1]) for joint in whole.joints])
+    if (residual < GRAM_RESIDUAL * torque).any():
+        return False
+    # Weights by joint change the condition; the two that estimation uses are looked at.
+    by_residual = 1.0 / np.where(residual > 0.0, residual, 1.0)
+    return all(scaled_condition(stack(whole, weights)[0]) <= GRAM_CONDITION for weights in (None, by_residual))
+
+
+def _inform(
+    source: ColumnSource,
+    observations: Observations,
+    threads: int,
+    progress: Progress | None,
+    *,
+    by_gram: bool,
+) -> Information:
+    """Information of all runs, the blocks of each counted on."""
+    samples = sum(run.motion.samples for run in observations.runs)
+    done = 0
+    parts: list[Information] = []
+    for index, given in enumerate(observations.runs):
+        run = remember(source.model, given, observations.band)
+        raw = _is_raw(run, observations.band)
+        pieces = (
+            _raw_blocks(source, run, observations.band, threads, by_gram=by_gram)
+            if raw
+            else _filtered_blocks(source, run, observations.band)
+        )
+        names = np.unique(run.block[_borders(run)[:-1]])
+        factors = [np.zeros((len(names), width, width)) for width in source.layout.widths]
+        filled = np.zeros(len(names), dtype=np.bool_)
+        for R, block, samples_done in pieces:
+            _collect(kernel.unpack_factors(source.layout, R), np.searchsorted(names, block), factors, filled)
+            if progress is not None:
+                progress(done + samples_done, samples)
+        done += run.motion.samples
+        method = "products" if raw and by_gram else "qr"
+        parts.append(_of_run(source, run, index, factors, method))
+    whole = merge(parts)
+    refuse_forgotten(source.model, observations, whole.rows.sum(axis=0))
+    return whole
+
+
+def _collect(
+    pieces: tuple[Array, ...], blocks: NDArray[np.intp], factors: list[Array], filled: NDArray[np.bool_]
+) -> None:
+    """Put each joint's factors of pieces where their blocks stand; a further piece joins what stands there."""
+    for piece, k in enumerate(blocks):
+        for joint, R in enumerate(pieces):
+            whole = factors[joint]
+            whole[k] = kernel.factor_columns(np.vstack([whole[k], R[piece]]).T)[0] if filled[k] else R[piece]
+        filled[k] = True
+
+
+def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
+    """Information of one run from the factors of its joints, which are taken out of the list one by one."""
+    borders = _borders(run)
+    names, stretches = np.unique(run.block[borders[:-1]], return_inverse=True)
+    rows = np.zeros((len(names), source.tree.n), dtype=np.int64)
+    masked = not run.mask.all()  # counting takes milliseconds, and most runs have nothing masked
+    for k, (begin, end) in zip(stretches, pairwise(borders), strict=True):
+        rows[k] += run.mask[begin:end].sum(axis=0) if masked else end - begin
+    return Information(
+        source.names,
+        tuple(JointFactors(parameters, factors.pop(0)) for parameters in source.layout.parameters),
+        rows,
+        np.full(len(names), index),
+        np.full(len(names), run.recording),
+        made_by=f"{kernel.in_use()} {method}",
+    )
+
+
+def _borders(run: ObservedRun) -> NDArray[np.intp]:
+    """Rows at which a stretch of one block begins, and the end of the last, shape (stretches + 1,)."""
+    changes = np.flatnonzero(run.block[1:] != run.block[:-1]) + 1
+    return np.concatenate([[0], changes, [len(run.block)]])
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """Rows `begin` to `end - 1` of the output grid, all of one block."""
+
+    begin: int
+    end: int
+    block: int
+
+
+def _pieces(run: ObservedRun) -> list[_Piece]:
+    """The output grid cut at the borders of blocks, and within long blocks every CHUNK rows."""
+    return [
+        _Piece(a, min(a + CHUNK, end), int(run.block[begin]))
+        for begin, end in pairwise(_borders(run).tolist())
+        for a in range(begin, end, CHUNK)
+    ]
+
+
+def _chunks(pieces: list[_Piece]) -> Iterator[list[_Piece]]:
+    """Neighbouring pieces together while they hold at most CHUNK rows."""
+    group: list[_Piece] = []
+    for piece in pieces:
+        if group and piece.end - group[0].begin > CHUNK:
+            yield group
+            group = []
+        group.append(piece)
+    if group:
+        yield group
+
+
+def _raw_blocks(
+    source: ColumnSource, run: ObservedRun, band: Band, threads: int, *, by_gram: bool
+) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
+    """Factors of pieces of an unfiltered run, their blocks, and the samples done so far."""
+    one_sided = run.consecutive and not band.is_open and not band.columns
+    torque = filtered_torque(run, band) if one_sided else run.torque
+    masked = not run.mask.all()
+    for group in _chunks(_pieces(run)):
+        a, b = group[0].begin, group[-1].end
+        rows = slice(run.offset + a * run.step, run.offset + (b - 1) * run.step + 1, run.step)
+        motion = run.motion[rows]
+        bounds = np.array([a, *(piece.end for piece in group)]) - a
+        R = kernel.factor(
+            source.tree,
+            source.layout,
+            motion.q,
+            motion.dq,
+            motion.ddq,
+            torque[rows],
+            source.term_rows(motion),
+            bounds,
+            mask=run.mask[a:b] if masked else None,
+            by_gram=by_gram,
+            threads=threads,
+        )
+        yield R, np.array([piece.block for piece in group]), rows.stop
+
+
+def _filtered_blocks(
+    source: ColumnSource, run: ObservedRun, band: Band
+) -> Iterator[tuple[Array, NDArray[np.int64], int]]:
+    """Factors of pieces of a filtered run, their blocks, and the samples done so far."""
+    widths = source.layout.widths.astype(np.int64)
+    for begin, x in filtered_columns(source, run, band):
+        mask, block = run.mask[begin : begin + x.shape[1]], run.block[begin : begin + x.shape[1]]
+        bounds = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [len(block)]])
+        R = np.empty((len(bounds) - 1, int((widths**2).sum())))
+        column = 0
+        for j in range(source.tree.n):
+            a, b = source.layout.offset[j], source.layout.offset[j + 1]
+            # Masked rows become zero rows, which say nothing.
+            factors = kernel.factor_columns(x[a:b] * mask[:, j], bounds)
+            R[:, column : column + (b - a) ** 2] = factors.reshape(len(factors), -1)
+            column += (b - a) ** 2
+        yield R, block[bounds[:-1]], run.offset + (begin + x.shape[1]) * run.step

@@ -1,0 +1,138 @@
+"""Information from rows that are weighted one by one: a second pass over the samples, repeated as weights change.
+
+Rows are made again in every pass, a segment at a time, and kept between passes only while all of them are few. So
+memory does not grow with the recording, and short recordings are not filtered ten times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid import kernel
+from armid.information.column_source import ColumnSource
+from armid.information.hysteresis_states import remember
+from armid.information.information import Information, JointFactors, merge
+from armid.information.regressor_rows import rows
+from armid.measurement.observations import Observations, ObservedRun
+from armid.values import Array
+
+__all__ = ["Rows", "Segment", "Weigh", "weighted_information"]
+
+KEPT = 64_000_000
+"""Bytes of rows that are kept from one pass to the next: some 40 000 rows of a seven-joint arm."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Segment:
+    """Some rows of a run on its output grid, in the band.
+
+    Attributes:
+        run: Number of the run.
+        begin: First row.
+        x: Columns and torque of all joints, shape (columns, M), of `armid.information.regressor_rows.rows`.
+        mask: Which rows count, shape (M, n).
+        block: Block of each row, shape (M,).
+    """
+
+    run: int
+    begin: int
+    x: Array
+    mask: NDArray[np.bool_]
+    block: NDArray[np.int64]
+
+
+Weigh = Callable[[Segment, int], Array]
+"""Weight (M,) of each row of a segment for one joint; masked rows are left out whatever it says."""
+
+
+class Rows:
+    """All rows of observations, as often as wanted.
+
+    Attributes:
+        source: Makes the columns.
+        observations: The samples; where the model has a memory, rows before it is known do not count.
+    """
+
+    def __init__(self, source: ColumnSource, observations: Observations) -> None:
+        self.source = source
+        runs = tuple(remember(source.model, run, observations.band) for run in observations.runs)
+        self.observations = Observations(runs, observations.band)
+        self._kept: list[Segment] | None = None
+
+    def __iter__(self) -> Iterator[Segment]:
+        if self._kept is not None:
+            yield from self._kept
+            return
+        kept: list[Segment] | None = []
+        room = KEPT
+        for segment in self._made():
+            room -= segment.x.nbytes
+            if kept is not None:
+                kept.append(segment)
+            if room < 0:
+                kept = None
+            yield segment
+        self._kept = kept
+
+    def _made(self) -> Iterator[Segment]:
+        """Segments made from the samples."""
+        for index, run in enumerate(self.observations.runs):
+            for begin, x in rows(self.source, run, self.observations.band):
+                end = begin + x.shape[1]
+                yield Segment(index, begin, x, run.mask[begin:end], run.block[begin:end])
+
+
+def weighted_information(every: Rows, weigh: Weigh, *, blocks: bool = True) -> Information:
+    """Factors of rows that are multiplied by the roots of their weights.
+
+    Args:
+        every: The rows.
+        weigh: Weight of each row, joint by joint.
+        blocks: Keep the blocks apart; without, every run is one block, which is faster.
+
+    Returns:
+        Information whose `rows` still counts rows, whatever their weight.
+    """
+    runs = every.observations.runs
+    names = [np.unique(run.block) if blocks else np.zeros(1, dtype=np.int64) for run in runs]
+    widths = every.source.layout.widths
+    factors = [[np.zeros((len(own), width, width)) for width in widths] for own in names]
+    for segment in every:
+        number = np.searchsorted(names[segment.run], segment.block) if blocks else np.zeros_like(segment.block)
+        _add(every.source, segment, weigh, number, factors[segment.run])
+    return merge([_of_run(every.source, *each) for each in zip(range(len(runs)), runs, names, factors, strict=True)])
+
+
+def _add(
+    source: ColumnSource, segment: Segment, weigh: Weigh, number: NDArray[np.int64], factors: list[Array]
+) -> None:
+    """Join a segment's rows to the factors of the blocks, by number, that they belong to."""
+    bounds = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [len(number)]])
+    for j, whole in enumerate(factors):
+        a, b = source.layout.offset[j], source.layout.offset[j + 1]
+        root = np.sqrt(weigh(segment, j) * segment.mask[:, j])
+        pieces = kernel.factor_columns(segment.x[a:b] * root, bounds)
+        for k, R in zip(number[bounds[:-1]], pieces, strict=True):
+            whole[k] = kernel.factor_columns(np.vstack([whole[k], R]).T)[0] if whole[k].any() else R
+
+
+def _of_run(
+    source: ColumnSource, index: int, run: ObservedRun, names: NDArray[np.int64], factors: list[Array]
+) -> Information:
+    """Information of one run."""
+    number = np.searchsorted(names, run.block) if len(names) > 1 else np.zeros(len(run.block), dtype=np.intp)
+    counted = np.zeros((len(names), source.tree.n), dtype=np.int64)
+    np.add.at(counted, number, run.mask)
+    joints = tuple(JointFactors(p, R) for p, R in zip(source.layout.parameters, factors, strict=True))
+    return Information(
+        source.names,
+        joints,
+        counted,
+        np.full(len(names), index),
+        np.full(len(names), run.recording),
+        made_by=f"{kernel.in_use()} qr of weighted rows",
+    )

@@ -1,0 +1,228 @@
+"""Arms whose every parameter is known, because they are made up or published; what a simulation moves.
+
+The numbers of friction, rotors and springs of the Panda and the UR10e are armid's own: of the size that drives of
+this kind have, and no measurement. The iiwa's friction is that of Table 4.1 of the thesis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.errors import LabError, did_you_mean
+from armid.lab.friction import Friction, MaxwellSlip, Stribeck, ToothRipple, Warmth
+from armid.lab.ideal_recording import THESIS_FRICTION
+from armid.robot.missing_inertia import inertial_key, moving_nothing
+from armid.robot.robot import InertialParameters, Robot
+from armid.values import Array, array
+
+__all__ = ["EFFECTS", "TYPICAL_COULOMB", "UNKNOWN_EFFORT", "Truth", "friction_of_limits", "truth_of", "with_effects"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Truth:
+    """An arm as it is.
+
+    Attributes:
+        robot: Geometry, limits and gravity.
+        inertial: Inertial parameters of the links, shape (n, 10).
+        friction: On the drives' side.
+        rotor: Inertia of the drives, seen at the joints, shape (n,) [kg·m² or kg].
+        stiffness: Of the gears between drive and link, shape (n,) [N·m/rad or N/m]; `None` for rigid ones.
+        spring_damping: Of the gears, shape (n,) [N·m·s/rad or N·s/m].
+    """
+
+    robot: Robot
+    inertial: Array
+    friction: Friction
+    rotor: Array
+    stiffness: Array | None = None
+    spring_damping: Array = ()  # pyright: ignore[reportAssignmentType]
+
+    def __post_init__(self) -> None:
+        n = self.robot.n
+        object.__setattr__(self, "inertial", array(self.inertial, (n, 10), "inertial"))
+        object.__setattr__(self, "rotor", array(self.rotor, (n,), "rotor"))
+        damping = self.spring_damping if np.size(self.spring_damping) else np.zeros(n)
+        object.__setattr__(self, "spring_damping", array(damping, (n,), "spring_damping"))
+        if self.friction.n != n:
+            raise LabError(
+                f"Friction of {self.friction.n} joints does not fit the {n} of {self.robot.name}.",
+                remedy="give friction one number a joint.",
+            )
+        if (self.rotor < 0.0).any():
+            raise LabError(f"Rotor inertia must not be negative; found {self.rotor.min():g}.")
+        if self.stiffness is not None:
+            object.__setattr__(self, "stiffness", array(self.stiffness, (n,), "stiffness"))
+            if (self.stiffness <= 0.0).any() or (self.rotor == 0.0).any():
+                raise LabError(
+                    "Elastic drives need a positive stiffness and rotors with inertia.",
+                    remedy="give rotor inertia to every joint, or leave the stiffness out.",
+                )
+
+
+PANDA_BODIES = (
+    # mass [kg], centre of mass [m], length and radius [m] of a cylinder along an axis of the link
+    (3.2, (0.0, -0.03, -0.10), 0.30, 0.06, 2),
+    (3.2, (0.0, -0.09, 0.03), 0.30, 0.06, 1),
+    (2.9, (0.04, 0.03, -0.07), 0.24, 0.055, 2),
+    (2.9, (-0.04, 0.09, 0.03), 0.24, 0.055, 1),
+    (3.0, (0.0, 0.03, -0.13), 0.32, 0.05, 2),
+    (1.6, (0.05, 0.0, -0.01), 0.14, 0.05, 0),
+    (0.8, (0.01, 0.01, 0.06), 0.10, 0.04, 2),
+)
+"""Bodies of the virtual Panda: homogeneous cylinders that together weigh about what the data sheet says, 18 kg."""
+
+OWN = {
+    "panda": {
+        "viscous": (7.0, 9.0, 5.5, 5.0, 2.4, 1.8, 2.0),
+        "coulomb": (4.5, 5.5, 3.5, 3.5, 1.4, 1.2, 1.1),
+        "rotor": (0.60, 0.60, 0.45, 0.45, 0.20, 0.18, 0.18),
+        "stiffness": (1.4e4, 1.4e4, 1.4e4, 1.4e4, 9e3, 9e3, 9e3),
+    },
+    "ur10e": {
+        "viscous": (38.0, 38.0, 22.0, 7.0, 7.0, 5.5),
+        "coulomb": (17.0, 19.0, 12.0, 4.5, 4.5, 3.5),
+        "rotor": (3.2, 3.2, 1.6, 0.35, 0.35, 0.30),
+        "stiffness": (4.5e4, 4.5e4, 2.6e4, 1.2e4, 1.2e4, 1.2e4),
+    },
+    "iiwa14-r820": {
+        "viscous": THESIS_FRICTION["FV"],
+        "coulomb": THESIS_FRICTION["FS"],
+        "rotor": (3.0, 3.0, 1.6, 1.6, 0.8, 0.35, 0.35),
+        "stiffness": (3.0e4, 3.0e4, 2.2e4, 2.2e4, 1.5e4, 8e3, 8e3),
+    },
+}
+"""Friction [N·m·s/rad, N·m], rotor inertia [kg·m²] and stiffness [N·m/rad] of built-in truths, joint by joint."""
+
+TYPICAL_COULOMB = 0.04
+"""Coulomb friction of an arm without numbers of its own, over the effort limit: what gears of arms lose."""
+
+TYPICAL_SPEED = 1.0
+"""Velocity [rad/s or m/s] at which its viscous friction equals its Coulomb friction."""
+
+UNKNOWN_EFFORT = 100.0
+"""Effort limit [N·m or N] where none is known."""
+
+
+def truth_of(robot: Robot) -> Truth:
+    """Take a robot for a simulated one: rigid drives without rotor inertia, plain friction.
+
+    A built-in arm has the numbers in `OWN`; any other its description's inertias and friction in proportion to its
+    effort limits.
+
+    Raises:
+        LabError: The description gives no inertias, or none to what some joints move.
+    """
+    own = OWN.get(robot.source if robot.source in OWN else robot.name)
+    if own is not None and len(own["coulomb"]) != robot.n:
+        own = None  # some of its joints are locked
+    if own is None:
+        friction = friction_of_limits(robot)
+    else:
+        friction = Friction(np.array(own["viscous"]), np.array(own["coulomb"]))
+    return Truth(robot, _bodies(robot), friction, np.zeros(robot.n))
+
+
+def friction_of_limits(robot: Robot) -> Friction:
+    """Friction of an arm without numbers of its own, in proportion to its effort limits."""
+    limits = np.array([joint.effort_limit for joint in robot.joints])
+    coulomb = TYPICAL_COULOMB * np.where(np.isfinite(limits), limits, UNKNOWN_EFFORT)
+    return Friction(coulomb / TYPICAL_SPEED, coulomb)
+
+
+def _bodies(robot: Robot) -> Array:
+    """Inertial parameters (n, 10) of the truth."""
+    nominal, empty = robot.inertial_vector, moving_nothing(robot)
+    if nominal is not None and empty:
+        raise LabError(
+            f"{', '.join(empty)} of {robot.name} move no mass: the description has no inertia of their links.",
+            remedy=f"give {inertial_key(robot)} with mass, com and inertia for each, or lock these joints.",
+        )
+    if nominal is not None:
+        return nominal
+    if robot.name == "panda" and robot.n == len(PANDA_BODIES):
+        return np.array([_cylinder(*each) for each in PANDA_BODIES])
+    raise LabError(
+        f"{robot.name} comes without inertial parameters; there is nothing to simulate.",
+        possible=", ".join(OWN),
+        remedy=f"give {inertial_key(robot)} with mass, centre of mass and inertia for each link.",
+    )
+
+
+def _cylinder(mass: float, com: Sequence[float], length: float, radius: float, axis: int) -> Array:
+    """Inertial parameters (10,) of a homogeneous cylinder along an axis of its frame."""
+    across = mass * (3.0 * radius**2 + length**2) / 12.0
+    moments = np.full(3, across)
+    moments[axis] = 0.5 * mass * radius**2
+    return InertialParameters.from_com(mass, com, np.diag(moments)).vector
+
+
+def _rotor(truth: Truth) -> Truth:
+    own = OWN.get(truth.robot.name)
+    if own is not None and len(own["rotor"]) == truth.robot.n:
+        return replace(truth, rotor=np.array(own["rotor"]))
+    return replace(truth, rotor=0.05 * truth.friction.coulomb + 0.01)
+
+
+def _elastic(truth: Truth) -> Truth:
+    own = OWN.get(truth.robot.name)
+    if not truth.rotor.all():
+        truth = _rotor(truth)
+    known = own is not None and len(own["stiffness"]) == truth.robot.n
+    stiffness = np.array(own["stiffness"]) if own is not None and known else 2e3 * truth.friction.coulomb + 5e3
+    # Gears swing out within some ten waves: a damping ratio of 2 % of the rotor against the spring.
+    return replace(truth, stiffness=stiffness, spring_damping=0.04 * np.sqrt(stiffness * truth.rotor))
+
+
+def _friction(change: Callable[[Friction], Friction]) -> Callable[[Truth], Truth]:
+    return lambda truth: replace(truth, friction=change(truth.friction))
+
+
+def _like(friction: Friction, value: ArrayLike) -> Array:
+    return np.broadcast_to(np.asarray(value, dtype=np.float64), (friction.n,)).copy()
+
+
+def _slip(friction: Friction) -> Friction:
+    """Two fifths of Coulomb friction come through springs, so that friction of a sliding joint stays what it was."""
+    share, deflections = (0.25, 0.15), (5e-4, 2e-3)
+    torque = np.outer(share, friction.coulomb)
+    slip = MaxwellSlip(torque, np.outer(deflections, np.ones(friction.n)))
+    return replace(friction, coulomb=friction.coulomb - torque.sum(axis=0), slip=slip)
+
+
+EFFECTS: dict[str, Callable[[Truth], Truth]] = {
+    "rotor": _rotor,
+    "elastic": _elastic,
+    "stribeck": _friction(lambda f: replace(f, stribeck=Stribeck(0.3 * f.coulomb, _like(f, 0.05)))),
+    "asymmetric": _friction(lambda f: replace(f, asymmetry=0.1 * f.coulomb)),
+    "load": _friction(lambda f: replace(f, load=_like(f, 0.03))),
+    "hysteresis": _friction(_slip),
+    "ripple": _friction(
+        lambda f: replace(f, ripple=ToothRipple(0.05 * f.coulomb, _like(f, 200.0), np.arange(f.n, dtype=np.float64)))
+    ),
+    "temperature": _friction(
+        lambda f: replace(f, warmth=Warmth(_like(f, 0.02), 0.05 / (f.coulomb + 1e-6), _like(f, 600.0), _like(f, 0.0)))
+    ),
+}
+"""What a truth may have beyond plain friction, by name: how large it is follows from the truth's own friction."""
+
+
+def with_effects(truth: Truth, names: Sequence[str]) -> Truth:
+    """The truth with further effects, in the order of `EFFECTS`.
+
+    Raises:
+        LabError: No such effect.
+    """
+    for name in names:
+        if name not in EFFECTS:
+            raise LabError(
+                f"There is no effect {name!r}.", possible=", ".join(EFFECTS), remedy=did_you_mean(name, EFFECTS)
+            )
+    for name, change in EFFECTS.items():
+        if name in names:
+            truth = change(truth)
+    return truth

@@ -1,0 +1,236 @@
+"""A recording from the lab: an arm whose truth is known, moved along a plan, seen through sensors."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armid.errors import Finding, LabError
+from armid.excitation.fourier import Excitation, required_series
+from armid.lab.controller import Gains
+from armid.lab.faults import spoil
+from armid.lab.known_arms import Truth
+from armid.lab.options import LabOptions
+from armid.lab.placeholders import placeholder_finding
+from armid.lab.plant import stable_rate
+from armid.lab.sensors import sense
+from armid.lab.true_motion import Tell, Trace, closed_loop, inverse_dynamics
+from armid.measurement.recording import Recording
+from armid.model.base_parameters import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
+from armid.robot.robot import Joint
+from armid.values import Array
+
+__all__ = ["Simulated", "doubts", "simulate", "true_model", "truth_record"]
+
+POSES = 60
+"""Poses of a plan at which the frequency of springs is looked at; it changes with the arm's inertia alone."""
+
+
+KEPT = 1.0 + 1e-9
+"""Share of a limit that a plan at the limit may have by rounding."""
+
+ASKED = 1000.0
+"""Points a second at which a plan is looked at [Hz]."""
+
+FULL = 0.999
+"""Share of the effort limit that counts as all of it; a current loop only comes near."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Simulated:
+    """Result of a simulation.
+
+    Attributes:
+        recording: The log.
+        trace: What truly happened.
+        truth: The arm as it was simulated.
+        plan: The motion that was asked for.
+        options: What it was told.
+        gains: Of the controller; `None` without one.
+        seed: Of noise and faults.
+    """
+
+    recording: Recording
+    trace: Trace
+    truth: Truth
+    plan: Excitation
+    options: LabOptions
+    gains: Gains | None
+    seed: int
+
+
+def simulate(
+    truth: Truth, plan: Excitation, options: LabOptions | None = None, *, seed: int = 1, tell: Tell | None = None
+) -> Simulated:
+    """Move an arm along a plan and log it.
+
+    Args:
+        truth: The arm, before `options.arm` adds to it.
+        plan: The motion.
+        options: Everything else.
+        seed: Of noise and faults; the same seed gives the same log, bit for bit.
+        tell: Told the share that is done.
+
+    Raises:
+        LabError: The plan does not fit the arm, or the simulation ran away.
+        ArmidError: What was given is no plan.
+        MissingExtraError: Closed loop without MuJoCo.
+    """
+    options = options or LabOptions()
+    truth = options.arm.of(truth)
+    if required_series(plan).n != truth.robot.n:
+        raise LabError(
+            f"The plan moves {plan.n} joints; {truth.robot.name} has {truth.robot.n}.",
+            remedy="give a plan for this arm, or lock the joints that it does not move.",
+        )
+    rate = options.sensing.rate
+    gain = None
+    if options.mode == "inverse-dynamics":
+        trace = inverse_dynamics(truth, plan, rate, options.repetitions)
+    else:
+        trace, gain = closed_loop(
+            truth,
+            plan,
+            options.controller,
+            options.drive,
+            rate=_physics_rate(truth, plan, options),
+            repetitions=options.repetitions,
+            lead_in=options.lead_in,
+            tell=tell,
+        )
+    names, source = truth.robot.joint_names, f"virtual {truth.robot.name}"
+    recording = sense(trace, options.sensing, names, source, np.random.default_rng(seed))
+    if options.faults:
+        recording = spoil(recording, options.faults, seed)
+    return Simulated(recording, trace, truth, plan, options, gain, seed)
+
+
+def doubts(simulated: Simulated) -> tuple[Finding, ...]:
+    """Tell where the arm or its motion was one that is not real; the lab has no stops.
+
+    What the plan itself asks for is told apart from what a controller adds that overshoots.
+    """
+    trace, joints = simulated.trace.from_time(0.0), simulated.truth.robot.joints
+    asked = simulated.plan.sample(ASKED)
+    efforts = simulated.options.drive.limits(simulated.truth) if simulated.gains is not None else None
+    found: list[Finding] = []
+    odd = placeholder_finding(simulated.truth, trace.transmitted)
+    found += [] if odd is None else [odd]
+    for j, joint in enumerate(joints):
+        found += _range_doubts(joint, asked.q[:, j], trace.q[:, j])
+        found += _speed_doubts(joint, float(np.abs(asked.dq[:, j]).max()), float(np.abs(trace.dq[:, j]).max()))
+        share = 0.0 if efforts is None else float(np.mean(np.abs(trace.effort[:, j]) >= FULL * efforts[j]))
+        if share > 0.0:
+            evidence = f"is asked for its full effort {100.0 * share:.2g} % of the time."
+            found.append(_doubt("drive-saturated", joint.name, evidence, "play the plan over a longer period."))
+    return tuple(found)
+
+
+def _range_doubts(joint: Joint, asked: Array, reached: Array) -> list[Finding]:
+    """Positions (N,) of a joint outside its limits, of the plan or of the arm alone."""
+    lower, upper = joint.position_limits
+    limits = f"its limits are {lower:.3f}, {upper:.3f} {joint.unit}"
+    slack = (KEPT - 1.0) * (upper - lower)
+    if asked.min() < lower - slack or asked.max() > upper + slack:
+        evidence = f"is asked to move from {asked.min():.3f} to {asked.max():.3f} {joint.unit}; {limits}."
+        return [_doubt("plan-outside-limits", joint.name, evidence, "change the plan.")]
+    if reached.min() < lower - slack or reached.max() > upper + slack:
+        evidence = (
+            f"moves from {reached.min():.3f} to {reached.max():.3f} {joint.unit}; {limits}, which the plan keeps and "
+            "the controller does not."
+        )
+        remedy = f"design the plan with a margin: --limit {joint.name}.position=LOW:HIGH."
+        return [_doubt("limit-overshot", joint.name, evidence, remedy)]
+    return []
+
+
+def _speed_doubts(joint: Joint, asked: float, reached: float) -> list[Finding]:
+    """A joint that is faster than its limit, by the plan or by the controller's doing alone."""
+    limit, unit = joint.velocity_limit, f"{joint.unit}/s"
+    if asked > KEPT * limit:
+        evidence = f"is asked for {asked:.3f} {unit}; its limit is {limit:.3f}."
+        return [_doubt("plan-too-fast", joint.name, evidence, "play the plan over a longer period.")]
+    if reached > KEPT * limit:
+        evidence = (
+            f"reaches {reached:.3f} {unit}; its limit is {limit:.3f}. The plan asks for {asked:.3f}, the rest is "
+            "what the controller overshoots."
+        )
+        remedy = f"design the plan with a margin: --limit {joint.name}.velocity={0.99 * limit**2 / reached:.3g}."
+        return [_doubt("limit-overshot", joint.name, evidence, remedy)]
+    return []
+
+
+def _doubt(code: str, joint: str, evidence: str, remedy: str) -> Finding:
+    return Finding(code, "warning", joint, evidence, remedy)
+
+
+def _physics_rate(truth: Truth, plan: Excitation, options: LabOptions) -> float:
+    """Steps a second [Hz]: a multiple of the log's rate that springs are stable at."""
+    poses = plan.at(np.linspace(0.0, plan.period, POSES)).q
+    least = max(options.physics_rate, stable_rate(truth, poses))
+    rate = options.sensing.rate
+    return rate * max(1, math.ceil(least / rate))
+
+
+def true_model(truth: Truth) -> tuple[DynamicsModel, Array]:
+    """The model with parameters that the truth has a plain value for, and its standard parameters (p,)."""
+    extra: list[Term] = [Offset()] if truth.friction.offset.any() else []
+    extra += [RotorInertia()] if truth.rotor.any() else []
+    model = DynamicsModel(truth.robot, (RigidBody(), Viscous(), Coulomb(), *extra))
+    friction = truth.friction
+    coulomb = friction.coulomb if friction.slip is None else friction.coulomb + friction.slip.torque.sum(axis=0)
+    values = {"FV": friction.viscous, "FS": coulomb, "FO": friction.offset, "IA": truth.rotor}
+    theta = np.zeros(len(model.parameters))
+    theta[model.inertial_columns] = truth.inertial.ravel()
+    for k, parameter in enumerate(model.parameters):
+        if parameter.symbol in values:
+            theta[k] = values[parameter.symbol][parameter.number - 1]
+    return model, theta
+
+
+def truth_record(simulated: Simulated, recording_sha256: str) -> dict[str, Any]:
+    """The contents of `truth.json`: what was simulated, and the values that an identification should find."""
+    truth, plan = simulated.truth, simulated.plan
+    model, theta = true_model(truth)
+    base = find_base_parameters(model)
+    gain = simulated.gains
+    return {
+        "robot": truth.robot.name,
+        "joints": truth.robot.joint_names,
+        "gravity": truth.robot.gravity,
+        "recording_sha256": recording_sha256,
+        "seed": simulated.seed,
+        "plan": {
+            "base_frequency": plan.base_frequency,
+            "period": plan.period,
+            "offset": plan.offset,
+            "a": plan.a,
+            "b": plan.b,
+        },
+        "parameters": {p.name: value for p, value in zip(model.parameters, theta, strict=True)},
+        "base_parameters": dict(zip(base.names, base.values_of(theta), strict=True)),
+        "friction": _record(truth.friction),
+        "rotor": truth.rotor,
+        "stiffness": truth.stiffness,
+        "spring_damping": truth.spring_damping,
+        "controller": None if gain is None else {"kind": simulated.options.controller.kind} | _record(gain),
+        "effort_limits": simulated.options.drive.limits(truth),
+        "options": _record(simulated.options),
+    }
+
+
+def _record(value: Any) -> Any:
+    """A dataclass as a table; faults with their kind."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        table = {f.name: _record(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        name = getattr(type(value), "name", None)
+        return {"kind": name} | table if isinstance(name, str) else table
+    if isinstance(value, tuple):
+        return [_record(each) for each in value]
+    return value

@@ -1,0 +1,144 @@
+"""Channels of the joints, and what the channels of no joint show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armid.errors import Finding, RecordingError
+from armid.measurement.log_format import Reading
+from armid.measurement.recording import Recording
+from armid.robot.robot import Held, Robot
+from armid.values import Array
+
+__all__ = ["channels_of_joints", "in_joint_order"]
+
+MOVES = {"rad": 0.01, "m": 1e-3}
+"""Span from which a joint that should be held still has moved: more than noise or the play of a brake."""
+
+ELSEWHERE = {"rad": 0.05, "m": 5e-3}
+"""Distance from where a joint is said to be held that matters to the weights of what it carries."""
+
+LISTED = 20
+"""Names of channels shown in a finding; a humanoid publishes fifty."""
+
+
+def in_joint_order(recording: Recording, reading: Reading, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
+    """The recording with the robot's joints alone, in its order, and what its other channels show.
+
+    Raises:
+        RecordingError: Joints and channels that do not match.
+    """
+    targets = _targets(recording, reading, robot)
+    order = [targets.index(name) for name in robot.joint_names]
+    findings = _others(recording, reading, robot, targets)
+
+    def ordered(values: Array | None) -> Array | None:
+        return None if values is None else values[:, order]
+
+    kept = replace(
+        recording,
+        q=recording.q[:, order],
+        dq=ordered(recording.dq),
+        ddq=ordered(recording.ddq),
+        effort=ordered(recording.effort),
+        valid=recording.valid[:, order],
+        joint_names=robot.joint_names,
+    )
+    return kept, findings
+
+
+def channels_of_joints(recording: Recording, reading: Reading, robot: Robot) -> list[int]:
+    """Tell which channel of a recording is each joint's, counted from 0.
+
+    Raises:
+        RecordingError: Joints and channels that do not match.
+    """
+    targets = _targets(recording, reading, robot)
+    return [targets.index(name) for name in robot.joint_names]
+
+
+def _targets(recording: Recording, reading: Reading, robot: Robot) -> list[str]:
+    """Tell whose each channel is: a joint of the robot, one that is held still, another's, or nobody's (empty)."""
+    given = reading.joint_map
+    channels = recording.channels
+    unknown = [name for name in given if name not in channels]
+    if unknown:
+        raise RecordingError(
+            f"{recording.source}: joints names channels that are not there: {', '.join(unknown)}.",
+            possible=", ".join(channels),
+        )
+    if recording.joint_names or given:
+        targets = [given.get(name, name if recording.joint_names else "?") for name in channels]
+    else:
+        targets = list(_by_number(recording, robot))
+    known = {*robot.joint_names, *(held.name for held in robot.held)}
+    said = {*given.values(), "?"}
+    missing = [name for name in robot.joint_names if name not in targets]
+    extra = [channels[i] for i, name in enumerate(targets) if name and name not in known]
+    wrong = [channels[i] for i, name in enumerate(targets) if name and name not in known and name in said]
+    twice = sorted({name for name in targets if name in known and targets.count(name) > 1})
+    if missing or wrong or twice:
+        parts = [
+            f"{what}: {', '.join(x)}" for what, x in (("missing", missing), ("extra", extra), ("twice", twice)) if x
+        ]
+        raise RecordingError(
+            f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).",
+            possible=f"joints {', '.join(robot.joint_names)}; channels {', '.join(channels)}",
+            remedy="rename with joints = { file name = robot joint }, give a channel to leave out the empty name, "
+            "and lock joints that were not recorded.",
+        )
+    return targets
+
+
+def _by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
+    """Joints of channels that have no names: the robot's, or those of its description where some are held still."""
+    described = robot.described_joints
+    if recording.n == robot.n:
+        return robot.joint_names
+    if recording.n == len(described):
+        return described
+    held = f", and holds {', '.join(each.name for each in robot.held)} still" if robot.held else ""
+    raise RecordingError(
+        f"{recording.source} has {recording.n} channels; {robot.name} has {robot.n} joints: "
+        f"{', '.join(robot.joint_names)}{held}.",
+        remedy='lock the joints that were not recorded, or say whose the channels are: joints = ["…", …], '
+        "with an empty name for a channel to leave out.",
+    )
+
+
+def _others(recording: Recording, reading: Reading, robot: Robot, targets: list[str]) -> tuple[Finding, ...]:
+    """Report channels that are of no joint of the robot: motion where none should be, or nothing that matters."""
+    held = {each.name: each for each in robot.held}
+    found = [_of_held(recording.q[:, k], held[name], reading) for k, name in enumerate(targets) if name in held]
+    extra = [
+        name
+        for name, target in zip(recording.channels, targets, strict=True)
+        if target and target not in held and target not in robot.joint_names
+    ]
+    if extra:
+        more = f" and {len(extra) - LISTED} more" if len(extra) > LISTED else ""
+        evidence = f"{', '.join(extra[:LISTED])}{more}: no joints of {robot.name}, left out."
+        found.append(Finding("joints-extra", "info", "", evidence))
+    return tuple(finding for finding in found if finding is not None)
+
+
+def _of_held(q: Array, held: Held, reading: Reading) -> Finding | None:
+    """Return what a log shows of a joint that is held still: that it moves, or stands elsewhere."""
+    q = q[np.isfinite(q)]
+    if not q.size or reading.transmission is not None:
+        return None
+    q = np.radians(q) if reading.units == "deg" and held.unit == "rad" else q
+    low, high, middle = float(q.min()), float(q.max()), float(np.median(q))
+    if high - low > MOVES[held.unit]:
+        evidence = (
+            f"The joint is held still at {held.position:g} {held.unit}; the log has it from {low:.4g} to {high:.4g}."
+        )
+        return Finding("locked-joint", "warning", held.name, evidence, "record it at rest, or leave it free.")
+    if abs(middle - held.position) > ELSEWHERE[held.unit]:
+        evidence = f"The joint is held still at {held.position:g} {held.unit}; the log has it at {middle:.4g}."
+        place = f"{held.name} = {middle:.4g}"
+        remedy = f"correct where it is held: --lock {place.replace(' ', '')}, or locked = {{ {place} }}."
+        return Finding("locked-joint", "warning", held.name, evidence, remedy)
+    return None

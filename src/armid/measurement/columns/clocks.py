@@ -1,0 +1,138 @@
+"""The column of times: by its name, else by a unit of time and growth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import RecordingError
+from armid.measurement.columns.names import Clock, clock_of, named, time_unit, words
+from armid.values import Array
+
+__all__ = ["Question", "Values", "clock_columns", "evenly_growing", "unit_of_step"]
+
+Values = Callable[[str], NDArray[np.generic]]
+"""What gives the numbers under a name; it raises `RecordingError` where they are none."""
+
+FORWARD = 0.95
+"""Share of the steps of a clock that do not go back; a fault or two must not hide what is one."""
+
+EVEN = 0.9
+"""Share of the steps of an even clock that are within a half of the median one."""
+
+LONGEST_STEP = 0.5
+"""Median time step [s] from which on a clock surely does not count seconds: nobody records a motion at 2 Hz."""
+
+UNITS = ((100.0, 1e-3, "milliseconds"), (1e5, 1e-6, "microseconds"), (np.inf, 1e-9, "nanoseconds"))
+"""By the step of a clock that counts no seconds, what it may count: 10 Hz to 2 kHz in each of them."""
+
+IN_STEP = 1e-3
+"""Relative difference of the spans of two clocks that count the same time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Sets of columns that are equally good.
+
+    Attributes:
+        quantity: What they may hold.
+        sets: The columns of each.
+    """
+
+    quantity: str
+    sets: tuple[tuple[str, ...], ...]
+
+
+def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[str, ...] | Question:
+    """Choose the column of times that is nearest to the measurement, with that of its nanoseconds where it has one.
+
+    Args:
+        names: All columns.
+        values: Gives their numbers; without it a column counts by its name alone.
+
+    Returns:
+        One column, two (seconds and nanoseconds), or none; or a question.
+    """
+    clocks = [clock for name in dict.fromkeys(names) if (clock := clock_of(name)) is not None]
+    fine = {_stem(clock): clock for clock in clocks if clock.unit == 1e-9 and _counts_rest(clock)}
+    clocks = [clock for clock in clocks if clock not in fine.values()]
+    if not clocks:
+        return () if values is None else _by_unit(names, values)
+    nearest = min(clock.rank for clock in clocks)
+    best = [clock for clock in clocks if clock.rank == nearest]
+    pairs = [(clock.column, *([fine[_stem(clock)].column] if _stem(clock) in fine else [])) for clock in best]
+    return pairs[0] if len(pairs) == 1 else Question("time", tuple(pairs))
+
+
+def _grows(values: Array) -> bool:
+    """Tell whether numbers grow from row to row as times do, a fault or two left aside."""
+    step = np.diff(values)
+    return bool(step.size and np.isfinite(values).all() and np.median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
+
+
+def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) -> dict[str, float]:
+    """Find columns that may be a clock though neither name nor unit says so.
+
+    Args:
+        names: All columns.
+        used: Those that hold something else.
+        values: Gives their numbers.
+
+    Returns:
+        The median step of each column that grows evenly from row to row.
+    """
+    found: dict[str, float] = {}
+    for name in dict.fromkeys(names):
+        numbers = None if name in used else _numbers(name, values)
+        if numbers is None or not _grows(numbers):
+            continue
+        step = np.diff(numbers)
+        typical = float(np.median(step))
+        if np.mean(np.abs(step / typical - 1.0) < 0.5) >= EVEN:
+            found[name] = typical
+    return found
+
+
+def unit_of_step(step: float) -> tuple[float, str] | None:
+    """Return what a clock with that median step counts, and its length [s]; nothing where that can be seconds."""
+    if step < LONGEST_STEP:
+        return None
+    return next((length, name) for most, length, name in UNITS if step < most)
+
+
+def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | Question:
+    """The column with a unit of time that grows; of several that count the same time the first."""
+    spans: dict[str, float] = {}
+    for name in dict.fromkeys(names):
+        unit = time_unit(name)
+        numbers = None if unit is None or named(name, ()) else _numbers(name, values)
+        if unit is not None and numbers is not None and _grows(numbers):
+            spans[name] = unit * float(np.ptp(numbers))
+    if not spans:
+        return ()
+    first = next(iter(spans.values()))
+    if any(abs(span / first - 1.0) > IN_STEP for span in spans.values()):
+        return Question("time", tuple((name,) for name in spans))
+    return (next(iter(spans)),)
+
+
+def _numbers(name: str, values: Values) -> Array | None:
+    """The numbers of one column; nothing where it has none, or several a row."""
+    try:
+        found = values(name)
+    except RecordingError:
+        return None
+    found = found.reshape(-1) if 1 in found.shape else found
+    return found.astype(np.float64) if found.ndim == 1 and found.dtype.kind in "fiu" else None
+
+
+def _counts_rest(clock: Clock) -> bool:
+    """Tell whether it counts the nanoseconds beside a column of whole seconds."""
+    return any(word in ("nanosec", "nsec", "nsecs") for word in words(clock.column))
+
+
+def _stem(clock: Clock) -> tuple[str, ...]:
+    return tuple(word for word in words(clock.column) if word not in ("sec", "secs", "nanosec", "nsec", "nsecs"))

@@ -1,0 +1,208 @@
+"""Guesses of columns from their names: those of the joints, and the patterns that people use.
+
+Functions of names alone, but for a column of times that its unit shows. What was measured goes before what was asked
+for, where names say so; two sets of columns that are equally good are no guess but a question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from armid.measurement.columns.clocks import Question, Values, clock_columns
+from armid.measurement.columns.names import Named, clock_of, named, words
+
+__all__ = ["Guess", "Question", "guess_columns", "shortened"]
+
+MOTION = ("q", "dq", "ddq")
+
+Channel = str | int
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """Guess of columns.
+
+    Attributes:
+        columns: Names for each quantity that was found; times may have two, seconds and nanoseconds.
+        joints: Labels of the joints in the order of the columns; empty where the columns are numbered.
+        reasons: How each was found, in words.
+        commanded: Quantities of which only what was asked for is there.
+    """
+
+    columns: Mapping[str, tuple[str, ...]]
+    joints: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
+    commanded: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Columns whose names differ in the channel alone.
+
+    Attributes:
+        quantity: What they hold; a current is an effort.
+        of_current: Whether they hold currents.
+        members: By channel.
+    """
+
+    quantity: str
+    of_current: bool
+    members: Mapping[Channel, Named] = field(default_factory=dict[Channel, Named])
+
+    @property
+    def by_name(self) -> bool:
+        return any(channel and isinstance(channel, str) for channel in self.members)
+
+    @property
+    def first(self) -> Named:
+        return next(iter(self.members.values()))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return tuple(each.column for each in self.members.values())
+
+
+def guess_columns(
+    names: Sequence[str],
+    quantities: Sequence[str],
+    *,
+    wanted: Sequence[str] = (),
+    labels: Sequence[str] = (),
+    channels: int = 0,
+    matrices: bool = False,
+    values: Values | None = None,
+) -> Guess | Question:
+    """Guess which columns hold some quantities.
+
+    Args:
+        names: All columns.
+        quantities: What is to be found, of `time`, `q`, `dq`, `ddq`, `effort`.
+        wanted: What the arm's joints are called in the file; not known if empty.
+        labels: The same with joints that are held still, in the description's order.
+        channels: Number of columns of positions where these are known already; the columns are numbered then.
+        matrices: Whether a name may stand for all channels at once.
+        values: Gives the numbers under a name, to see whether a column with a unit of time is a clock.
+
+    Returns:
+        The guess, of as many quantities as could be found; or a question.
+    """
+    labels = tuple(labels) or tuple(wanted)
+    groups = _groups(names, sorted(labels, key=lambda label: -len(words(label))), matrices=matrices)
+    usable = [group for group in groups if _is_whole(group, wanted, matrices=matrices)]
+    columns: dict[str, tuple[str, ...]] = {}
+    reasons: list[str] = []
+    time = clock_columns(names, values) if "time" in quantities else ()
+    if isinstance(time, Question):
+        return time
+    if time:
+        columns["time"] = time
+        by_unit = "" if clock_of(time[0]) else ", by its unit and as it grows"
+        reasons.append(f"time is {' and '.join(time)}{by_unit}")
+    chosen: dict[str, _Group] = {}
+    for quantity in ("q", "dq", "ddq", "effort"):
+        if quantity not in quantities:
+            continue
+        fitting = [
+            group for group in usable if group.quantity == quantity and _goes_with(group, chosen.get("q"), channels)
+        ]
+        best = _best(fitting, len(wanted), len(labels))
+        if len(best) > 1:
+            return Question(quantity, tuple(group.columns for group in best))
+        if best:
+            chosen[quantity] = best[0]
+        elif quantity == "q":
+            break
+    order = _order(chosen, labels)
+    for quantity, group in chosen.items():
+        columns[quantity] = tuple(group.members[channel].column for channel in order)
+        reasons.append(_reason(quantity, group, columns[quantity], usable))
+    of_names = tuple(str(channel) for channel in order) if any(g.by_name for g in chosen.values()) else ()
+    asked = tuple(quantity for quantity, group in chosen.items() if group.first.commanded)
+    return Guess(columns, of_names, tuple(reasons), asked)
+
+
+def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
+    """Columns by what they hold and by their form; those of one form and channel are in groups of their own."""
+    found: dict[tuple[str, tuple[str, ...], bool, int], dict[Channel, Named]] = {}
+    for column in dict.fromkeys(names):
+        for each in named(column, labels):
+            if each.channel == "" and not matrices:
+                continue
+            copy = 0
+            while True:
+                members = found.setdefault((each.quantity, each.form, isinstance(each.channel, int), copy), {})
+                if each.channel not in members:
+                    break
+                copy += 1
+            members[each.channel] = each
+    return [
+        _Group("effort" if quantity == "current" else quantity, quantity == "current", _in_order(members))
+        for (quantity, *_), members in found.items()
+    ]
+
+
+def _in_order(members: Mapping[Channel, Named]) -> dict[Channel, Named]:
+    numbered = {channel: each for channel, each in members.items() if isinstance(channel, int)}
+    return dict(sorted(numbered.items())) if len(numbered) == len(members) else dict(members)
+
+
+def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
+    """Tell whether it has all joints, or numbers without a gap, from 0 or from 1."""
+    if group.by_name:
+        return bool(wanted) and set(wanted) <= set(group.members)
+    if "" in group.members:
+        return matrices
+    numbers = [int(channel) for channel in group.members]
+    several = len(numbers) > 1 or len(wanted) == 1
+    return several and numbers in (list(range(len(numbers))), list(range(1, len(numbers) + 1)))
+
+
+def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
+    """Tell whether it has the channels that the positions have, and tells of the same thing."""
+    if positions is None:
+        return not channels or "" in group.members or (not group.by_name and len(group.members) == channels)
+    same = group.by_name if positions.by_name else set(group.members) == set(positions.members)
+    alike = group.quantity not in MOTION or group.first.commanded == positions.first.commanded
+    return same and alike
+
+
+def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]:
+    """The best, and those that are as good."""
+
+    def key(group: _Group) -> tuple[bool, bool, int, bool, int]:
+        role, motor = group.first.rank
+        odd = (
+            not group.by_name
+            and bool(joints)
+            and len(group.members) not in (joints, described)
+            and "" not in group.members
+        )
+        return not group.by_name, odd, role, group.of_current, motor
+
+    first = min((key(group) for group in groups), default=None)
+    return [group for group in groups if key(group) == first]
+
+
+def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]:
+    """Channels that all quantities have, in the order of the description or of their numbers."""
+    if not chosen:
+        return []
+    first, *others = chosen.values()
+    common = [channel for channel in first.members if all(channel in other.members for other in others)]
+    return [label for label in labels if label in common] if first.by_name else common
+
+
+def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequence[_Group]) -> str:
+    """Return what was taken, by what, and what was left lying."""
+    what = f"{quantity} is {shortened(columns)}"
+    what += ", by the joints' names" if group.by_name else ""
+    what += ", asked for and not measured" if group.first.commanded else ""
+    others = [other for other in usable if other.quantity == quantity and other is not group]
+    left = [f"{shortened(other.columns)}{' (asked for)' if other.first.commanded else ''}" for other in others]
+    return what + (f", not {', '.join(left)}" if left else "")
+
+
+def shortened(columns: Sequence[str]) -> str:
+    """The first and the last of several names."""
+    return ", ".join(columns) if len(columns) < 4 else f"{columns[0]} … {columns[-1]}"

@@ -1,0 +1,103 @@
+"""Observations from processing for estimation: contiguous runs at full rate and the band to compare in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError
+from armid.measurement.band import Band
+from armid.model.motion import Motion
+from armid.values import Array, array
+
+__all__ = ["Observations", "ObservedRun"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ObservedRun:
+    """One contiguous stretch of motion with the torque measured during it.
+
+    The output grid is every `step`-th sample, beginning with sample `offset`: M rows. Rows are what estimation
+    counts; masks and blocks live on it.
+
+    Attributes:
+        motion: Motion at full rate, N samples.
+        torque: Joint torque, shape (N, n) [N·m or N].
+        rate: Samples a second [Hz].
+        step: Samples from one row of the output grid to the next.
+        offset: Sample of the first row.
+        mask: Which rows count, for each joint, shape (M, n).
+        block: Block of each row, counted from 0 without gaps, shape (M,): a period where one is stated, else about
+            a second.
+        consecutive: Whether the samples follow each other in time; if not, nothing may be filtered.
+        recording: Index of the recording that it is part of.
+        repetition: Repetition of the motion that each row belongs to, where these were found, shape (M,): whole
+            blocks make a repetition, but for rows that do not count.
+    """
+
+    motion: Motion
+    torque: Array
+    rate: float
+    step: int
+    offset: int
+    mask: NDArray[np.bool_]
+    block: NDArray[np.int64]
+    consecutive: bool = True
+    recording: int = 0
+    repetition: NDArray[np.int64] | None = None
+
+    def __post_init__(self) -> None:
+        N, n = self.motion.q.shape
+        object.__setattr__(self, "torque", array(self.torque, (N, n), "torque"))
+        if not (self.step >= 1 and 0 <= self.offset < max(N, 1)):
+            raise ArmidError(
+                f"The output grid (offset {self.offset}, step {self.step}) misses the {N} samples.",
+                remedy="give an offset below the number of samples, and a step of at least one.",
+            )
+        rows = len(self.rows)
+        mask = np.array(self.mask, dtype=np.bool_)
+        block = np.array(self.block, dtype=np.int64)
+        if mask.shape != (rows, n) or block.shape != (rows,):
+            raise ArmidError(
+                f"mask and block must have shapes {(rows, n)} and {(rows,)}; found {mask.shape}, {block.shape}."
+            )
+        mask.setflags(write=False)
+        block.setflags(write=False)
+        object.__setattr__(self, "mask", mask)
+        object.__setattr__(self, "block", block)
+        if self.repetition is not None:
+            repetition = np.array(self.repetition, dtype=np.int64)
+            if repetition.shape != (rows,):
+                raise ArmidError(f"repetition must have shape {(rows,)}; found {repetition.shape}.")
+            repetition.setflags(write=False)
+            object.__setattr__(self, "repetition", repetition)
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Samples of the output grid, shape (M,)."""
+        return np.arange(self.offset, self.motion.samples, self.step)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Observations:
+    """Contiguous runs and the band in which torque and model are compared.
+
+    Attributes:
+        runs: The runs.
+        band: Filter for torque and columns, not yet applied.
+    """
+
+    runs: tuple[ObservedRun, ...]
+    band: Band
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "runs", tuple(self.runs))
+        if len({run.motion.n for run in self.runs}) > 1:
+            raise ArmidError("All runs must have the same joints.")
+
+    @property
+    def samples(self) -> int:
+        """Number of rows that count for at least one joint."""
+        return sum(int(run.mask.any(axis=1).sum()) for run in self.runs)

@@ -1,0 +1,1 @@
+"""Steps from a recording to observations: clock, delay, cleaning, derivatives, repetitions, output grid."""

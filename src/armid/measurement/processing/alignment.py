@@ -1,0 +1,141 @@
+"""Repetitions of one motion: where they lie in a recording, how far they are off, and their mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from armid.errors import Finding, RecordingError
+from armid.maths.sampling import periodic_delay, periodic_shift
+from armid.measurement.processing.resampling import Stretch
+from armid.values import Array
+
+__all__ = ["average", "check_closed", "whole_periods", "windows"]
+
+SHORT = 1.0
+"""Samples that a last repetition may lack: a log of K periods of m samples often ends with sample K m - 1."""
+
+PASSES = 4
+"""A window that is far off holds some of its neighbour, which shifts the estimate; each pass removes most of that."""
+
+NEGLIGIBLE = 0.1
+"""Displacement, in units of the noise, below which a fraction of a sample is not worth two transforms."""
+
+LATE = 0.05
+"""Share of a period from which a delay is no timing error: the period or its start is wrong."""
+
+JUMP = 2.0
+"""Largest step of position across the border of a period, in units of the largest step inside it."""
+
+
+def windows(stretch: Stretch, period: float, start: float) -> list[int]:
+    """First samples of the whole repetitions that lie in a stretch.
+
+    Args:
+        stretch: At an even rate, a whole number of samples a period.
+        period: Of the motion [s].
+        start: Time of the first repetition on the recording's clock [s].
+    """
+    samples = round(period * stretch.rate)
+    room = stretch.samples - samples
+    if room < 0:
+        return []
+    first = int(np.ceil((float(stretch.time[0]) - start) / period - SHORT / samples))
+    result: list[int] = []
+    for k in range(max(first, 0), max(first, 0) + stretch.samples // max(samples - 1, 1) + 2):
+        begin = round((start + k * period - float(stretch.time[0])) * stretch.rate)
+        if -SHORT <= begin <= room + SHORT:
+            result.append(min(max(begin, 0), room))
+    return result
+
+
+def whole_periods(stretch: Stretch, begins: Sequence[int], samples: int) -> Stretch:
+    """The stretch from its first whole repetition to the end of its last, K times `samples` long."""
+    count = min(len(begins), (stretch.samples - begins[0]) // samples)
+    return stretch.cut(begins[0], begins[0] + count * samples)
+
+
+def average(found: Sequence[tuple[Stretch, int]], period: float, source: str) -> tuple[Stretch, list[Finding]]:
+    """The mean of repetitions, each moved to where the first one lies in time.
+
+    A delay is moved by whole samples in the recording itself and by the rest in the frequency domain.
+
+    Args:
+        found: Stretch and first sample of each repetition.
+        period: Of the motion [s].
+        source: Of the recording, for the findings.
+    """
+    samples = round(period * found[0][0].rate)
+    reference = found[0][0].cut(found[0][1], found[0][1] + samples)
+    sums = [np.array(x) for x in _signals(reference)]
+    bad = np.array(reference.bad)
+    delays = [0.0]
+    for stretch, begin in found[1:]:
+        first, rest = _aligned(reference.q, stretch, begin)
+        piece = stretch.cut(first, first + samples)
+        noise = np.sqrt(np.mean((piece.q - reference.q) ** 2, axis=0) / 2)
+        moves = abs(rest) * np.sqrt(np.mean(np.diff(piece.q, axis=0) ** 2, axis=0))
+        shift = bool((moves > NEGLIGIBLE * noise).any())
+        for total, x in zip(sums, _signals(piece), strict=True):
+            total += periodic_shift(x, -rest) if shift else x
+        bad |= piece.bad
+        delays.append(first - begin + rest)
+    q, *others = (total / len(found) for total in sums)
+    dq = others.pop(0) if reference.dq is not None else None
+    ddq = others.pop(0) if reference.ddq is not None else None
+    mean = Stretch(reference.time, reference.rate, q, dq, ddq, others.pop(), bad)
+    return mean, _delay_findings(np.array(delays), samples, reference.rate, source)
+
+
+def _aligned(reference: Array, stretch: Stretch, begin: int) -> tuple[int, float]:
+    """First sample of the window that lies like the reference, and the rest of its delay in samples."""
+    room = stretch.samples - len(reference)
+    first, rest = begin, 0.0
+    for _ in range(PASSES):
+        rest = periodic_delay(reference, stretch.q[first : first + len(reference)])
+        moved = min(max(first + round(rest), 0), room)
+        if moved == first:
+            break
+        first, rest = moved, rest - (moved - first)
+    return first, rest
+
+
+def _signals(stretch: Stretch) -> list[Array]:
+    return [x for x in (stretch.q, stretch.dq, stretch.ddq, stretch.effort) if x is not None]
+
+
+def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> list[Finding]:
+    """Return what the delays of the repetitions, in samples, say about the period."""
+    worst = int(np.argmax(np.abs(delays)))
+    late = float(delays[worst])
+    if abs(late) < 0.5:
+        return []
+    wrong = abs(late) > LATE * samples
+    return [
+        Finding(
+            "period-misaligned",
+            "warning" if wrong else "info",
+            source,
+            f"Repetition {worst + 1} of {len(delays)} lies {late / rate:+.4g} s ({late:+.1f} samples) off.",
+            "Check the period and its start." if wrong else "The repetitions were aligned before averaging.",
+        )
+    ]
+
+
+def check_closed(stretch: Stretch, source: str) -> None:
+    """Refuse to close a run into a circle when its ends do not meet.
+
+    Raises:
+        RecordingError: Some joint jumps from the last sample to the first.
+    """
+    jump = np.abs(stretch.q[0] - stretch.q[-1])
+    largest = np.abs(np.diff(stretch.q, axis=0)).max(axis=0)
+    joint = int(np.argmax(jump - JUMP * largest))
+    if jump[joint] > JUMP * largest[joint]:
+        raise RecordingError(
+            f'{source or "The recording"}: edges = "periodic", but joint {joint + 1} ends {jump[joint]:.3g} from '
+            f"where it began, {jump[joint] / max(largest[joint], 1e-300):.3g} times its largest step.",
+            possible="a run that is a whole number of periods, or its period and start given with the recording",
+            remedy='give period and start, or use edges = "drop".',
+        )

@@ -1,0 +1,395 @@
+"""Settle which rows of a recording are measurements, and when they were taken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding, RecordingError
+from armid.measurement.columns.clocks import unit_of_step
+from armid.measurement.log_format import Reading
+from armid.measurement.recording import Recording
+from armid.measurement.remedy import excluding, lines, naming
+from armid.values import Array
+
+__all__ = ["fault", "settle"]
+
+MIN_SAMPLES = 10
+"""Fewer samples than this give neither a derivative at both ends nor a residual to judge by."""
+
+MOST_HOLES, LARGEST_HOLES = 8, 0.2
+"""Stretches of values that are not finite, and share of the rows in them, up to which these are left out: with more
+the channel is not what it should be."""
+
+RATE_TOLERANCE = 0.1
+"""Relative difference of two rates that is not worth a word; a wrong rate is wrong by a factor."""
+
+CLOCK_TIES = 0.01
+"""Share of rows with the time stamp of the row before that a coarse clock may have; more is another fault."""
+
+REPEATED_RUN = 5
+"""Rows in succession that repeat the row before and count as a stutter of the recorder, which is dropped; longer
+runs are a pause, which stays on the grid and is masked."""
+
+REACH = (20, 200)
+"""Rows on each side of equal ones that tell how fast channels change there, at least and at most."""
+
+CHANCE, LEAST_STEPS = 1e-3, 3.0
+"""Probability below which rows are not equal by chance, and what the channels must have moved by behind them, all
+together, in their smallest steps: an arm that rests moves on by one or two."""
+
+SAME_STEP = 0.25
+"""Relative difference of a row's step in q from velocity times step: processed velocities lag, encoders round."""
+
+COHERENT = 0.8
+"""Share of moving rows whose step must agree with the velocity for rows to count as consecutive; a jittered log
+reaches 0.9, separate samples hardly 0.1."""
+
+MOVING = 0.05
+"""Speed relative to the fastest row above which a row says something about the rate."""
+
+SMOOTH = 0.5
+"""Step from row to row over spread of the positions: separate samples have about √2, a motion far below 0.1."""
+
+
+def settle(recording: Recording, reading: Reading) -> tuple[Recording, tuple[Finding, ...]]:
+    """Check the clock, drop or mask rows that are no measurement, find out whether rows are consecutive.
+
+    Args:
+        recording: As measured.
+        reading: How to read it.
+
+    Returns:
+        The recording with `time` or else `rate`, with `consecutive` known and `valid` filled in; and what was
+        noticed.
+
+    Raises:
+        RecordingError: NaN, no clock and no rate, a clock that runs backwards or not in seconds, hardly any
+            samples.
+    """
+    rate = recording.rate if reading.rate is None else reading.rate
+    given = recording.consecutive if reading.consecutive is None else reading.consecutive
+    recording = replace(recording, rate=rate, consecutive=given)
+    recording = _without_excluded_nan(recording, reading)
+    _refuse_nan(recording, reading)
+    _refuse_few(recording)
+    _check_clock(recording)
+    recording, findings = _without_repeats(recording)
+    recording, ties = _without_ties(recording)
+    _refuse_few(recording)
+    recording, found = _with_consecutive(recording, np.where(reading.degrees(recording.n), 360.0, 2 * np.pi))
+    return _masked(recording, reading), (*findings, *ties, *found)
+
+
+def fault(code: str, recording: Recording, evidence: str, remedy: str) -> RecordingError:
+    """An error about a recording; `code` is the finding's name in the doctor's list."""
+    return RecordingError(f"{recording.source or 'The recording'}: {evidence} [{code}]", remedy=remedy)
+
+
+def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
+    """The recording with some of its rows."""
+    if keep.all():
+        return recording
+    quantities = {
+        name: values[keep]
+        for name in ("time", "q", "dq", "ddq", "effort", "valid")
+        if (values := getattr(recording, name)) is not None
+    }
+    number = np.arange(recording.samples) if recording.number is None else recording.number
+    return replace(recording, number=number[keep], **quantities)
+
+
+def _excluded(recording: Recording, reading: Reading) -> NDArray[np.bool_]:
+    """Rows inside the excluded intervals, shape (N,)."""
+    inside = np.zeros(recording.samples, dtype=np.bool_)
+    if not reading.exclude:
+        return inside
+    if recording.time is None and recording.rate is None:
+        raise RecordingError("exclude needs a clock or a rate to tell which rows it means.")
+    time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
+    for t0, t1 in reading.exclude:
+        inside |= (time >= t0) & (time <= t1)
+    return inside
+
+
+def _check_exclude(recording: Recording, reading: Reading) -> None:
+    """Refuse intervals that miss the recording: most likely they are on another clock."""
+    if recording.time is None:
+        return
+    for t0, t1 in reading.exclude:
+        if t1 < recording.time[0] or t0 > recording.time[-1]:
+            raise RecordingError(
+                f"{recording.source or 'The recording'}: exclude [{t0:g}, {t1:g}] s lies outside it.",
+                possible=f"its clock runs from {recording.time[0]:g} to {recording.time[-1]:g} s",
+            )
+
+
+def _without_excluded_nan(recording: Recording, reading: Reading) -> Recording:
+    """Drop rows that are excluded and hold NaN; only a clock can tell that there is a gap then."""
+    _check_exclude(recording, reading)
+    broken = ~np.isfinite(_everything(recording)).all(axis=1)
+    if recording.time is None or not reading.exclude or not broken.any():
+        return recording
+    return _kept(recording, ~(broken & _excluded(recording, reading)))
+
+
+def _masked(recording: Recording, reading: Reading) -> Recording:
+    """The recording with excluded rows masked."""
+    if not reading.exclude:
+        return recording
+    inside = _excluded(recording, reading)
+    if inside.all():
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: exclude leaves no row.",
+            remedy="exclude less; its times are those of the recording in seconds.",
+        )
+    return replace(recording, valid=recording.valid & ~inside[:, None])
+
+
+def _everything(recording: Recording) -> Array:
+    """All measured channels side by side, shape (N, any)."""
+    measured = (recording.q, recording.dq, recording.ddq, recording.effort)
+    return np.hstack([values for values in measured if values is not None])
+
+
+def _refuse_nan(recording: Recording, reading: Reading) -> None:
+    """Refuse values that are not finite, with what to leave out of the log for them."""
+    for name in ("time", "q", "dq", "ddq", "effort"):
+        values = getattr(recording, name)
+        if values is None or np.isfinite(values).all():
+            continue
+        bad = np.argwhere(~np.isfinite(values))
+        row = int(bad[0, 0])
+        channel = "time" if values.ndim == 1 else f"{name} of {recording.channels[int(bad[0, 1])]}"
+        raise fault(
+            "value-missing",
+            recording,
+            f"{channel} is {values[tuple(bad[0])]} in row {row + 1} (and in {len(np.unique(bad[:, 0])) - 1} more).",
+            _without(name, np.unique(bad[:, 0]), recording, reading),
+        )
+
+
+def _without(name: str, rows: NDArray[np.intp], recording: Recording, reading: Reading) -> str:
+    """Return what leaves rows that are not finite out of a log, or the whole quantity where it can be spared."""
+    pieces = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    few = len(pieces) <= MOST_HOLES and len(rows) <= LARGEST_HOLES * recording.samples
+    if few and recording.time is not None and np.isfinite(recording.time).all():
+        times = [(float(recording.time[piece[0]]), float(recording.time[piece[-1]])) for piece in pieces]
+        return excluding(reading, times)
+    if name in ("dq", "ddq"):
+        return naming(reading, {name: ""}, "positions are differentiated then")
+    if name == "time":
+        return "correct the time column, or leave it out and say the rate."
+    return "record it again, or cut those rows out of the file where it has a clock."
+
+
+def _refuse_few(recording: Recording) -> None:
+    if recording.samples < MIN_SAMPLES:
+        raise RecordingError(
+            f"{recording.source or 'The recording'} has {recording.samples} usable sample"
+            f"{'s' if recording.samples != 1 else ''}.",
+            possible=f"at least {MIN_SAMPLES}; an identification wants some thousands",
+            remedy="record a longer motion.",
+        )
+
+
+def _check_clock(recording: Recording) -> None:
+    """Refuse a clock that runs backwards, does not count seconds, or contradicts the rate."""
+    if recording.time is None:
+        return
+    source = recording.source or "The recording"
+    step = np.diff(recording.time)
+    if (step < 0).any():
+        row = int(np.argmax(step < 0))
+        raise RecordingError(
+            f"{source}: time runs backwards from row {row + 1} to {row + 2} "
+            f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
+            remedy="correct the file: sort or split it there; two recordings in one file must become two files.",
+        )
+    typical = float(np.median(step))
+    counted = unit_of_step(typical)
+    if counted is not None and recording.consecutive is not False:
+        unit, name = counted
+        raise fault(
+            "clock-unit",
+            recording,
+            f"the clock steps by {typical:g} from row to row; it seems not to count seconds but {name}.",
+            lines("s; consecutive = false, where rows are separate measurements", time_unit=unit),
+        )
+    if recording.rate is not None and typical > 0 and abs(recording.rate * typical - 1) > RATE_TOLERANCE:
+        raise fault(
+            "clock-rate",
+            recording,
+            f"the clock says {1 / typical:.4g} Hz, rate says {recording.rate:g} Hz.",
+            "correct one of them: drop rate, or leave the clock out with an empty name of its column.",
+        )
+
+
+def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
+    """Take rows that repeat the row before out of the count: the recorder was faster than the robot's bus."""
+    if recording.effort is None:
+        return recording, ()
+    values = _everything(recording)
+    repeated = np.concatenate([[False], (values[1:] == values[:-1]).all(axis=1)])
+    if not repeated.any():
+        return recording, ()
+    runs = np.flatnonzero(np.diff(np.concatenate([[False], repeated, [False]]))).reshape(-1, 2)
+    if recording.consecutive is not False:
+        runs = runs[_should_differ(values, runs)]
+    repeated, drop = np.zeros((2, recording.samples), dtype=np.bool_)
+    for start, end in runs:
+        short = recording.time is not None and end - start <= REPEATED_RUN
+        repeated[start:end], drop[start:end] = True, short or recording.consecutive is False
+    if not repeated.any():
+        return recording, ()
+    finding = Finding(
+        "rows-repeated",
+        "warning",
+        "",
+        f"{repeated.sum()} of {recording.samples} rows repeat the row before; {drop.sum()} dropped, "
+        f"{(repeated & ~drop).sum()} masked.",
+        "record at the rate at which the robot gives new samples.",
+    )
+    recording = replace(recording, valid=recording.valid & ~repeated[:, None])
+    return _kept(recording, ~drop), (finding,)
+
+
+def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Tell whether equal rows are repeats, by what the channels do before and behind them.
+
+    Where an arm rests and its channels are coarse, rows are equal because nothing changes. A channel that changes by
+    r of its smallest steps a row on both sides keeps its value over a row with probability 1 - r.
+
+    Args:
+        values: All channels, shape (N, c).
+        runs: First of the equal rows, and the one behind them, shape (K, 2).
+
+    Returns:
+        Shape (K,).
+    """
+    steps = np.abs(np.diff(values, axis=0))
+    moving = steps.any(axis=0)
+    steps = steps[:, moving]
+    steps /= np.where(steps > 0.0, steps, np.inf).min(axis=0)
+    sums = np.concatenate([np.zeros((1, steps.shape[1])), steps.cumsum(axis=0)])
+    first, behind = runs.T
+    reach = np.clip(2 * (behind - first + 1), *REACH)
+
+    def rate(low: NDArray[np.intp], high: NDArray[np.intp]) -> Array:
+        return (sums[high] - sums[low]) / np.maximum(high - low, 1)[:, None]
+
+    before = np.where(first[:, None] > 1, rate(np.maximum(first - 1 - reach, 0), first - 1), np.inf)
+    after = rate(behind - 1, np.minimum(behind - 1 + reach, len(steps)))
+    chance = np.maximum(1.0 - np.minimum(before, after), 0.0).prod(axis=1)
+    ends = np.append(steps, np.zeros((1, steps.shape[1])), axis=0)[behind - 1].sum(axis=1)
+    return (chance < CHANCE) & (ends >= LEAST_STEPS)
+
+
+def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
+    """Drop rows with the time stamp of the row before: a clock coarser than the rate."""
+    if recording.time is None:
+        return recording, ()
+    tied = np.concatenate([[False], np.diff(recording.time) == 0])
+    if not tied.any():
+        return recording, ()
+    row = int(np.argmax(tied))
+    evidence = f"{tied.sum()} of {tied.size} rows have the time stamp of the row before, first row {row + 1}"
+    if tied.mean() > CLOCK_TIES:
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: {evidence}, but other values.",
+            remedy="find out what is logged as time; if rows are equally spaced, leave it out "
+            '(columns = { time = "" }) and give rate.',
+        )
+    return _kept(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)
+
+
+def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tuple[Finding, ...]]:
+    """Settle whether rows follow each other in time, by the clock or else by what q and dq say.
+
+    Args:
+        recording: Checked rows.
+        turn: A full turn in each channel's unit of angle, shape (n,); a wrapped angle jumps by it.
+    """
+    if recording.time is not None:
+        clocked = replace(recording, rate=None, consecutive=recording.consecutive is not False)
+        return _needing_derivatives(clocked), ()
+    if recording.consecutive is False:
+        return _needing_derivatives(recording), ()
+    coherent, implied = _coherence(recording, turn)
+    if recording.rate is None:
+        raise _clockless(recording, implied if coherent >= COHERENT else float("nan"))
+    if coherent >= COHERENT:
+        if np.isfinite(implied) and abs(implied / recording.rate - 1) > RATE_TOLERANCE:
+            raise fault(
+                "clock-rate",
+                recording,
+                f"q and dq imply {implied:.3g} Hz, rate says {recording.rate:g} Hz.",
+                lines("Hz, as q and dq imply", rate=float(f"{implied:.3g}")),
+            )
+        return replace(recording, consecutive=True), ()
+    evidence = f"Steps from row to row agree with the velocity in {100 * coherent:.0f} % of the rows"
+    if recording.dq is None:
+        evidence = "Steps from row to row are about as large as the whole spread of the positions"
+    if recording.consecutive:
+        told = f"{evidence}; consecutive = true was given."
+        finding = Finding("rows-not-consecutive", "warning", "", told, lines(consecutive=False))
+        return recording, (finding,)
+    finding = Finding(
+        "rows-not-consecutive",
+        "warning",
+        "",
+        f"{evidence}; taken as separate samples: no filter, no memory terms.",
+        lines("they are separate samples", consecutive=False),
+    )
+    return _needing_derivatives(replace(recording, consecutive=False)), (finding,)
+
+
+def _clockless(recording: Recording, implied: float) -> RecordingError:
+    """The error that there is no clock, with the column that may be one, or the rate [Hz] that q and dq imply."""
+    possible = next((each for each in recording.findings if each.code == "clock-possible"), None)
+    evidence = "there is no clock and no rate."
+    if possible is not None:
+        return fault("clock-missing", recording, f"{evidence} {possible.evidence}", possible.remedy)
+    remedy = "find out the rate in Hz and say it (rate = …), name a time column, or say consecutive = false if rows "
+    remedy += "are separate samples."
+    if np.isfinite(implied):
+        remedy = lines(f"Hz; q and dq imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
+    return fault("clock-missing", recording, evidence, remedy)
+
+
+def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
+    """Share of moving rows whose step in q is what the velocity asks for, and the rate [Hz] that this implies.
+
+    Without velocities the share is 1 where steps are small against the spread of the positions, else 0, and the
+    rate is NaN.
+    """
+    step = np.diff(recording.q, axis=0)
+    step -= turn * np.round(step / turn)
+    if recording.dq is None:
+        spread = np.linalg.norm(np.std(recording.q, axis=0))
+        rough = float(np.sqrt(np.mean(step**2, axis=0).sum()) / spread) if spread > 0 else 0.0
+        return float(rough < SMOOTH), float("nan")
+    mean = (recording.dq[1:] + recording.dq[:-1]) / 2
+    speed = np.linalg.norm(mean, axis=1)
+    along = (step * mean).sum(axis=1)
+    telling = speed > MOVING * speed.max(initial=0.0)
+    forward = telling & (along > 0)
+    if not forward.any():
+        return 0.0, float("nan")
+    rate = float(np.median(speed[forward] ** 2 / along[forward]))
+    off = np.linalg.norm(step - mean / rate, axis=1)
+    return float(np.mean(off[telling] <= SAME_STEP * speed[telling] / rate)), rate
+
+
+def _needing_derivatives(recording: Recording) -> Recording:
+    """The recording, unless its rows are separate samples that lack velocity or acceleration."""
+    lacking = [name for name in ("dq", "ddq") if getattr(recording, name) is None]
+    if not recording.consecutive and lacking:
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: rows are not consecutive, and {' and '.join(lacking)} "
+            f"{'is' if len(lacking) == 1 else 'are'} not recorded; separate samples cannot be differentiated.",
+            remedy="record velocity and acceleration too, or say consecutive = true if rows do follow each other.",
+        )
+    return recording

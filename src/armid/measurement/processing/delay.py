@@ -1,0 +1,79 @@
+"""Torque that was logged late: read where it was measured, at the times of the positions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import RecordingError
+from armid.maths.sampling import resample
+from armid.measurement.log_format import Reading
+from armid.measurement.recording import Recording
+from armid.values import Array
+
+__all__ = ["in_time"]
+
+BRIDGED = 0.02
+"""Longest step over which a torque is read between its samples [s], as where a clock is made even: a tenth of a
+period of 5 Hz. Steps up to `USUAL` of the clock's own are bridged anyway."""
+
+USUAL = 2.5
+"""Median steps that are bridged, whatever they last: a sample lost and some jitter."""
+
+FEWEST = 4
+"""Samples that a cubic needs; shorter stretches between gaps do not count."""
+
+
+def in_time(recording: Recording, reading: Reading) -> Recording:
+    """The recording with its torque as early as it was measured.
+
+    A cubic spline reads it between samples. Rows whose torque would lie before the first sample, behind the last or
+    in a gap do not count for that joint; where the motion repeats, the ends are read one period away.
+
+    Args:
+        recording: In robot order, on the joint side.
+        reading: Its delay, and the period if there is one.
+
+    Raises:
+        RecordingError: Rows that do not follow each other in time.
+    """
+    delay = np.broadcast_to(np.asarray(reading.delay, dtype=np.float64), (recording.n,))
+    if not delay.any() or recording.effort is None:
+        return recording
+    if recording.consecutive is False:
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: delay is given, but its rows do not follow each other in time.",
+            remedy="leave delay out: what was logged late cannot be found again among separate samples.",
+        )
+    time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
+    effort, valid = recording.effort.copy(), recording.valid.copy()
+    for seconds in np.unique(delay[delay != 0.0]):
+        late = delay == seconds
+        effort[:, late], valid[:, late] = _read_at(
+            time, time + seconds, effort[:, late], valid[:, late], reading.stated_period
+        )
+    return replace(recording, effort=effort, valid=valid)
+
+
+def _read_at(
+    time: Array, wanted: Array, effort: Array, valid: NDArray[np.bool_], period: float | None
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Torque (N, k) at other times (N,), and which rows count then."""
+    if period is not None and time[-1] - time[0] > period:
+        wanted = np.where(wanted > time[-1], wanted - period, np.where(wanted < time[0], wanted + period, wanted))
+    before = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, len(time) - 1)
+    behind = np.minimum(before + 1, len(time) - 1)
+    exact = wanted == time[before]
+    nearest = np.where(wanted - time[before] <= time[behind] - wanted, before, behind)
+    read, there = effort[nearest], np.zeros(len(time), dtype=np.bool_)
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > max(BRIDGED, USUAL * float(np.median(steps)))) + 1
+    for rows in np.split(np.arange(len(time)), gaps):
+        inside = (wanted >= time[rows[0]]) & (wanted <= time[rows[-1]])
+        if len(rows) >= FEWEST and inside.any():
+            read[inside] = resample(time[rows], effort[rows], wanted[inside])
+            there |= inside
+    sources = valid[before] & (valid[behind] | exact[:, None])
+    return read, valid & sources & there[:, None]

@@ -1,0 +1,54 @@
+"""The motion of a stretch: filtered positions and their derivatives."""
+
+from __future__ import annotations
+
+from armid.maths.derivatives import central_difference, periodic_derivative
+from armid.maths.signals import (
+    filtered_derivatives,
+    low_pass,
+    periodic_filter,
+    zero_phase,
+)
+from armid.measurement.processing.options import Processing
+from armid.measurement.processing.resampling import Stretch
+from armid.model.motion import Motion
+from armid.values import Array
+
+__all__ = ["motion_filter", "movement"]
+
+
+def motion_filter(processing: Processing, rate: float) -> Array | None:
+    """The filter of the positions at a rate [Hz]; none for the family `none`."""
+    cutoff = processing.motion_cutoff or float(processing.cutoff)
+    return low_pass(processing.family, processing.order, cutoff, rate)
+
+
+def movement(stretch: Stretch, processing: Processing, *, given: bool) -> Motion:
+    """Positions, velocities and accelerations at full rate.
+
+    Args:
+        stretch: At an even rate, unless derivatives are given; resolved processing.
+        processing: Its filter, derivatives and edges.
+        given: Use the recorded derivatives, with the positions they belong to.
+    """
+    if given and stretch.dq is not None and stretch.ddq is not None:
+        return Motion(stretch.time, stretch.q, stretch.dq, stretch.ddq)
+    periodic = processing.edges == "periodic"
+    low = motion_filter(processing, stretch.rate)
+    if low is not None and processing.derivatives == "filter":
+        q, dq, ddq = filtered_derivatives(low, stretch.q, stretch.rate, periodic=periodic)
+        return Motion(stretch.time, q, dq, ddq)
+    q = stretch.q
+    if low is not None:
+        q = periodic_filter(low, q) if periodic else zero_phase(low, q)
+    recorded = stretch.dq if processing.derivatives in (None, "velocity") else None
+    if recorded is not None:
+        dq = recorded
+        if low is not None:
+            dq = periodic_filter(low, dq) if periodic else zero_phase(low, dq)
+        ddq = central_difference(dq, stretch.rate, periodic=periodic)
+    elif processing.derivatives == "periodic":
+        dq, ddq = (periodic_derivative(q, stretch.rate, order) for order in (1, 2))
+    else:
+        dq, ddq = (central_difference(q, stretch.rate, order, periodic=periodic) for order in (1, 2))
+    return Motion(stretch.time, q, dq, ddq)

@@ -1,0 +1,208 @@
+"""The output grid of a run: which of its rows count, and the block each belongs to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.maths.signals import edge_samples, low_pass
+from armid.measurement.observations import ObservedRun
+from armid.measurement.processing.differentiation import motion_filter
+from armid.measurement.processing.options import Processing
+from armid.measurement.processing.resampling import Stretch
+from armid.model.motion import Motion
+from armid.values import Array
+
+__all__ = ["MOST_STILL", "edge_margin", "moving", "run_of", "separate_rows"]
+
+TRIM = 0.5
+"""Seconds left out at each end of a run whose ends are dropped, unless told otherwise."""
+
+LOBE = 0.5
+"""Half-width of a low-pass kernel's main lobe, in periods of its cut-off: a bad sample spoils rows this near, and a
+stretch of bad samples longer than this, such as a contact, is felt as far as the end of a run is."""
+
+STICKING = 3e-3
+"""Share of a filter's kernel by which a row may lean on standstill: what friction lacks there is a hundred times what
+noise leaves in the band, and with the hundredth that ends of runs allow, intervals covered 93 % in place of 95 %."""
+
+MOST_STILL = 0.75
+"""Share of a joint's rows up to which those at standstill are left out: what is left of a usual recording still
+determines its friction and the weights that it lifts."""
+
+BLOCK_SECONDS = 1.0
+"""Length of a block where no motion repeats [s]: longer than residuals of a few hertz remember."""
+
+BLOCK_ROWS = 25
+"""Rows of a block where rows do not follow each other in time: as many as a second has at the usual rate."""
+
+Rows = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+def run_of(
+    stretch: Stretch,
+    motion: Motion,
+    processing: Processing,
+    repeats: tuple[float, float] | None = None,
+    recording: int = 0,
+    *,
+    found: bool = False,
+) -> ObservedRun | None:
+    """A stretch and its motion with rows, mask and blocks; `None` if no row is left.
+
+    Args:
+        stretch: The samples.
+        motion: Their motion, as long.
+        processing: Resolved.
+        repeats: Period and start of the first repetition [s], where the motion repeats.
+        recording: Index of the recording.
+        found: Whether the repetitions were found and not stated: blocks then stay about a second long, since methods
+            that leave blocks out need more of them than a motion has repetitions.
+    """
+    samples, rate = stretch.samples, stretch.rate
+    periodic = processing.edges == "periodic"
+    circle = samples if repeats is None else min(round(repeats[0] * rate), samples)
+    step = _step(processing, rate, circle if periodic else None)
+    rows = np.arange(0, samples, step)
+    mask = ~_spoiled(stretch.bad, rows, processing, rate, step, periodic=periodic)
+    margin = edge_margin(processing, rate)
+    mask &= ((rows >= margin) & (rows < samples - margin))[:, None]
+    mask &= np.abs(motion.dq[rows]) >= processing.slow
+    repetition = None
+    if repeats is None:
+        block = _blocks(rows, rate, samples)
+    else:
+        repetition, inside = _repetitions(stretch, rows, repeats)
+        mask &= inside[:, None]
+        block = _gapless(_parts(stretch.time[rows], repetition, repeats) if found else repetition)
+    if not mask.any():
+        return None
+    which = repetition if found and repetition is not None else None
+    return ObservedRun(motion, stretch.effort, rate, step, 0, mask, block, recording=recording, repetition=which)
+
+
+def separate_rows(stretch: Stretch, motion: Motion, processing: Processing, recording: int = 0) -> ObservedRun:
+    """Rows that do not follow each other: every one, unfiltered; only bad and slow ones are masked."""
+    mask = ~stretch.bad & (np.abs(motion.dq) >= processing.slow)
+    block = np.arange(stretch.samples) // BLOCK_ROWS
+    return ObservedRun(motion, stretch.effort, stretch.rate, 1, 0, mask, block, False, recording)
+
+
+def moving(
+    runs: Sequence[ObservedRun], still: Sequence[Flags], processing: Processing
+) -> tuple[list[ObservedRun], Array]:
+    """The runs of one recording without the rows of a joint that its standstill reaches, where enough are left.
+
+    Args:
+        runs: The runs.
+        still: Samples at standstill of each, shape (N, n).
+        processing: What the runs were made with, resolved.
+
+    Returns:
+        The runs, and the share of each joint's rows that standstill reaches, shape (n,): those of a joint of
+        which it is more than `MOST_STILL` count.
+    """
+    near = [_at_standstill(flags, run, processing) for run, flags in zip(runs, still, strict=True)]
+    had = np.sum([run.mask.sum(axis=0) for run in runs], axis=0)
+    lost = np.sum([(run.mask & rows).sum(axis=0) for run, rows in zip(runs, near, strict=True)], axis=0)
+    share = lost / np.maximum(had, 1)
+    left = share <= MOST_STILL
+    return [replace(run, mask=run.mask & ~(rows & left)) for run, rows in zip(runs, near, strict=True)], share
+
+
+def edge_margin(processing: Processing, rate: float) -> int:
+    """Samples left out at each end of a run: what is asked, and where ends are dropped what the filters reach."""
+    drop = processing.edges == "drop"
+    seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
+    return max([round(seconds * rate), *(edge_samples(low) for low in _filters(processing, rate) if drop)])
+
+
+def _step(processing: Processing, rate: float, circle: int | None) -> int:
+    """Samples a row; a divisor of the period where the rows must go round."""
+    if processing.family == "none" or processing.decimate == 0:
+        return 1
+    step = max(1, round(rate / processing.decimate))
+    if circle is None:
+        return step
+    return max(d for d in range(1, min(step, circle) + 1) if circle % d == 0)
+
+
+def _spoiled(bad: Flags, rows: Rows, processing: Processing, rate: float, step: int, *, periodic: bool) -> Flags:
+    """Rows that bad samples reach: through half a row, and as far as the filters carry them, shape (M, n)."""
+    filters = _filters(processing, rate)
+    half = -(-step // 2)
+    if not filters:
+        return _any_within(bad, rows, half, periodic=periodic)
+    lobe = int(np.ceil(LOBE * rate / min(float(processing.cutoff), processing.motion_cutoff or np.inf)))
+    near = _any_within(bad, rows, max(half, lobe), periodic=periodic)
+    reach = max(edge_samples(low) for low in filters)
+    return near | _any_within(_long(bad, lobe), rows, max(half, reach), periodic=periodic)
+
+
+def _at_standstill(still: Flags, run: ObservedRun, processing: Processing) -> Flags:
+    """Rows that samples at standstill reach, through half a row or as far as the filters carry them, shape (M, n)."""
+    reach = max([-(-run.step // 2), *(edge_samples(low, STICKING) for low in _filters(processing, run.rate))])
+    return _any_within(still, run.rows, reach, periodic=processing.edges == "periodic")
+
+
+def _long(flags: Flags, length: int) -> Flags:
+    """Flags of stretches that are at least so long, joint by joint."""
+    result = np.zeros_like(flags)
+    for j in np.flatnonzero(flags.any(axis=0)):
+        borders = np.flatnonzero(np.diff(np.concatenate([[False], flags[:, j], [False]])))
+        for begin, end in borders.reshape(-1, 2):
+            result[begin:end, j] = end - begin >= length
+    return result
+
+
+def _filters(processing: Processing, rate: float) -> list[Array]:
+    """The filters that torque and positions pass."""
+    if processing.family == "none":
+        return []
+    torque = low_pass(processing.family, processing.order, float(processing.cutoff), rate)
+    return [low for low in (torque, motion_filter(processing, rate)) if low is not None]
+
+
+def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flags:
+    """Tell whether a sample within `reach` of each row is flagged, shape (M, n); periodic runs go round."""
+    if not flags.any():
+        return np.zeros((len(rows), flags.shape[1]), dtype=np.bool_)
+    if periodic:
+        reach = min(reach, len(flags))
+        flags = np.concatenate([flags[len(flags) - reach :], flags, flags[:reach]])
+        rows = rows + reach
+    counts = np.concatenate([np.zeros((1, flags.shape[1]), dtype=np.int64), flags.cumsum(axis=0)])
+    low, high = np.maximum(rows - reach, 0), np.minimum(rows + reach + 1, len(flags))
+    return counts[high] > counts[low]
+
+
+def _repetitions(stretch: Stretch, rows: Rows, repeats: tuple[float, float]) -> tuple[Rows, Flags]:
+    """Repetition of each row, and whether it lies in a whole one that the stretch holds from its start on."""
+    period, start = repeats
+    tick = 0.5 / stretch.rate  # half a sample: rows on the border belong to what follows
+    which = np.floor((stretch.time[rows] - start + tick) / period).astype(np.int64)
+    whole = np.floor((float(stretch.time[-1]) - start + 3 * tick) / period)
+    return which, (which >= 0) & (which < whole)
+
+
+def _parts(time: Array, repetition: Rows, repeats: tuple[float, float]) -> Rows:
+    """Number of a part of about a second of a repetition, the same parts of each, shape of the times (M,)."""
+    period, start = repeats
+    count = max(1, round(period / BLOCK_SECONDS))
+    inside = np.clip((time - start) / period - repetition, 0.0, 1.0 - 1e-9)
+    return repetition * count + np.floor(inside * count).astype(np.int64)
+
+
+def _blocks(rows: Rows, rate: float, samples: int) -> Rows:
+    """Blocks of about a second, all of one length."""
+    count = max(1, round(samples / (rate * BLOCK_SECONDS)))
+    return _gapless(rows * count // samples)
+
+
+def _gapless(labels: Rows) -> Rows:
+    """Labels counted from 0 without gaps, in the same order."""
+    return np.unique(labels, return_inverse=True)[1].astype(np.int64)

@@ -1,0 +1,257 @@
+"""The period of a motion that was repeated, found in the positions.
+
+A motion repeats with a lag L where q(t + L) = q(t), for every joint that moves, over all of the time but the way to
+the motion and the way back. Lags at which this may be so come from the correlation of the whole recording with
+itself; each is then moved to a part of a sample, and counts where the longest stretch that agrees holds two whole
+repetitions or more and most of all that moves. What agrees is measured against how far a joint goes within a time L:
+a slow motion, which is hardly elsewhere after L, does not repeat, nor do random ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding
+from armid.measurement.processing.resampling import Stretch
+from armid.measurement.processing.standstill import position_noise
+from armid.values import Array
+
+__all__ = ["Repetition", "found_period", "repetition"]
+
+RATE = 100.0
+"""Rate at which positions are compared [Hz]: straight lines between samples err by a hundredth of an amplitude at 5
+Hz."""
+
+SHORTEST = 2.0
+"""Shortest period [s]. What repeats faster repeats with a multiple, too; blocks that are shorter than what residuals
+remember would not differ as independent ones do."""
+
+LIKELY = 0.6
+"""Mean squared difference at a lag, over that of positions that have nothing in common, below which it is looked at:
+ways to and from a motion make a third of it on a recording of two repetitions."""
+
+SAME = 0.02
+"""RMS difference of repetitions, over a joint's standard deviation within one and beside the noise, that is still the
+same motion: a hundredth is what controllers leave."""
+
+ALIKE = 0.1
+"""The same at one instant."""
+
+AS_GOOD, GOOD = 2.0, 0.002
+"""Difference, over that of the best lag and absolute, up to which a shorter lag is the period."""
+
+CLOSE = 0.1
+"""Share of a period that may differ at an end of the repetitions, where a motion starts and settles."""
+
+FAR = 4.0
+"""Squared difference over its median from which an instant does not decide where repetitions lie."""
+
+MOST = 0.75
+"""Share of the recording, and of all that moves in it, that whole repetitions have to hold."""
+
+MOVES = 1e-3
+"""Standard deviation from which a joint moves [rad or m]; less is what holding a pose leaves."""
+
+CLEAR = 30.0
+"""The same over the noise of its positions."""
+
+SNAP = 0.05
+"""Samples by which a period may miss a whole number of them, which it then is."""
+
+LACKS = 1.5
+"""Samples that a last repetition may lack: a log of K periods of m samples may end with sample K m - 1, or one
+earlier."""
+
+OUTSIDE = 0.05
+"""Time before and after repetitions that is worth a word [s]."""
+
+ROUNDS = 4
+"""Corrections of a lag; each leaves a tenth of its error or less."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repetition:
+    """A motion that was repeated.
+
+    Attributes:
+        period: [s].
+        start: Time of the first repetition on the recording's clock [s].
+        count: Whole repetitions.
+        apart: RMS difference of repetitions over the standard deviation within one, of the worst joint.
+    """
+
+    period: float
+    start: float
+    count: int
+    apart: float
+
+
+def found_period(
+    pieces: Sequence[Stretch], source: str, findings: list[Finding]
+) -> tuple[float | None, float | None]:
+    """Period and start [s] of the motion of a recording without gaps; `None` where it does not repeat.
+
+    Args:
+        pieces: Its stretches between gaps.
+        source: Of the recording.
+        findings: What was found is added.
+    """
+    if len(pieces) != 1:
+        return None, None
+    piece = pieces[0]
+    found = repetition(piece.time, piece.q, piece.rate)
+    if found is None:
+        return None, None
+    begin, end = float(piece.time[0]), float(piece.time[-1]) + 1.0 / piece.rate
+    before, after = max(0.0, found.start - begin), max(0.0, end - found.start - found.count * found.period)
+    rest = before + after
+    outside = f" {rest:.3g} s before and after them do not count." if rest > OUTSIDE else ""
+    evidence = f"The positions repeat every {found.period:.6g} s, {found.count} times.{outside}"
+    remedy = "The repetitions are compared for the intervals, unless period says another time, or none."
+    findings.append(Finding("period-found", "info", source, evidence, remedy))
+    return found.period, found.start
+
+
+def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
+    """The period of a motion that was run through twice or more; `None` where it was not.
+
+    Args:
+        time: Times of the samples, which need not be even, shape (N,) [s].
+        q: Positions as they were logged, shape (N, n) [rad or m].
+        rate: Samples a second, on average [Hz].
+    """
+    length = float(time[-1] - time[0])
+    step = 1.0 / min(RATE, rate)
+    grid = time[0] + np.arange(int(length / step) + 1) * step
+    deviation = q.std(axis=0)
+    moves = deviation > np.maximum(MOVES, CLEAR * position_noise(q, time))
+    shortest = max(2, round(SHORTEST / step))
+    if not moves.any() or len(grid) < 2 * shortest:
+        return None
+    x = np.column_stack([np.interp(grid, time, each) for each in q[:, moves].T])
+    x = (x - x.mean(axis=0)) / deviation[moves]
+    noise = position_noise(q, time)[moves] / deviation[moves]
+    found = [each for lag, within in _likely(x, shortest) if (each := _agreement(x, lag, within, noise)) is not None]
+    if not found:
+        return None
+    least = min(each.apart for each in found)
+    best = next(each for each in found if each.apart <= max(AS_GOOD * least, GOOD))
+    return _whole(grid, x, best, length + 1.0 / rate, rate)
+
+
+@dataclass(frozen=True, slots=True)
+class _Agreed:
+    """A lag [samples], the first and the one after the last sample that are alike a lag later, how far apart."""
+
+    lag: float
+    first: int
+    last: int
+    apart: float
+
+
+def _likely(x: Array, shortest: int) -> list[tuple[int, Array]]:
+    """Lags at which signals (N, m) may repeat, each with the variance within a time of that length, (m,)."""
+    samples = len(x)
+    size = 1 << (2 * samples - 1).bit_length()
+    transformed = np.fft.rfft(x, size, axis=0)
+    correlation = np.fft.irfft(np.abs(transformed) ** 2, size, axis=0)[:samples]
+    squares = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x**2, axis=0)])
+    lags = np.arange(samples)
+    pairs = (samples - lags)[:, None]
+    apart = (squares[samples - lags] + squares[samples] - squares[lags] - 2.0 * correlation) / pairs
+    apart = np.maximum(apart, 0.0)
+    # Half the mean squared difference of two instants within a time L, each pair of them once.
+    lengths = np.maximum(lags, 1)[:, None]
+    within = (lengths * np.cumsum(apart, axis=0) - np.cumsum(lags[:, None] * apart, axis=0)) / lengths**2
+    ratio = (apart / (2.0 * np.maximum(within, np.finfo(float).tiny))).mean(axis=1)
+    longest = min(samples - 2, int(samples / 2 * (1.0 + CLOSE)))
+    inner = np.arange(shortest, longest)
+    inner = inner[(ratio[inner] < LIKELY) & (ratio[inner] <= ratio[inner - 1]) & (ratio[inner] <= ratio[inner + 1])]
+    return [(int(k), within[k]) for k in inner]
+
+
+def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | None:
+    """Return what agrees at a lag near the one given; `None` where too little does."""
+    lag, off = float(near), np.zeros(0)
+    for _ in range(ROUNDS):
+        ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)
+        off = (ahead**2 / within).max(axis=1)
+        sure = off <= FAR * np.median(off) + ALIKE**2 / FAR
+        energy = float((speed[sure] ** 2 / within).sum())
+        if energy == 0.0:
+            return None
+        lag -= float((speed[sure] * ahead[sure] / within).sum()) / energy
+        if abs(lag - near) > CLOSE * near:
+            return None
+    ahead, _ = _ahead(x, np.arange(int(len(x) - lag)), lag)
+    off = (ahead**2 / within).max(axis=1)
+    alike = off <= ALIKE**2 + 2.0 * float((noise**2 / within).max()) * FAR**2
+    first, last = _longest(alike, round(CLOSE * lag))
+    if last - first < (1.0 - CLOSE) * lag:
+        return None
+    known = np.flatnonzero(alike[first:last]) + first
+    mismatch = (ahead[known] ** 2).mean(axis=0) / within
+    moved = (np.diff(x, axis=0) ** 2).sum(axis=1)
+    same = (mismatch <= SAME**2 + FAR * noise**2 / within).all()
+    if not same or moved[first : last + round(lag)].sum() < MOST * moved.sum():
+        return None
+    return _Agreed(lag, first, last, float(np.sqrt(mismatch.max())))
+
+
+def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array]:
+    """By how much signals (N, m) differ a lag after each of these samples, and how fast they change then."""
+    later = first + lag
+    index = np.arange(len(x), dtype=np.float64)
+    ahead = np.column_stack([np.interp(later, index, each) for each in x.T]) - x[first]
+    below = np.clip(later.astype(np.int64), 0, len(x) - 2)
+    return ahead, x[below + 1] - x[below]
+
+
+def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
+    """The longest stretch of true flags, with holes of so many samples in it; its first sample and the one after."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]))).reshape(-1, 2)
+    if not len(ends):
+        return 0, 0
+    apart = np.flatnonzero(ends[1:, 0] - ends[:-1, 1] > bridged)
+    first = ends[np.concatenate([[0], apart + 1]), 0]
+    last = ends[np.concatenate([apart, [len(ends) - 1]]), 1]
+    k = int(np.argmax(last - first))
+    return int(first[k]), int(last[k])
+
+
+def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -> Repetition | None:
+    """The repetitions in seconds; the period is that from the first to the last of them."""
+    step = float(grid[1] - grid[0])
+    lag = agreed.lag
+    count = int((agreed.last - agreed.first) / lag + 1.0 + CLOSE)
+    if count > 2:
+        lag = _from_ends(x, lag, agreed.first, count)
+    period = lag * step
+    if abs(period * rate - round(period * rate)) <= SNAP:
+        period = round(period * rate) / rate
+    count = min(count, int((length + LACKS / rate) / period))
+    if count < 2 or count * period < MOST * length:
+        return None
+    # All of them lie in the recording, and begin with it where the motion begins about there.
+    begin = float(grid[0])
+    start = float(grid[agreed.first])
+    start = begin if start - begin <= CLOSE * period else start
+    return Repetition(float(period), float(min(start, begin + length - count * period)), count, agreed.apart)
+
+
+def _from_ends(x: Array, lag: float, first: int, count: int) -> float:
+    """The lag, from how far the last repetition lies behind the first one."""
+    for _ in range(ROUNDS):
+        behind = (count - 1) * lag
+        ahead, speed = _ahead(x, np.arange(first, min(first + int(lag), int(len(x) - behind))), behind)
+        off = (ahead**2).max(axis=1)
+        sure = off <= FAR * np.median(off) + ALIKE**2 / FAR
+        energy = float((speed[sure] ** 2).sum())
+        if energy == 0.0:
+            return lag
+        lag -= float((speed[sure] * ahead[sure]).sum()) / energy / (count - 1)
+    return lag

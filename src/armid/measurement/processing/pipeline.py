@@ -1,0 +1,397 @@
+"""From recordings to observations: gaps, clock, repetitions, motion, rows.
+
+The motion is filtered and differentiated here, at full rate. The torque is not filtered: the band travels with the
+observations and is applied to torque and model columns alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armid.errors import Finding, RecordingError
+from armid.maths.sampling import automatic_cutoff
+from armid.measurement.observations import Observations, ObservedRun
+from armid.measurement.processing.alignment import average, check_closed, whole_periods, windows
+from armid.measurement.processing.differentiation import movement
+from armid.measurement.processing.options import THESIS, Processing
+from armid.measurement.processing.output_grid import MOST_STILL, edge_margin, moving, run_of, separate_rows
+from armid.measurement.processing.period import found_period
+from armid.measurement.processing.resampling import Stretch, evened, gather, is_even, jitter, stretches
+from armid.measurement.processing.standstill import position_noise, standing
+from armid.measurement.recording import Recording
+from armid.model.motion import Motion
+from armid.values import Array, array
+
+__all__ = ["THESIS", "Processing", "observe", "process", "resolve"]
+
+SHORTEST = 4
+"""Samples that the one-sided differences at the ends of a run need."""
+
+
+def observe(
+    recordings: Sequence[Recording],
+    processing: Processing,
+    *,
+    periods: Sequence[float | Literal["find"] | None] | None = None,
+    starts: Sequence[float | None] | None = None,
+    effort_limits: ArrayLike | None = None,
+) -> tuple[Observations, tuple[Finding, ...]]:
+    """Observations of several recordings of one robot.
+
+    Args:
+        recordings: In robot order, SI units, joint side.
+        processing: What to do; an automatic cut-off is found once, for all of them.
+        periods: Period of each recording's motion [s], `None` where it does not repeat, or `find`.
+        starts: Start of the first repetition on each recording's clock [s].
+        effort_limits: Of each joint, shape (n,) [N·m or N]; needed for `saturation`.
+
+    Returns:
+        The observations, and what was noticed on the way.
+
+    Raises:
+        RecordingError: A recording does not allow what `processing` asks.
+    """
+    processing = resolve(processing, recordings)
+    runs: list[ObservedRun] = []
+    findings: list[Finding] = []
+    for index, recording in enumerate(recordings):
+        more, noticed = process(
+            recording,
+            processing,
+            period=periods[index] if periods else None,
+            start=starts[index] if starts else None,
+            effort_limits=effort_limits,
+            index=index,
+        )
+        runs.extend(more)
+        findings.extend(noticed)
+    return Observations(tuple(runs), processing.band), tuple(findings)
+
+
+def process(
+    recording: Recording,
+    processing: Processing,
+    *,
+    period: float | Literal["find"] | None = None,
+    start: float | None = None,
+    effort_limits: ArrayLike | None = None,
+    index: int = 0,
+) -> tuple[tuple[ObservedRun, ...], tuple[Finding, ...]]:
+    """The contiguous runs of one recording, with motion, rows and masks.
+
+    Args:
+        recording: In robot order, SI units, joint side; its rows follow each other in time unless it says
+            otherwise.
+        processing: What to do.
+        period: The motion repeats with this period [s]; `find` looks for it in the positions.
+        start: Time of the first repetition on the recording's clock [s]; its first sample, if not given. What
+            lies before it, and after the last whole repetition, is approach and does not count.
+        effort_limits: Of each joint, shape (n,) [N·m or N]; needed for `saturation`.
+        index: Number of the recording, kept in the runs.
+
+    Returns:
+        The runs, and what was noticed on the way.
+
+    Raises:
+        RecordingError: The recording does not allow what `processing` asks.
+    """
+    processing = resolve(processing, [recording])
+    given = _uses_given(recording, processing)
+    findings: list[Finding] = []
+    recording = _without_saturated(recording, processing, effort_limits, findings)
+    if recording.consecutive is False:
+        run = _separate(recording, processing, given, index, findings)
+        return (run,), tuple(findings)
+    pieces, gaps = stretches(recording, _highest_cutoff(processing))
+    findings.extend(gaps)
+    noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
+    found = period == "find"
+    if period == "find":
+        period, start = found_period(pieces, recording.source, findings)
+    start = float(pieces[0].time[0]) if period is not None and start is None else start
+    pieces = _on_a_grid(pieces, processing, given, period, recording.source, findings)
+    if processing.edges == "periodic":
+        pieces = _circles(pieces, processing, period, start, recording.source, findings)
+    repeats = None if period is None or start is None or processing.average else (period, start)
+    runs, still = list[ObservedRun](), list[NDArray[np.bool_]]()
+    for piece in pieces:
+        margin, run = edge_margin(processing, piece.rate), None
+        if piece.samples >= max(SHORTEST, 2 * margin + 1):
+            motion = movement(piece, processing, given=given)
+            run = run_of(piece, motion, processing, repeats, index, found=found)
+        if run is None:
+            findings.append(_nothing_left(piece, margin, recording.source))
+        else:
+            runs.append(run)
+            still.append(standing(piece.q, piece.rate, noise))
+    if not runs:
+        problem = f"{recording.source or 'The recording'}: no row is left. {findings[-1].evidence}"
+        raise RecordingError(problem, remedy="trim less, raise the cut-off, mask less, or record longer.")
+    return _moving(runs, still, processing, recording, findings), tuple(findings)
+
+
+def resolve(processing: Processing, recordings: Sequence[Recording]) -> Processing:
+    """The same processing with its automatic cut-off, if any, found from the motion of all recordings.
+
+    The cut-off is the widest that any of them needs. Where no recording has rows that follow each other, there is
+    no band, and the filter is left out.
+    """
+    if processing.cutoff != "auto":
+        return processing
+    found: list[float] = []
+    for recording in recordings:
+        if recording.consecutive is not False:
+            piece = max(stretches(recording, None)[0], key=lambda piece: piece.samples)
+            piece = evened(piece, None, 0.0, each=False)
+            found.append(automatic_cutoff(piece.q, piece.rate))
+    if not found:
+        return replace(processing, cutoff=0.0, family="none")
+    return replace(processing, cutoff=max(found))
+
+
+# Steps ---------------------------------------------------------------------------------------------------------
+
+
+def _uses_given(recording: Recording, processing: Processing) -> bool:
+    """Tell whether recorded velocities and accelerations are used as they stand."""
+    both = recording.dq is not None and recording.ddq is not None
+    lacking = {"given": not both, "velocity": recording.dq is None}
+    if lacking.get(str(processing.derivatives), False):
+        raise RecordingError(
+            f'{recording.source or "The recording"}: derivatives = "{processing.derivatives}", but it holds no '
+            f"{'velocities' if recording.dq is None else 'accelerations'}.",
+            remedy='use derivatives = "central", which needs positions only.',
+        )
+    return both if processing.derivatives is None else processing.derivatives == "given"
+
+
+def _highest_cutoff(processing: Processing) -> float | None:
+    if processing.family == "none":
+        return None
+    return max(float(processing.cutoff), processing.motion_cutoff or 0.0)
+
+
+def _without_saturated(
+    recording: Recording, processing: Processing, limits: ArrayLike | None, findings: list[Finding]
+) -> Recording:
+    """The recording with samples near an effort limit marked as not valid."""
+    if processing.saturation is None or recording.effort is None:
+        return recording
+    if limits is None:
+        raise RecordingError(
+            "Masking saturated samples needs the effort limits of the joints.",
+            remedy="give limits in the robot's description, or leave saturation out.",
+        )
+    bounds = array(limits, (recording.n,), "effort limits", finite=False)
+    over = np.abs(recording.effort) >= processing.saturation * bounds
+    for joint in np.flatnonzero(over.any(axis=0)):
+        findings.append(
+            Finding(
+                "saturation",
+                "warning",
+                recording.channels[joint],
+                f"{recording.source}: {int(over[:, joint].sum())} of {recording.samples} samples reach "
+                f"{processing.saturation:g} of the limit {bounds[joint]:g}.",
+                "Rows near them do not count for this joint.",
+            )
+        )
+    return replace(recording, valid=recording.valid & ~over)
+
+
+def _moving(
+    runs: Sequence[ObservedRun],
+    still: Sequence[NDArray[np.bool_]],
+    processing: Processing,
+    recording: Recording,
+    findings: list[Finding],
+) -> tuple[ObservedRun, ...]:
+    """The runs without rows at standstill, where the processing leaves these out."""
+    if processing.standstill == "keep":
+        return tuple(runs)
+    kept, share = moving(runs, still, processing)
+    findings.extend(_standstill_findings(recording, share))
+    return tuple(kept)
+
+
+def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
+    """Return what was left out because a joint stood still, and what was not because it mostly did."""
+
+    def named(joints: NDArray[np.bool_]) -> str:
+        return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(joints))
+
+    spared = share > MOST_STILL
+    gone = (share > 0.0) & ~spared
+    findings: list[Finding] = []
+    if gone.any():
+        findings.append(
+            Finding(
+                "sticking",
+                "info",
+                recording.source,
+                "Joints stand, or all but stand, among others that move, as where they stick at a reversal. Rows "
+                f"that this reaches: {named(gone)}. They do not count for this joint, for dry friction at rest takes "
+                "any value up to its bound.",
+            )
+        )
+    if spared.any():
+        findings.append(
+            Finding(
+                "sticking",
+                "warning",
+                recording.source,
+                f"Joints mostly stand still. Rows that this reaches: {named(spared)}. They count, as too few others "
+                "are left, and friction at rest biases the estimate by up to its bound",
+                "record motion without rests, or joints that turn round faster.",
+            )
+        )
+    return findings
+
+
+def _separate(
+    recording: Recording, processing: Processing, given: bool, index: int, findings: list[Finding]
+) -> ObservedRun:
+    """Rows that do not follow each other: no filter, no derivatives, every row."""
+    whole, _ = gather(recording, clock=False)
+    if not given or whole.dq is None or whole.ddq is None:
+        raise RecordingError(
+            f"{recording.source or 'The recording'}: its rows do not follow each other in time, so velocities and "
+            "accelerations cannot be computed from positions.",
+            possible="rows in the order of time with a clock or a rate, or recorded velocities and accelerations",
+            remedy="sort the rows by time, or add the missing columns.",
+        )
+    findings.append(
+        Finding(
+            "rows-not-consecutive",
+            "info",
+            recording.source,
+            f"{whole.samples} rows are taken as separate samples.",
+            "Nothing was filtered, and terms with memory cannot be used.",
+        )
+    )
+    motion = Motion(whole.time, whole.q, whole.dq, whole.ddq)
+    return separate_rows(whole, motion, processing, index)
+
+
+def _on_a_grid(
+    pieces: Sequence[Stretch],
+    processing: Processing,
+    given: bool,
+    period: float | None,
+    source: str,
+    findings: list[Finding],
+) -> list[Stretch]:
+    """The stretches on even grids, where anything is filtered or differentiated."""
+    if processing.edges == "periodic" or processing.family != "none" or not given:
+        return [_even(piece, processing, period, source, findings) for piece in pieces]
+    findings.extend(_left_uneven(piece, source) for piece in pieces if not is_even(piece.time, piece.number))
+    return list(pieces)
+
+
+def _even(
+    piece: Stretch, processing: Processing, period: float | None, source: str, findings: list[Finding]
+) -> Stretch:
+    """The stretch on an even grid; where the motion goes round, with a whole number of samples a period."""
+    span = None
+    if processing.edges == "periodic":
+        span = period if period is not None else piece.samples / piece.rate
+    rows = 0.0 if processing.family == "none" else processing.decimate
+    moved = evened(piece, span, rows, each=processing.average)
+    if moved is piece:
+        return piece
+    if moved.rate == piece.rate and is_even(piece.time, piece.number):
+        findings.append(_filled(piece, moved, source))
+    else:
+        steps = np.diff(piece.time) / (1 if piece.number is None else np.diff(piece.number))
+        off = jitter(piece.time, piece.number)
+        samples = "" if span is None else f"; {span:.6g} s are {span * piece.rate:.6g} samples"
+        findings.append(
+            Finding(
+                "clock-jitter",
+                "info",
+                source,
+                f"Steps from {steps.min():.3g} to {steps.max():.3g} s, {off:.2g} steps off an even "
+                f"clock of {piece.rate:.5g} Hz{samples}.",
+                f"The samples were moved to {moved.rate:.6g} Hz by a cubic spline.",
+            )
+        )
+    return moved
+
+
+def _filled(piece: Stretch, whole: Stretch, source: str) -> Finding:
+    return Finding(
+        "rows-filled",
+        "info",
+        source,
+        f"{whole.samples - piece.samples} of {whole.samples} samples are left out of an even clock of "
+        f"{piece.rate:.5g} Hz.",
+        "They were filled by a cubic spline through their neighbours; the others stay as they are.",
+    )
+
+
+def _left_uneven(piece: Stretch, source: str) -> Finding:
+    return Finding(
+        "clock-jitter",
+        "info",
+        source,
+        f"{jitter(piece.time, piece.number):.2g} steps off an even clock of {piece.rate:.5g} Hz.",
+        "The samples were left where they are: nothing is filtered or differentiated.",
+    )
+
+
+def _circles(
+    pieces: Sequence[Stretch],
+    processing: Processing,
+    period: float | None,
+    start: float | None,
+    source: str,
+    findings: list[Finding],
+) -> list[Stretch]:
+    """Whole periods only: each stretch cut to its repetitions, or the mean of all of them."""
+    name = source or "The recording"
+    if period is None or start is None:
+        if len(pieces) > 1:
+            raise RecordingError(
+                f'{name}: edges = "periodic", but a gap splits the run.',
+                remedy='give the period of the motion, or use edges = "drop".',
+            )
+        check_closed(pieces[0], source)
+        if processing.average:
+            evidence = (
+                f"No period is given: the whole run of {pieces[0].samples / pieces[0].rate:.6g} s counts as one."
+            )
+            remedy = "give the period of the motion, so that its repetitions are averaged."
+            findings.append(Finding("period-unknown", "warning", source, evidence, remedy))
+        return list(pieces)
+    found = [(piece, windows(piece, period, start)) for piece in pieces]
+    found = [(piece, begins) for piece, begins in found if begins]
+    if not found:
+        length = max(piece.samples / piece.rate for piece in pieces)
+        raise RecordingError(
+            f"{name}: no whole period of {period:g} s from t = {start:g} s on; its longest run: {length:g} s.",
+            remedy="check the period and its start.",
+        )
+    if processing.average:
+        mean, late = average([(piece, b) for piece, begins in found for b in begins], period, source)
+        findings.extend(late)
+        circles = [mean]
+    else:
+        circles = [whole_periods(piece, begins, round(period * piece.rate)) for piece, begins in found]
+    for circle in circles:
+        check_closed(circle, source)
+    return circles
+
+
+def _nothing_left(piece: Stretch, margin: int, source: str) -> Finding:
+    return Finding(
+        "run-short",
+        "warning",
+        source,
+        f"Of the run of {piece.samples / piece.rate:.3g} s from t = {piece.time[0]:.6g} s no row counts: "
+        f"{margin / piece.rate:.3g} s at each end are left out, {piece.bad.mean():.0%} of its samples are masked.",
+        "The run was left out.",
+    )

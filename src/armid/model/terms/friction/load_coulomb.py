@@ -1,0 +1,40 @@
+"""Coulomb friction that grows with the load of the joint: τ = FSL · |load| · sgn(q̇).
+
+The load is the torque of the rigid bodies under the inertial parameters of an earlier estimate
+(`DynamicsModel.load_parameters`), never the measured torque, which would hand the answer to the model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.model.expression import magnitude, symbol
+from armid.model.terms.checks import require_width
+from armid.model.terms.friction.coulomb import coulomb_law
+from armid.model.terms.term import Law, single_joint_laws
+from armid.robot.robot import Robot
+
+__all__ = ["LoadCoulomb"]
+
+
+@dataclass(frozen=True, slots=True)
+class LoadCoulomb:
+    """Friction against the motion in proportion to the torque that the gear transmits.
+
+    Attributes:
+        width: Velocity over which the sign turns [rad/s or m/s]; 0 for a true sign.
+        joints: Names of the joints that have it; `None` for all.
+    """
+
+    width: float = 0.0
+    joints: tuple[str, ...] | None = None
+    name: ClassVar[str] = "load-coulomb"
+
+    def __post_init__(self) -> None:
+        require_width("The width of load-dependent Coulomb friction", self.width)
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """FSL · |load| · sgn(dq) on each joint."""
+        law = magnitude(symbol("load")) * coulomb_law(self.width)
+        return single_joint_laws(robot, self.joints, "FSL", law, units=("1", "1"), nonnegative=True)

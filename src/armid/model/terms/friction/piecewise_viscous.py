@@ -1,0 +1,43 @@
+"""Viscous friction that changes its slope at knots: τ = Σ FP_k · sgn(q̇) max(|q̇| - v_k, 0), beside FV · q̇.
+
+Above knot k the slope is FV + FP1 + … + FPk. What physics asks is that the sum brakes at every speed; a single FP may
+have either sign.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.model.expression import maximum, symbol
+from armid.model.terms.checks import require_rising
+from armid.model.terms.term import Law, single_joint_laws
+from armid.robot.robot import Robot
+
+__all__ = ["PiecewiseViscous"]
+
+
+@dataclass(frozen=True, slots=True)
+class PiecewiseViscous:
+    """Friction piecewise linear in the speed, its first piece being that of `viscous`.
+
+    Attributes:
+        knots: Speeds at which the slope changes, rising [rad/s or m/s].
+        joints: Names of the joints that have it; `None` for all.
+    """
+
+    knots: tuple[float, ...] = (0.1, 0.3, 1.0)
+    joints: tuple[str, ...] | None = None
+    name: ClassVar[str] = "piecewise-viscous"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "knots", require_rising("The knots of piecewise viscous friction", self.knots))
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """FP1, FP2, … one a knot, on each joint: max(dq - v, 0) - max(-dq - v, 0)."""
+        velocity, units = symbol("dq"), ("N·m·s/rad", "N·s/m")
+        laws: list[Law] = []
+        for k, knot in enumerate(self.knots, 1):
+            law = maximum(velocity - knot, 0.0) - maximum(-velocity - knot, 0.0)
+            laws += single_joint_laws(robot, self.joints, f"FP{k}", law, units=units, nonnegative=False)
+        return tuple(laws)

@@ -1,0 +1,46 @@
+"""Viscous friction by a power law: τ = FW · q̇ (q̇² + width²)^((exponent - 1) / 2).
+
+That is sgn(q̇) |q̇|^exponent well above the width, and linear below it: smooth where the plain power has an infinite
+slope.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armid.model.expression import symbol
+from armid.model.terms.checks import require_positive
+from armid.model.terms.term import Law, single_joint_laws
+from armid.robot.robot import Robot
+
+__all__ = ["PowerViscous"]
+
+
+@dataclass(frozen=True, slots=True)
+class PowerViscous:
+    """Friction that grows with a power of the velocity: below 1 for cold grease, above 1 for churned oil.
+
+    Beside FV · q̇ what physics asks is that both together brake at every velocity, not a sign of each.
+
+    Attributes:
+        exponent: Of the velocity.
+        width: Velocity below which the law is linear [rad/s or m/s].
+        joints: Names of the joints that have it; `None` for all.
+    """
+
+    exponent: float = 0.5
+    width: float = 0.02
+    joints: tuple[str, ...] | None = None
+    name: ClassVar[str] = "power-viscous"
+
+    def __post_init__(self) -> None:
+        require_positive("The exponent of power-law friction", self.exponent)
+        require_positive("The width of power-law friction", self.width)
+
+    def laws(self, robot: Robot) -> tuple[Law, ...]:
+        """FW · dq (dq² + width²)^((exponent - 1) / 2) on each joint."""
+        velocity = symbol("dq")
+        law = velocity * (velocity**2.0 + self.width**2.0) ** (0.5 * (self.exponent - 1.0))
+        units = (f"N·m·(s/rad)^{self.exponent:g}", f"N·(s/m)^{self.exponent:g}")
+        return single_joint_laws(robot, self.joints, "FW", law, units=units, nonnegative=False)

@@ -1,0 +1,171 @@
+"""Material of a page: the run's records, its recordings read once more, and its certificate."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.measurement.log_format import Reading
+from armid.measurement.recording import Recording
+from armid.report.data.recording_data import Evidence, look_at
+from armid.robot import Joint
+from armid.runs.certification import Verdict, certify_run
+from armid.runs.locate_recording import read_again
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice
+from armid.values import Array
+
+__all__ = ["Material", "choices_of", "gather", "records_of", "velocity_unit", "with_evidence"]
+
+MOST_OF_A_ROLE = 3
+"""Recordings of each role that are drawn; every one is in the tables."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Material:
+    """A run with all that its sections draw from.
+
+    Attributes:
+        run: The run.
+        study: `study.json`.
+        validation: `validation.json`.
+        evidence: Its recordings, read again.
+        missing: What could not be read again, and why.
+        verdict: Whether a real body can have the parameters; `None` where there are no links to ask it of.
+    """
+
+    run: Run
+    study: Mapping[str, Any]
+    validation: Mapping[str, Any]
+    evidence: tuple[Evidence, ...] = ()
+    missing: tuple[str, ...] = ()
+    verdict: Verdict | None = None
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """The arm's joints."""
+        return self.run.robot.joints
+
+    def of_role(self, role: str) -> tuple[Evidence, ...]:
+        """Recordings that train, or that validate."""
+        return tuple(each for each in self.evidence if each.choice.role == role)
+
+    @property
+    def drawn(self) -> tuple[Evidence, ...]:
+        """Recordings that pictures show: a few of each role, validation first."""
+        return (*self.of_role("validate")[:MOST_OF_A_ROLE], *self.of_role("train")[:MOST_OF_A_ROLE])
+
+    def training_rms(self) -> Array:
+        """RMS error per joint in training (n,) [N·m or N]."""
+        return self.run.estimate.fit.residual_rms
+
+    def validation_rms(self) -> Array:
+        """RMS error per joint over all validation recordings (n,) [N·m or N]; NaN without one."""
+        rows = [_numbers(each["rms"]) for each in self.validation["recordings"]]
+        return np.sqrt(np.mean(np.square(rows), axis=0)) if rows else np.full(len(self.joints), np.nan)
+
+    def validation_column(self, key: str) -> Array:
+        """Mean per joint (n,) of a number over all validation recordings; NaN without one."""
+        rows = [_numbers(each[key]) for each in self.validation["recordings"] if each[key] is not None]
+        return np.mean(rows, axis=0) if rows else np.full(len(self.joints), np.nan)
+
+
+def velocity_unit(joint: Joint) -> str:
+    """Unit of a joint's velocity."""
+    return f"{joint.unit}/s"
+
+
+def gather(
+    run: Run,
+    *,
+    recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
+    data: Path | str | None = None,
+) -> Material:
+    """Read a run's records and, where they still are, its recordings.
+
+    Args:
+        run: The run.
+        recordings: What the run was made from, where it is at hand and need not be read again.
+        data: Folder in which recordings are looked for first, by their path in the study or by their name.
+
+    Raises:
+        ArmidError: A record of the run is damaged.
+    """
+    material = with_evidence(run, recordings=recordings, data=data)
+    return replace(material, verdict=certify_run(run) if run.model.has_rigid_bodies else None)
+
+
+def with_evidence(
+    run: Run,
+    *,
+    recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
+    data: Path | str | None = None,
+) -> Material:
+    """A run's records and recordings without its certificate, which pictures do not need.
+
+    Args:
+        run: The run.
+        recordings: What the run was made from, where it is at hand and need not be read again.
+        data: Folder in which recordings are looked for first, by their path in the study or by their name.
+
+    Raises:
+        ArmidError: A record of the run is damaged.
+    """
+    material = records_of(run)
+    folder = str(material.study["folder"])
+    evidence: list[Evidence] = []
+    missing: list[str] = []
+    for choice, sha256 in choices_of(run, material.study) if recordings is None else ():
+        try:
+            evidence.append(look_at(run, choice, read_again(run, choice, sha256, folder, data)))
+        except ArmidError as error:
+            missing.append(error.problem)
+    for choice, recording in recordings or ():
+        evidence.append(look_at(run, choice, recording))
+    return replace(material, evidence=tuple(evidence), missing=tuple(missing))
+
+
+def records_of(run: Run) -> Material:
+    """A run's records alone.
+
+    Raises:
+        ArmidError: One of them is damaged.
+    """
+    return Material(run, _record(run, "study"), _record(run, "validation"))
+
+
+def _record(run: Run, name: str) -> dict[str, Any]:
+    path = Path(run.folder) / f"{name}.json"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} cannot be read: {error}.", remedy="identify again.") from error
+    if not isinstance(record, dict):
+        raise ArmidError(f"{path} holds no record of a run.", remedy="identify again.")
+    return record
+
+
+def choices_of(run: Run, study: Mapping[str, Any]) -> list[tuple[RecordingChoice, str]]:
+    """The recordings that a run's study names, with their digests (sha256)."""
+    choices = [
+        RecordingChoice(each["path"], each["role"], Reading(**each["reading"]), tuple(each["part"]))
+        for each in study["recordings"]
+    ]
+    return list(zip(choices, _digests(run), strict=True))
+
+
+def _digests(run: Run) -> list[str]:
+    """Digests of the recordings, in the study's order."""
+    pairs = [entry.rpartition(" ") for entry in run.estimate.made_from]
+    return [sha256 for role, _, sha256 in pairs if role in ("train", "validate")]
+
+
+def _numbers(values: Any) -> Array:
+    """A list of a record, where null stands for what is not a number."""
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

@@ -1,0 +1,132 @@
+"""A small picture of the arm with its joints by number, as SVG in the colours of the page."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from armid.report.data.joint_names import label_of
+from armid.report.data.page_data import Material
+from armid.robot import Robot
+from armid.robot.kinematics import forward_kinematics, frame_pose
+from armid.values import Array
+
+__all__ = ["picture_of", "skeleton"]
+
+SIZE = 240.0
+"""Edge of the picture [px]."""
+
+MARGIN = 26.0
+"""Room about the arm for what is drawn about its joints [px]."""
+
+AZIMUTH, ELEVATION = np.radians(35.0), np.radians(18.0)
+"""Where it is looked at from: a little from above, so that all three axes are seen."""
+
+POSES = 200
+"""Poses of the recordings among which the one that shows most of the arm is looked for."""
+
+RADIUS = 8.0
+"""Of a joint's mark [px]; joints nearer than their marks share one."""
+
+RULERS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+"""Lengths of the ruler [m]; the longest that takes less than a third of the picture is drawn."""
+
+
+def picture_of(material: Material) -> tuple[str, str]:
+    """The arm in the pose of its recordings that shows most of it, and what the picture shows."""
+    robot = material.run.robot
+    poses = [each.q[:: max(1, len(each.q) // POSES)] for each in material.of_role("train")]
+    where = "in a pose of the training motion" if poses else "in the middle of its ranges"
+    q = np.concatenate(poses) if poses else _middle(robot)[None]
+    return skeleton(robot, q), f"{robot.name} {where}"
+
+
+def skeleton(robot: Robot, poses: Array) -> str:
+    """SVG of the arm's joints and the lines between them.
+
+    Args:
+        robot: The arm.
+        poses: Joint positions to choose from, shape (K, n) [rad or m]: the one that takes most room as it is seen.
+    """
+    view = _view(robot)
+    _, origins = forward_kinematics(robot, poses)
+    _, tips = frame_pose(robot, poses)
+    points = np.concatenate([np.zeros((len(poses), 1, 3)), origins, tips[:, None]], axis=1) @ view.T
+    pairs = [(joint.parent + 1, i + 1) for i, joint in enumerate(robot.joints)]
+    pairs.append((robot.tip.parent + 1, robot.n + 1))
+    flat = points[:, :, :2] - points[:, :, :2].mean(axis=1, keepdims=True)
+    area = np.linalg.svd(flat, compute_uv=False).prod(axis=-1)
+    return _drawn(robot, points[int(np.argmax(area))], pairs)
+
+
+def _drawn(robot: Robot, points: Array, pairs: list[tuple[int, int]]) -> str:
+    """The picture of points (n + 2, 3), base first and tip last: to the right, up, and towards the eye [m]."""
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    scale = (SIZE - 2.0 * MARGIN) / max(float((high - low).max()), 1e-3)
+    middle = 0.5 * (low + high)
+    place = 0.5 * SIZE + scale * (points[:, :2] - middle) * np.array([1.0, -1.0])
+    lines = [f'<ellipse class="ground" cx="{place[0, 0]:.1f}" cy="{place[0, 1]:.1f}" rx="26" ry="8"/>']
+    for start, end in sorted(pairs, key=lambda pair: float(points[list(pair), 2].mean())):
+        (x0, y0), (x1, y1) = place[start], place[end]
+        kind = "tip" if end == robot.n + 1 else "link"
+        lines.append(f'<line class="{kind}" x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}"/>')
+    x, y = place[-1]
+    lines.append(f'<circle class="tip" cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>')
+    lines += _marks(robot, place[1:-1])
+    ruler = max((each for each in RULERS if each * scale < SIZE / 3.0), default=RULERS[0])
+    end = 8.0 + ruler * scale
+    lines.append(f'<path class="ruler" d="M8 {SIZE - 10:.0f} v4 H{end:.1f} v-4"/>')
+    lines.append(f'<text class="ruler" x="{end + 5:.1f}" y="{SIZE - 5:.0f}">{ruler:g} m</text>')
+    names = ", ".join(label_of(robot.joints, j) for j in range(robot.n))
+    return (
+        f'<svg class="arm" viewBox="0 0 {SIZE:.0f} {SIZE:.0f}" role="img" '
+        f'aria-label="{escape(f"Joints of {robot.name}: {names}", quote=True)}">{"".join(lines)}</svg>'
+    )
+
+
+def _marks(robot: Robot, place: Array) -> list[str]:
+    """A mark with the numbers of the joints at each place (n, 2); joints that are one on the picture share it."""
+    groups: list[list[int]] = []
+    for j, at in enumerate(place):
+        near = next((g for g in groups if np.linalg.norm(place[g].mean(axis=0) - at) < 2.0 * RADIUS), None)
+        if near is None:
+            groups.append([j])
+        else:
+            near.append(j)
+    marks: list[str] = []
+    for group in groups:
+        x, y = place[group].mean(axis=0)
+        half = RADIUS + 4.5 * (len(group) - 1)
+        round_ = 2.0 if all(robot.joints[j].is_prismatic for j in group) else RADIUS
+        names = escape(", ".join(label_of(robot.joints, j) for j in group))
+        marks.append(
+            f'<g class="joint"><title>{names}</title><rect x="{x - half:.1f}" y="{y - RADIUS:.1f}" '
+            f'width="{2 * half:.1f}" height="{2 * RADIUS:.0f}" rx="{round_:.0f}"/>'
+            f'<text x="{x:.1f}" y="{y + 3.6:.1f}">{" ".join(str(j + 1) for j in group)}</text></g>'
+        )
+    return marks
+
+
+def _view(robot: Robot) -> Array:
+    """Rotation (3, 3) from the base frame to the picture: right, up, towards the eye; up is against gravity."""
+    size = float(np.linalg.norm(robot.gravity))
+    up = -robot.gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+    aside = np.eye(3)[int(np.argmin(np.abs(up)))]
+    ahead = aside - (aside @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    left = np.cross(up, ahead)
+    level = np.cos(AZIMUTH) * ahead - np.sin(AZIMUTH) * left
+    eye = np.cos(ELEVATION) * level + np.sin(ELEVATION) * up
+    right = np.cross(up, eye)
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(eye, right), eye], dtype=np.float64)
+
+
+def _middle(robot: Robot) -> Array:
+    """The middle of each joint's range (n,), moved off a stretched pose; zero where there is no range."""
+    limits = np.array([joint.position_limits for joint in robot.joints])
+    known = np.isfinite(limits).all(axis=1)
+    half = np.where(known, 0.5 * np.ptp(np.where(np.isfinite(limits), limits, 0.0), axis=1), np.pi)
+    middle = np.where(known, np.where(np.isfinite(limits), limits, 0.0).mean(axis=1), 0.0)
+    return middle + np.minimum(0.3 * half, 0.6)

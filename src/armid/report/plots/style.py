@@ -1,0 +1,167 @@
+"""Look of plots, said once for pages and for notebooks: colour, dash and symbol of each role, axes, levels.
+
+A look is the part of plotly's JSON that does not depend on where it is shown. Colours are names from `theme.css`,
+written `--blue`; a page resolves them as its reader's system is light or dark, a notebook by `resolved`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, get_args
+
+from armid.errors import ArmidError
+from armid.report.plots.encoding import packed
+from armid.report.plots.traces import Plot, Trace
+from armid.report.rendering import text_of
+from armid.values import Array
+
+__all__ = ["Theme", "axes_of", "colours", "levels_of", "plot_record", "resolved", "trace_look"]
+
+Theme = Literal["light", "dark"]
+
+Line = tuple[str, float, str]
+"""Colour, width and dash of a line."""
+
+LINES: Mapping[str, Line] = {
+    "measured": ("ink", 1.3, "solid"),
+    "predicted": ("blue", 1.7, "6px,3px"),
+    "recorded": ("grey", 1.0, "2px,2px"),
+    "training": ("blue", 1.1, "solid"),
+    "validation": ("orange", 1.1, "solid"),
+    "single": ("grey", 0.6, "solid"),
+    "mean": ("ink", 2.0, "solid"),
+    "law": ("orange", 2.4, "7px,3px"),
+    "physical": ("orange", 1.5, "2px,3px"),
+    "joint-1": ("joint-1", 1.6, "solid"),
+    "joint-2": ("joint-2", 1.6, "9px,3px"),
+    "joint-3": ("joint-3", 1.6, "2px,3px"),
+    "joint-4": ("joint-4", 1.6, "9px,3px,2px,3px"),
+    "joint-5": ("joint-5", 1.6, "5px,2px"),
+    "joint-6": ("joint-6", 1.6, "14px,4px"),
+    "joint-7": ("joint-7", 1.6, "6px,2px,1px,2px,1px,2px"),
+    "limit": ("orange", 1.4, "5px,3px"),
+}
+"""Lines by role; each tells itself from its neighbours by colour and once more by its dash."""
+
+MARKED = ("mean",)
+"""Roles of lines whose points are marked, too."""
+
+CLOUDS: Mapping[str, tuple[str, str, int]] = {
+    "training": ("blue", "circle-open", 4),
+    "validation": ("orange", "x-thin-open", 4),
+    "above": ("near", "triangle-up", 6),
+    "below": ("near", "triangle-down", 6),
+    "forward": ("blue", "triangle-up", 4),
+    "backward": ("orange", "triangle-down-open", 4),
+    "joint-1": ("joint-1", "circle", 7),
+    "joint-2": ("joint-2", "square", 7),
+    "joint-3": ("joint-3", "diamond", 8),
+    "joint-4": ("joint-4", "cross-thin-open", 9),
+    "joint-5": ("joint-5", "triangle-up", 8),
+    "joint-6": ("joint-6", "x-thin-open", 8),
+    "joint-7": ("joint-7", "triangle-down", 8),
+}
+"""Points by role: colour, symbol and size."""
+
+CROWD = 4
+"""Size of points that stand in crowds and are drawn half transparent, so that it shows where there are many."""
+
+RULED = {"gridcolor": "--grid", "linecolor": "--rule", "zerolinecolor": "--rule", "tickcolor": "--rule"}
+
+
+def plot_record(plot: Plot) -> dict[str, Any]:
+    """A plot for the page's script: its group, its traces and its axes in plotly's JSON, colours by name."""
+    return {
+        "group": plot.group,
+        "data": [trace_look(trace, packed) for trace in plot.traces],
+        "layout": {**axes_of(plot), "shapes": levels_of(plot)},
+    }
+
+
+def trace_look(trace: Trace, numbers: Callable[[Array], Any]) -> dict[str, Any]:
+    """A trace in plotly's JSON, colours by name.
+
+    Args:
+        trace: The trace.
+        numbers: Brings its coordinates into the form that is wanted.
+    """
+    found: dict[str, Any] = {
+        "type": "scatter",
+        "x": numbers(trace.x),
+        "y": numbers(trace.y),
+        "name": trace.name,
+        "hovertemplate": "%{y:.4g} at %{x:.4g}<extra>" + trace.name + "</extra>",
+    }
+    if trace.role in ("edge", "band"):
+        del found["hovertemplate"]
+        fill = {"fill": "tonexty", "fillcolor": "--band"} if trace.role == "band" else {}
+        return {**found, "mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", **fill}
+    if trace.cloud:
+        colour, symbol, size = CLOUDS[trace.role]
+        crowd = size <= CROWD
+        edge = {"width": 1 if crowd else 2, "color": f"--{colour}"}
+        marker = {
+            "color": f"--{colour}",
+            "symbol": symbol,
+            "size": size,
+            "opacity": 0.55 if crowd else 1,
+            "line": edge,
+        }
+        return {**found, "mode": "markers", "marker": marker}
+    colour, width, dash = LINES[trace.role]
+    found["line"] = {"color": f"--{colour}", "width": width, "dash": dash}
+    if trace.role not in MARKED:
+        return {**found, "mode": "lines"}
+    return {**found, "mode": "lines+markers", "marker": {"color": f"--{colour}", "symbol": "circle", "size": 4}}
+
+
+def axes_of(plot: Plot) -> dict[str, Any]:
+    """Both axes of a plot in plotly's JSON."""
+    log, span = plot.axes.logarithmic, plot.axes.span
+
+    def axis(title: str, ticks: dict[str, Any]) -> dict[str, Any]:
+        return {
+            "title": {"text": title, "standoff": 4},
+            "type": "log" if log else "linear",
+            "exponentformat": "power",
+            "ticks": "outside",
+            "tickangle": 0,
+            "ticklen": 3,
+            **RULED,
+            **ticks,
+        }
+
+    usual = {"nticks": 5 if log else 7}
+    shown = {} if span is None else {"range": [float(end) for end in span]}
+    return {"xaxis": axis(plot.x, {"dtick": 1} if log else usual), "yaxis": axis(plot.y, {**usual, **shown})}
+
+
+def levels_of(plot: Plot) -> list[dict[str, Any]]:
+    """Levels and marks of a plot as shapes in plotly's JSON, right across it."""
+    dotted = {"type": "line", "layer": "below", "line": {"color": "--soft", "width": 1, "dash": "1px,3px"}}
+    across = [{**dotted, "xref": "paper", "x0": 0, "x1": 1, "y0": float(y), "y1": float(y)} for y in plot.axes.levels]
+    upright = [{**dotted, "yref": "paper", "y0": 0, "y1": 1, "x0": float(x), "x1": float(x)} for x in plot.axes.marks]
+    return [*across, *upright]
+
+
+def colours(theme: Theme) -> dict[str, str]:
+    """Colours of a theme by name, as `theme.css` has them.
+
+    Raises:
+        ArmidError: There is no such theme.
+    """
+    blocks = re.findall(r":root[^{]*{(.*?)}", text_of("theme.css"), re.DOTALL)
+    themes = dict(zip(get_args(Theme), blocks, strict=True))
+    if theme not in list(themes):
+        raise ArmidError(f"There is no theme {theme!r}.", possible=", ".join(themes))
+    return dict(re.findall(r"--([\w-]+):\s*([^;]+);", themes[theme]))
+
+
+def resolved(look: Any, palette: Mapping[str, str]) -> Any:
+    """A look with the names of colours replaced by colours."""
+    if isinstance(look, dict):
+        return {key: resolved(value, palette) for key, value in look.items()}
+    if isinstance(look, list):
+        return [resolved(each, palette) for each in look]
+    return palette[look[2:]] if isinstance(look, str) and look.startswith("--") else look

@@ -1,0 +1,295 @@
+"""The page of the pre-flight check: how near a plan comes to every limit, and what its recording will tell."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from armid.excitation.certification import Margin
+from armid.excitation.collision.closest_approach import Approach
+from armid.excitation.limits.joint_limits import Limits
+from armid.excitation.limits.workspace import SCALE
+from armid.excitation.plan import Plan
+from armid.excitation.preflight import worst
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.report.data.joint_names import groups_of, heading_of, label_of
+from armid.report.data.number_format import fixed, share, short
+from armid.report.page import assemble
+from armid.report.plots.traces import Plot, Trace, line
+from armid.report.rendering import require_extra
+from armid.report.section import Section, one_of
+from armid.report.tables import Cell, Column, Table
+from armid.robot import Joint
+from armid.study.plans.design import Designed
+from armid.study.plans.preflight_text import findings_of
+from armid.values import Array, replace_file
+
+__all__ = ["PREFLIGHT", "links_of", "motion_section", "nearest_of_links", "render_preflight", "write_preflight"]
+
+DRAWN = 100.0
+"""Samples a second of the pictures [Hz]; forty a period of the highest harmonics that arms follow."""
+
+COLLISION = "collision"
+DISTANCES = (COLLISION, "tip")
+"""Limits whose value is a distance that must not become smaller than the bound."""
+
+CLOSE = 0.99
+"""Share of a limit from which a plan is said to use all of it."""
+
+MANY = 12
+"""Rows from which a table is folded."""
+
+
+def write_preflight(designed: Designed, path: Path | str) -> Path:
+    """Write the page, whole or not at all.
+
+    Raises:
+        MissingExtraError: jinja2 or plotly is not installed.
+        ArmidError: The file cannot be written.
+    """
+    require_extra()
+    return replace_file(path, render_preflight(designed))
+
+
+def render_preflight(designed: Designed) -> str:
+    """The page as HTML."""
+    plan = designed.plan
+    series = plan.excitation
+    subtitle = (
+        f"Pre-flight check: {series.harmonics} harmonics over {series.period:g} s, "
+        f"{'once' if plan.repetitions == 1 else f'{plan.repetitions} times'}, {plan.duration:.1f} s in all; "
+        f"designed for {designed.problem.goal.criterion}"
+    )
+    sections = {name: section for name, show in PREFLIGHT.items() if (section := show(designed)) is not None}
+    return assemble(series.robot, subtitle, sections, with_plots=True)
+
+
+def show_limits(designed: Designed) -> Section:
+    """Every limit with its margin, joint and time."""
+    margins = designed.preflight.margins
+    rows = [_margin_row(margin, designed) for margin in margins if margin.limit != COLLISION]
+    columns = (
+        Column("limit", words=True),
+        Column("of", words=True),
+        Column("value"),
+        Column("bound"),
+        Column("unit", words=True),
+        Column("reached", "%"),
+        Column("certified", "%"),
+        Column("at", "s"),
+    )
+    note = (
+        "Reached on a grid of 1 kHz; certified is what cannot be exceeded between its points either. Torque has no "
+        "such certificate, only the largest step between two points as a margin. ▲ marks limits that are used up."
+    )
+    content = {
+        "verdict": designed.preflight.verdict,
+        "said": designed.preflight.sentence,
+        "worst": [
+            (m.limit, m.label, _reached(m), "" if math.isnan(m.time) else fixed(m.time, 2)) for m in worst(margins)
+        ],
+        "findings": [(finding.severity, finding.evidence, finding.remedy) for finding in findings_of(designed)],
+    }
+    return Section("Limits", content, (Table("limits", "Every limit", columns, rows, note),))
+
+
+def _reached(margin: Margin) -> str:
+    """Tell how near a limit the plan comes, in words."""
+    if margin.limit in DISTANCES:
+        return f"{fixed(1000.0 * margin.value, 0)} mm of room, {fixed(1000.0 * margin.bound, 0)} mm asked"
+    return f"{share(margin.share)} of the limit"
+
+
+def _margin_row(margin: Margin, designed: Designed) -> tuple[Cell, ...]:
+    timeless = math.isnan(margin.time)
+    reached = certified = Cell("–", "")
+    if margin.limit not in DISTANCES:
+        reached, certified = (Cell(fixed(100.0 * x, 1), 100.0 * x) for x in (margin.share, margin.certified))
+        if margin.certified > CLOSE:
+            certified = Cell(f"{certified.text} ▲", certified.value)
+    return (
+        Cell(margin.limit, kind="name"),
+        Cell(margin.label, kind="name"),
+        *_value_and_bound(margin, designed),
+        Cell(margin.unit),
+        reached,
+        certified,
+        Cell("–", "") if timeless else Cell(fixed(margin.time, 2), margin.time),
+    )
+
+
+def _value_and_bound(margin: Margin, designed: Designed) -> tuple[Cell, Cell]:
+    """Return what is reached and what may be; of positions from where to where."""
+    spread = designed.spread(margin)
+    if spread is None:
+        return Cell(fixed(margin.value, 4), margin.value), Cell(fixed(margin.bound, 4), margin.bound)
+    low, high, lower, upper = (fixed(x, 4) for x in spread)
+    return Cell(f"{low}…{high}", margin.value), Cell(f"{lower}…{upper}", margin.bound)
+
+
+def show_approaches(designed: Designed) -> Section | None:
+    """Closest approach of each pair; nothing where collisions were not looked at."""
+    report = designed.preflight
+    if not report.approaches:
+        return None
+    asked = {margin.label: margin for margin in report.margins if margin.limit == COLLISION}
+    rows: list[tuple[Cell, ...]] = []
+    for each in nearest_of_links(report.approaches):
+        capsules, distance = asked.get(each.pair), 1000.0 * each.distance
+        nothing = Cell("–", "")
+        around, between = nothing, nothing
+        if capsules is not None:
+            sure = 1000.0 * (capsules.value - SCALE * (capsules.certified - capsules.share))
+            around = Cell(fixed(1000.0 * capsules.value, 0), 1000.0 * capsules.value)
+            between = Cell(fixed(sure, 0), sure)
+        mark = "" if each.kept else " ▲"
+        rows.append(
+            (
+                Cell(links_of(each.pair), kind="name"),
+                Cell(fixed(distance, 0) + mark, distance),
+                Cell(fixed(each.time, 2), each.time),
+                around,
+                between,
+                Cell(fixed(1000.0 * each.asked, 0), 1000.0 * each.asked),
+            )
+        )
+    columns = (
+        Column("links", words=True),
+        Column("closest", "mm"),
+        Column("at", "s"),
+        Column("as capsules", "mm"),
+        Column("certified", "mm"),
+        Column("asked", "mm"),
+    )
+    note = (
+        "Closest: bodies measured anew, meshes as convex hulls of up to four slabs, 50 times a second, and 250 times "
+        "where they are closest. As capsules: those around the bodies, which the search kept apart, on a grid of "
+        "1 kHz; certified is what they keep between its points as well. Asked: less than the clearance where links "
+        "are built closer than that. ▲ marks pairs that come too close."
+    )
+    title = f"Closest approach of each of {len(rows)} pairs of links, the nearest first"
+    table = Table("approaches", title, columns, rows, note, folded=len(rows) > MANY)
+    skipped = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped]
+    return Section("Closest approaches", {"skipped": skipped}, (table,))
+
+
+def links_of(pair: str) -> str:
+    """A pair of bodies by the links that have them, without the number of the body on its link."""
+    return re.sub(r" \(\d+\)", "", pair)
+
+
+def nearest_of_links(approaches: Sequence[Approach]) -> list[Approach]:
+    """The worst approach of each pair of links, which may have several bodies each; the nearest first."""
+    nearest: dict[str, Approach] = {}
+    for each in sorted(approaches, key=lambda approach: (approach.kept, approach.distance)):
+        nearest.setdefault(links_of(each.pair), each)
+    return sorted(nearest.values(), key=lambda approach: approach.distance)
+
+
+def show_expected(designed: Designed) -> Section:
+    """Deviations that the recording will give."""
+    expected, goal = designed.preflight.expected, designed.problem.goal
+    robot = goal.model.robot
+    order, groups = groups_of(expected.names, robot.joints)
+    parameters = Table(
+        "expected-parameters",
+        f"Predicted standard deviation of each of {len(order)} base parameters, joint by joint",
+        (Column("parameter", words=True), Column("standard deviation"), Column("unit", words=True)),
+        [
+            (Cell(expected.names[k], kind="name"), _cell(float(expected.deviation[k])), Cell(expected.units[k]))
+            for k in order
+        ],
+        folded=True,
+        groups=groups,
+    )
+    unit = one_of([joint.effort_unit for joint in robot.joints])
+    torque = Table(
+        "expected-torque",
+        "Predicted standard deviation of the model's torque along this plan",
+        (Column("joint", words=True), Column("noise taken", unit), Column("standard deviation", unit)),
+        [
+            (Cell(label_of(robot.joints, j), kind="name"), _cell(float(noise)), _cell(float(x)))
+            for j, (noise, x) in enumerate(zip(goal.noise, expected.torque, strict=True))
+        ],
+    )
+    content = {
+        "condition": short(expected.condition, 4),
+        "log_det": fixed(expected.log_det, 2),
+        "rate": f"{goal.rate:g}",
+        "repetitions": goal.repetitions,
+        "known": goal.prior is not None,
+    }
+    return Section("What to expect", content, (torque, parameters))
+
+
+def _cell(value: float) -> Cell:
+    return Cell(short(value), value)
+
+
+def show_motion(designed: Designed) -> Section:
+    """Position, velocity, acceleration and torque over time against their limits."""
+    model = designed.problem.goal.model
+    content = {"torque": model.nominal_parameters() is not None}
+    return motion_section(designed.plan, model, designed.limits, content)
+
+
+def motion_section(
+    plan: Plan, model: DynamicsModel, limits: Limits, content: Mapping[str, object] | None = None
+) -> Section:
+    """A plan against limits, torque as well where the description says enough.
+
+    Args:
+        plan: The motion.
+        model: Whose torque is shown.
+        limits: Of the joints.
+        content: What else the template asks for.
+    """
+    motion = plan.sample(DRAWN)
+    nominal = model.nominal_parameters()
+    torque = None if nominal is None else model.torque(motion, nominal)
+    rows = tuple(
+        (heading_of(model.robot.joints, j), tuple(_plots(motion, torque, joint, limits, j)))
+        for j, joint in enumerate(model.robot.joints)
+    )
+    return Section("Motion", content or {}, (), rows, (("measured", "plan"), ("limit", "limit")))
+
+
+def _plots(motion: Motion, torque: Array | None, joint: Joint, limits: Limits, j: int) -> list[Plot]:
+    """The pictures of one joint."""
+    unit = joint.unit
+    shown: list[tuple[str, str, Array, tuple[float, float]]] = [
+        ("position", f"q [{unit}]", motion.q[:, j], (float(limits.lower[j]), float(limits.upper[j]))),
+        ("velocity", f"dq [{unit}/s]", motion.dq[:, j], _both(limits.velocity[j])),
+        ("acceleration", f"ddq [{unit}/s²]", motion.ddq[:, j], _both(limits.acceleration[j])),
+    ]
+    if torque is not None:
+        shown.append(("torque", f"τ [{joint.effort_unit}]", torque[:, j], _both(limits.effort[j])))
+    plots: list[Plot] = []
+    for name, axis, values, bounds in shown:
+        traces = [line("measured", motion.time, values, name)]
+        ends = motion.time[[0, -1]]
+        traces += [Trace("limit", ends, np.full(2, each), "limit") for each in bounds if math.isfinite(each)]
+        said = f"{short(float(values.min()))} to {short(float(values.max()))}"
+        if math.isfinite(bounds[1]):
+            low, high = map(short, bounds)
+            said += f"; limit {high}" if bounds[0] == -bounds[1] else f"; limits {low} and {high}"
+        plots.append(Plot(f"{name}-{j + 1}", name.capitalize(), said, "time [s]", axis, traces, "plan"))
+    return plots
+
+
+def _both(limit: float) -> tuple[float, float]:
+    return -float(limit), float(limit)
+
+
+PREFLIGHT: Mapping[str, Callable[[Designed], Section | None]] = {
+    "limits": show_limits,
+    "approaches": show_approaches,
+    "motion": show_motion,
+    "expected": show_expected,
+}
+"""Sections of the page, in order; each has a template of its name."""

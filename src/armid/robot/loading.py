@@ -1,0 +1,147 @@
+"""From a name or a path to a `Robot`."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from armid.errors import RobotError
+from armid.robot.angle_rounding import rounded
+from armid.robot.joint_selection import held_joints
+from armid.robot.packages import forget, give_packages
+from armid.robot.readers import READERS, Reader, urdf, xacro
+from armid.robot.robot import Robot
+from armid.robot.visual_bodies import with_bodies
+
+__all__ = ["builtin_arms", "held_of", "load_robot"]
+
+Locked = Mapping[str, float] | Iterable[str]
+
+ARMS = Path(__file__).parent / "arms"
+
+
+def builtin_arms() -> tuple[str, ...]:
+    """Names of the arms that armid brings along."""
+    return tuple(sorted(path.stem for path in ARMS.glob("*.toml")))
+
+
+def load_robot(
+    description: str | Path,
+    *,
+    gravity: ArrayLike | None = None,
+    lock: Locked = (),
+    only: str | Sequence[str] = (),
+    tip: str | None = None,
+    locked: Locked | None = None,
+    packages: Mapping[str, str] | None = None,
+) -> Robot:
+    """The robot of a description.
+
+    Angles within 1e-4 rad of a multiple of 15° are taken as that multiple (see `armid.robot.angle_rounding`); the
+    result's findings say so.
+
+    Args:
+        description: Name of a built-in arm, or path to a URDF, xacro, MJCF or DH table in TOML.
+        gravity: Acceleration of gravity in the base frame (3,) [m/s²]; what the description says if left out.
+        lock: Joints held still: names or `"name=position"` [rad or m], or positions by name; zero, or within the
+            limits what is nearest to it, where none is given. Names may be patterns such as `leg_*`. Joints that
+            follow another one (mimic) are held by themselves, and a finding says so.
+        only: Names or patterns of the joints that move; all others are held still.
+        tip: Name of the frame that stands for the tool flange: the joints between the base and it move, all others
+            are held still, unless `only` says which. Found if left out, and nothing is held for it.
+        locked: Former name of `lock`.
+        packages: Folders of ROS packages by name, beside those that `armid.robot.packages` finds.
+
+    Raises:
+        RobotError: No such arm or file, or one that cannot be read, or a pattern that fits no joint; the message says
+            what is possible.
+        MissingExtraError: A format whose package is not installed.
+    """
+    asked = _values(lock if locked is None else locked)
+    given = give_packages(packages or {})
+    try:
+        text, source, reader = _expanded(description)
+        held = held_joints(reader.outline(text, source=source), source, asked, _names(only), tip)
+        robot = with_bodies(reader.read(text, source=source, locked=held.at, tip=tip))
+    finally:
+        forget(given)
+    sha256 = robot.sha256 or hashlib.sha256(text.encode()).hexdigest()
+    robot, _ = rounded(replace(robot, sha256=sha256, findings=(*robot.findings, *held.findings)))
+    robot = robot.lock({name: value for name, value in held.at.items() if name in robot.joint_names})
+    return robot if gravity is None else robot.with_gravity(gravity)
+
+
+def held_of(
+    description: str | Path, *, lock: Locked = (), only: str | Sequence[str] = (), tip: str | None = None
+) -> dict[str, float]:
+    """Positions [rad or m] of all joints that `load_robot` holds still, by name; arguments as there."""
+    text, source, reader = _expanded(description)
+    outline = reader.outline(text, source=source)
+    return dict(held_joints(outline, source, _values(lock), _names(only), tip).at)
+
+
+def _values(lock: Locked) -> dict[str, float | None]:
+    """Positions by name or pattern; `None` where none is given."""
+    if isinstance(lock, Mapping):
+        return {name: float(value) for name, value in lock.items()}
+    values: dict[str, float | None] = {}
+    for each in _names(lock):
+        name, equals, value = each.partition("=")
+        try:
+            values[name] = float(value) if equals else None
+        except ValueError:
+            raise RobotError(
+                f"--lock {each}: {value!r} is no number.", remedy="write --lock JOINT or --lock JOINT=VALUE."
+            ) from None
+    return values
+
+
+def _names(given: str | Iterable[str]) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def _expanded(description: str | Path) -> tuple[str, str, Reader]:
+    """Text, source and reader of a description, a xacro as the URDF that it stands for."""
+    text, source, reader = _find(description)
+    return (xacro.expand(text, source), source, urdf) if reader is xacro else (text, source, reader)
+
+
+def _find(description: str | Path) -> tuple[str, str, Reader]:
+    """Text, source and reader of a description."""
+    if str(description) in builtin_arms():
+        path, source = ARMS / f"{description}.toml", str(description)
+    else:
+        path, source = Path(description), str(description)
+    readers = [reader for reader in READERS.values() if path.suffix.lower() in reader.SUFFIXES]
+    if not readers or not path.is_file():
+        raise _not_found(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RobotError(f"{source} cannot be read: {error}.", remedy="give a UTF-8 text file.") from error
+    if len(readers) == 1:
+        return text, source, readers[0]
+    recognised = [reader for reader in readers if reader.recognises(text)]
+    # Where none recognises the text, the first reader says what is wrong with it.
+    return text, source, (recognised or readers)[0]
+
+
+def _not_found(path: Path) -> RobotError:
+    """The error for what is neither a built-in arm nor a file that can be read."""
+    suffixes = sorted({suffix for reader in READERS.values() for suffix in reader.SUFFIXES})
+    beside = [str(p) for p in path.parent.iterdir() if p.suffix in suffixes] if path.parent.is_dir() else []
+    close = get_close_matches(str(path), [*builtin_arms(), *beside], 1)
+    if path.exists():
+        problem = f"{path} is no robot description that armid reads."
+    else:
+        problem = f"There is no robot description {str(path)!r}: neither a built-in arm nor a file."
+    return RobotError(
+        problem,
+        possible=f"{', '.join(builtin_arms())}; a path to a file ending in {', '.join(suffixes)}",
+        remedy=f"did you mean {close[0]!r}?" if close else "check the name or the path.",
+    )

@@ -1,0 +1,165 @@
+"""Joints of an MJCF before any is held, and the equalities that tie joints to each other or close loops."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Mapping
+
+from armid.errors import Finding, RobotError
+from armid.robot.joint_selection import Follows, Named, Outline
+from armid.robot.pinocchio_model import Limits
+from armid.robot.xml import numbers
+
+__all__ = ["check_equalities", "joint_names", "joints_of", "outline_of"]
+
+COUPLINGS = ("flex", "flexvert", "flexstrain")
+LOOPS = ("connect", "weld")
+IDENTITY = (0.0, 1.0, 0.0, 0.0, 0.0)
+"""The polynomial of an equality of joints that gives none."""
+
+
+def joints_of(body: ET.Element) -> list[ET.Element]:
+    """The joints of one body."""
+    return [element for element in body if element.tag in ("joint", "freejoint")]
+
+
+def joint_names(root: ET.Element) -> list[str]:
+    """Names of all joints of a flattened document."""
+    bodies = (body for worldbody in root.findall("worldbody") for body in worldbody.iter("body"))
+    return [joint.get("name", "") for body in bodies for joint in joints_of(body)]
+
+
+def outline_of(
+    root: ET.Element, source: str, limits: Mapping[str, Limits], references: Mapping[str, float]
+) -> Outline:
+    """All joints of a flattened document, and the joint that moves each body and site.
+
+    Args:
+        root: The document.
+        source: Its path, for messages.
+        limits: Of the joints with one degree of freedom.
+        references: Their positions as drawn [rad or m].
+    """
+    follows = _follows(root, source, references)
+    joints: list[Named] = []
+    frames: dict[str, int] = {}
+
+    def walk(body: ET.Element, parent: int) -> None:
+        for joint in joints_of(body):
+            name = joint.get("name", "")
+            limit = limits.get(name, Limits())
+            joints.append(Named(name, parent, name in limits, limit.lower, limit.upper, follows.get(name)))
+            parent = len(joints) - 1
+        frames[body.get("name", "")] = parent
+        frames.update({site.get("name", ""): parent for site in body.findall("site") if site.get("name")})
+        for child in body.findall("body"):
+            walk(child, parent)
+
+    for worldbody in root.findall("worldbody"):
+        for body in worldbody.findall("body"):
+            walk(body, -1)
+    return Outline(tuple(joints), frames)
+
+
+def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> dict[str, Follows]:
+    """Return joints that equalities lead: q - ref is a polynomial in the leader's q - ref, or its constant alone."""
+    result: dict[str, Follows] = {}
+    for tie in _active(root):
+        follower = tie.get("joint1", "")
+        if tie.tag != "joint" or follower in result:
+            continue
+        where = f"the equality of joint {follower!r}"
+        given = tie.get("polycoef", "").split()
+        factors = [*(numbers(tie, "polycoef", len(given), source, where) or ()), *IDENTITY[len(given) :]]
+        leader, shift = tie.get("joint2", ""), references.get(follower, 0.0)
+        kept = _shifted(factors, references.get(leader, 0.0)) if leader else factors[:1]
+        result[follower] = Follows(leader, (kept[0] + shift, *kept[1:]))
+    return result
+
+
+def _shifted(factors: list[float], by: float) -> list[float]:
+    """Coefficients in x of a polynomial in x - by."""
+    degree = range(len(factors))
+    return [sum(factors[k] * math.comb(k, i) * (-by) ** (k - i) for k in degree if k >= i) for i in degree]
+
+
+def _active(root: ET.Element) -> list[ET.Element]:
+    """Equalities that are switched on."""
+    return [tie for section in root.findall("equality") for tie in section if tie.get("active") != "false"]
+
+
+def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> list[Finding]:
+    """Refuse what closes a loop over joints that move, and what ties joints that are not locked to others.
+
+    Returns:
+        What was passed over.
+
+    Raises:
+        RobotError: Such an equality.
+    """
+    found: list[Finding] = []
+    above = _joints_above(root)
+    dragged = {body.get("name", "") for body in root.iter("body") if body.get("mocap") == "true"}
+    for tie in _active(root):
+        follower = tie.get("joint1")
+        if tie.tag in COUPLINGS:
+            raise RobotError(
+                f"{source} has an equality of kind {tie.tag!r}, which couples joints.",
+                possible="open chains and trees",
+                remedy='remove it, or give it active="false".',
+            )
+        tied = _tied(root, tie, above)
+        moving = sorted(tied - set(locked))
+        # What hangs on a mocap body is dragged by a simulation, and no part of the arm.
+        if tie.tag in LOOPS and dragged & set(_ends(tie)):
+            what = f"{tie.tag} to a mocap body, by which a simulation drags it, is passed over"
+            found.append(Finding("mocap-ignored", "info", " - ".join(_ends(tie)), what))
+        elif tie.tag in (*LOOPS, "tendon") and moving:
+            what = "closes a loop over" if tie.tag in LOOPS else "couples"
+            raise RobotError(
+                f"{source} has an equality of kind {tie.tag!r}, which {what} {', '.join(moving)}.",
+                possible="open chains and trees",
+                remedy="lock these joints (--lock), or choose an arm without them (--tip LINK, --only PATTERN).",
+            )
+        if tie.tag == "joint" and follower not in locked:
+            raise RobotError(
+                f"{source}: joint {follower!r} is of kind mimic: an equality ties it to {tie.get('joint2')!r}.",
+                remedy=f"lock {follower!r}, or remove the equality.",
+            )
+    return found
+
+
+def _tied(root: ET.Element, tie: ET.Element, above: Mapping[str, set[str]]) -> set[str]:
+    """Joints that an equality of bodies, sites or tendons ties to each other."""
+    if tie.tag in LOOPS:
+        one, other = (above.get(end, set[str]()) for end in _ends(tie))
+        return one ^ other
+    names = {tie.get("tendon1"), tie.get("tendon2")}
+    tendons = [each for section in root.findall("tendon") for each in section if each.get("name") in names]
+    joints = {joint.get("joint", "") for tendon in tendons for joint in tendon.iter("joint")}
+    sites = {site.get("site", "") for tendon in tendons for site in tendon.iter("site")}
+    return joints.union(*(above.get(site, set[str]()) for site in sites))
+
+
+def _ends(tie: ET.Element) -> tuple[str, str]:
+    """Names of the two bodies or sites that an equality holds together; empty for the world."""
+    one, other = ("body1", "body2") if "body1" in tie.attrib else ("site1", "site2")
+    return tie.get(one, ""), tie.get(other, "")
+
+
+def _joints_above(root: ET.Element) -> dict[str, set[str]]:
+    """Joints between the world and each body and site."""
+    found: dict[str, set[str]] = {}
+
+    def walk(body: ET.Element, carried: set[str]) -> None:
+        own = carried | {joint.get("name", "") for joint in joints_of(body)}
+        found[body.get("name", "")] = own
+        found.update({site.get("name", ""): own for site in body.findall("site")})
+        for child in body.findall("body"):
+            walk(child, own)
+
+    for worldbody in root.findall("worldbody"):
+        for body in worldbody.findall("body"):
+            walk(body, set())
+    return found

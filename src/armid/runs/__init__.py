@@ -1,0 +1,1 @@
+"""Finished runs: what they hold, and what is done with them."""

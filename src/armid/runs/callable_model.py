@@ -1,0 +1,196 @@
+"""A run as something to call: torque, gravity, friction and mass matrix of one sample, in microseconds.
+
+    model = Model.of(load_run("runs/iiwa"))
+    tau = model.torque(q, dq, ddq)
+
+The functions are those that code is generated for, run by the kernel. A model is never changed by a call, so several
+threads may share it; what a motion leaves behind stands in a `Memory` of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.codegen import Program, make_programs
+from armid.codegen.tape import make_tape
+from armid.errors import ArmidError
+from armid.estimation.estimate import torque_parameters
+from armid.kernel import in_use
+from armid.kernel.dispatch import TWIN
+from armid.model.base_parameters import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.runs.run import Run
+from armid.values import Array, array
+
+__all__ = ["Memory", "Model"]
+
+
+class Model:
+    """A model with its parameters, called for one sample at a time.
+
+    Vectors have shape (n,); arrays of float64 in C order are taken as they are, anything else costs a conversion.
+
+    Args:
+        model: Arm and torque terms.
+        base: Base parameters of the model.
+        values: Their values, shape (b,).
+    """
+
+    __slots__ = ("_calls", "joints", "memories")
+
+    joints: tuple[str, ...]
+    """Names of the joints."""
+
+    memories: int
+    """Number of states that the model remembers of a motion; 0 where it needs no `Memory`."""
+
+    def __init__(self, model: DynamicsModel, base: BaseParameters, values: ArrayLike) -> None:
+        given = {"parameters": array(values, (base.count,), "base parameters")}
+        names = ["inverse_dynamics", "gravity_torque", "mass_matrix", "friction", "state_start", "state_update"]
+        self._calls = {program.name: _Call(program, given) for program in make_programs(model, base, names)}
+        self.joints = model.robot.joint_names
+        self.memories = len(model.nodes)
+
+    @classmethod
+    def of(cls, run: Run) -> Model:
+        """The model of a run, with the parameters of its estimate."""
+        base = run.estimate.base
+        return cls(run.model, base, base.values_of(torque_parameters(base, run.estimate.fit)))
+
+    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, memory: Memory | None = None) -> Array:
+        """Torque of the whole model, shape (n,) [N·m or N].
+
+        Args:
+            q: Joint positions [rad or m].
+            dq: Joint velocities [rad/s or m/s].
+            ddq: Joint accelerations [rad/s² or m/s²].
+            memory: What the motion left behind, updated with this q; needed where the model has a memory.
+
+        Raises:
+            ArmidError: Another shape, something that is not finite, or no memory where one is needed.
+        """
+        call = self._calls["inverse_dynamics"].run
+        return call(q, dq, ddq) if not self.memories else call(q, dq, ddq, self._state(memory))
+
+    def gravity(self, q: ArrayLike) -> Array:
+        """Torque that holds the links still, friction aside, shape (n,) [N·m or N]."""
+        return self._calls["gravity_torque"].run(q)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Mass matrix of links and rotors, shape (n, n)."""
+        return self._calls["mass_matrix"].run(q)
+
+    def friction(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike | None = None, memory: Memory | None = None
+    ) -> Array:
+        """Torque of all terms but links and rotors, shape (n,) [N·m or N].
+
+        Args:
+            q: Joint positions.
+            dq: Joint velocities.
+            ddq: Joint accelerations, on which only friction under load depends; zero where none are given.
+            memory: As for `torque`.
+        """
+        call, inputs = self._calls["friction"], [q, dq]
+        if "ddq" in call.inputs:
+            inputs.append(np.zeros(len(self.joints)) if ddq is None else ddq)
+        return call.run(*inputs, *([self._state(memory)] if self.memories else []))
+
+    def memory(self, q: ArrayLike) -> Memory:
+        """Return what a motion that begins at positions q has left behind so far."""
+        if not self.memories:
+            return Memory(np.zeros(0), None)
+        return Memory(self._calls["state_start"].run(q), self._calls["state_update"])
+
+    def _state(self, memory: Memory | None) -> Array:
+        if memory is None:
+            raise ArmidError(
+                "The model remembers the motion, and no memory was given.",
+                remedy="make one with model.memory(q) where the motion begins, and update it at every sample.",
+            )
+        return memory.state
+
+
+class Memory:
+    """Memory of a motion. It belongs to one motion, and to one thread at a time.
+
+    Attributes:
+        state: States of the memory nodes, shape (m,).
+    """
+
+    __slots__ = ("_update", "state")
+
+    def __init__(self, state: Array, update: _Call | None) -> None:
+        self.state = state
+        self._update = update
+
+    def update(self, q: ArrayLike) -> None:
+        """Go on to the next sample, at positions q (n,). A refused q leaves the memory as it was."""
+        if self._update is not None:
+            self.state = self._update.run(q, self.state)
+
+
+@dataclass(frozen=True, eq=False, slots=True, init=False)
+class _Call:
+    """One function on the kernel.
+
+    Attributes:
+        inputs: Names of its inputs.
+        lengths: Their lengths.
+        run: Gives the result for as many vectors.
+    """
+
+    inputs: tuple[str, ...]
+    lengths: tuple[int, ...]
+    run: Callable[..., Array]
+
+    def __init__(self, program: Program, given: dict[str, Array]) -> None:
+        inputs = [argument for argument in program.arguments if argument.name not in given]
+        object.__setattr__(self, "inputs", tuple(argument.name for argument in inputs))
+        object.__setattr__(self, "lengths", tuple(argument.length for argument in inputs))
+        if in_use() == TWIN:
+            object.__setattr__(self, "run", self._in_numpy(program, given))
+            return
+        native, shape, empty = make_tape(program, given).run, program.shape, np.empty
+
+        def run(*vectors: ArrayLike) -> Array:
+            out = empty(shape)
+            try:
+                wrong = native(out, *vectors)  # pyright: ignore[reportArgumentType]
+            except TypeError:
+                wrong = native(out, *self._converted(vectors))
+            if wrong:
+                raise self._error(wrong, vectors)
+            return out
+
+        object.__setattr__(self, "run", run)
+
+    def _in_numpy(self, program: Program, given: dict[str, Array]) -> Callable[..., Array]:
+        """The same without the compiled kernel."""
+
+        def run(*vectors: ArrayLike) -> Array:
+            inputs = dict(zip(self.inputs, self._converted(vectors), strict=True))
+            return program.evaluate({**given, **inputs})
+
+        return run
+
+    def _converted(self, vectors: tuple[ArrayLike, ...]) -> list[Array]:
+        """Vectors as the kernel takes them.
+
+        Raises:
+            ArmidError: Another shape, or no numbers.
+        """
+        wanted = zip(vectors, self.lengths, self.inputs, strict=True)
+        return [array(x, (length,), name) for x, length, name in wanted]
+
+    def _error(self, wrong: int, vectors: tuple[ArrayLike, ...]) -> ArmidError:
+        """Return what the kernel found: k where vector k has another length, -k where it is not finite, k from 1."""
+        k = abs(wrong) - 1
+        name, length = self.inputs[k], self.lengths[k]
+        if wrong < 0:
+            return ArmidError(f"{name} must be finite; found {np.asarray(vectors[k]).tolist()}.")
+        return ArmidError(f"{name} must have shape ({length},); found {np.shape(vectors[k])}.")

@@ -1,0 +1,387 @@
+"""A certificate for parameters of an arm, whatever names they come under: base, standard or physical."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError, Finding, ModelError
+from armid.estimation.estimate import collapse
+from armid.estimation.standard_fit import StandardFit
+from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to_com_inertia
+from armid.model.base_parameters import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
+from armid.notebook import Shown, Summary
+from armid.robot import Robot
+from armid.runs.run import Run
+from armid.study.plans.plan_files import series_of
+from armid.validation.certificate import Certificate, certify_values
+from armid.validation.gravity_sign import gravity_sign_finding
+from armid.validation.reference_constraints import Constraint, thesis_constraints
+from armid.validation.worst_pose import Pose, worst_along, worst_pose
+from armid.values import Array
+
+__all__ = [
+    "HEAVIEST",
+    "Verdict",
+    "certify_named",
+    "certify_run",
+    "described_values",
+    "read_plan",
+    "read_values",
+    "usual_heaviest",
+    "verdict_record",
+]
+
+HEAVIEST = 10.0
+"""Mass of a link above which a nearest body is no answer about a robot arm of this size [kg]."""
+
+HEAVIER = 2.0
+"""The same over the heaviest link of a description that has heavier ones."""
+
+TERM_OF_SYMBOL: Mapping[str, type[Term]] = {"FV": Viscous, "FS": Coulomb, "FO": Offset, "IA": RotorInertia}
+PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+PLAN_RATE = 100.0
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Verdict(Shown):
+    """Verdict on a set of parameters.
+
+    Attributes:
+        kind: `base`, `standard` or `physical`.
+        certificate: Distance to the nearest real body.
+        limited: The same with no link heavier than `heaviest`.
+        heaviest: That mass [kg].
+        pose: Worst pose of the mass matrix within the joint limits.
+        along: Worst pose along a motion, where one was given.
+        constraints: The thesis's constraints, where the parameters determine them.
+        findings: What it means.
+    """
+
+    kind: str
+    certificate: Certificate
+    limited: Certificate
+    heaviest: float
+    pose: Pose
+    along: Pose | None
+    constraints: tuple[Constraint, ...]
+    findings: tuple[Finding, ...]
+
+    def summary(self) -> Summary:
+        """Physical consistency, and how far the nearest consistent parameters are."""
+        nearest = self.certificate
+        rows = (
+            (
+                "distance to the nearest consistent parameters",
+                f"{nearest.distance:.4g} ({nearest.relative_distance:.3%})",
+            ),
+            ("masses of links that have these", ", ".join(f"{mass:.4g}" for mass in nearest.masses) + " kg"),
+            ("mass matrix, smallest eigenvalue", f"{self.pose.min_eigenvalue:.5g} {self.pose.unit}"),
+        )
+        said = "physically consistent" if nearest.feasible else "not physically consistent"
+        note = " ".join(part for each in self.findings for part in (each.evidence, each.remedy) if part)
+        return Summary(f"{self.kind} parameters: {said}", ("", ""), rows, note)
+
+
+def described_values(robot: Robot) -> dict[str, float]:
+    """The bodies of a description as standard parameters by name.
+
+    Raises:
+        ModelError: It has none.
+    """
+    model = DynamicsModel(robot, (RigidBody(),))
+    theta = model.nominal_parameters()
+    if theta is None:
+        raise ModelError(
+            f"The description of {robot.name} has no bodies to certify.",
+            remedy="give a VALUES.json after it, or the folder of a run.",
+        )
+    return {parameter.name: float(value) for parameter, value in zip(model.parameters, theta, strict=True)}
+
+
+def usual_heaviest(robot: Robot) -> float:
+    """Mass [kg] that no link of such an arm exceeds: of a description with heavy links, twice the heaviest."""
+    heaviest = max((link.inertial.mass for link in robot.links if link.inertial is not None), default=0.0)
+    return HEAVIEST if heaviest <= HEAVIEST else HEAVIER * heaviest
+
+
+def read_values(path: Path | str) -> dict[str, float]:
+    """Parameters by name from a JSON object.
+
+    Raises:
+        ArmidError: No such file, no JSON object of numbers.
+    """
+    try:
+        values = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} cannot be read: {error}.", remedy="give a JSON object {name: value}.") from error
+    if not isinstance(values, dict) or not values:
+        raise ArmidError(f"{path} is no JSON object of parameters.", remedy='write {"ZZR_1": 0.05, …}.')
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ArmidError(f"{path}: {name} must be a finite number; found {value!r}.")
+    return {str(name): float(value) for name, value in values.items()}
+
+
+def read_plan(name: str) -> Motion:
+    """The motion of a built-in plan or one of `armid excite`, at 100 samples a second."""
+    return series_of(name).sample(PLAN_RATE)
+
+
+def certify_named(
+    robot: Robot, values: Mapping[str, float], *, motion: Motion | None = None, heaviest: float | None = None
+) -> Verdict:
+    """Certify parameters by name; the torque terms follow from the names.
+
+    Args:
+        robot: The arm.
+        values: Base parameters (`ZZR_1`), standard ones (`ZZ_1`) or physical ones (`m_1`, `rx_1`, `Ixx_1`, …).
+        motion: Along which the mass matrix is looked at too.
+        heaviest: Largest mass of a link in the second of the two certificates [kg]; `usual_heaviest` where left out.
+
+    Raises:
+        ModelError: Names that are of none of these sets, or a set that is not complete.
+    """
+    if any(name.split("_")[0] in PHYSICAL for name in values):
+        return _physical(robot, values, motion, heaviest)
+    model = _model_of(robot, values)
+    base = find_base_parameters(model)
+    standard_names = [parameter.name for parameter in model.parameters]
+    if set(values) == set(base.names):
+        given = np.array([values[name] for name in base.names])
+        theta = np.zeros(len(standard_names))
+        theta[base.kept] = given
+        return _verdict("base", model, base.names, given, base.regrouping, theta, motion, heaviest)
+    if set(values) != set(standard_names):
+        raise _incomplete(robot, values, base.names, standard_names)
+    theta = np.array([values[name] for name in standard_names])
+    return _verdict("standard", model, standard_names, theta, np.eye(len(theta)), theta, motion, heaviest)
+
+
+def _incomplete(
+    robot: Robot, values: Mapping[str, float], base: Sequence[str], standard: Sequence[str]
+) -> ModelError:
+    """Return what to say of names that are no whole set: of which set they are, and what it lacks."""
+    known = {*base, *standard}
+    if unknown := [name for name in values if name not in known]:
+        fault = f"{', '.join(unknown[:8])} not known."
+        named = f"The names are neither {robot.name}'s {len(base)} base parameters nor its standard ones"
+    else:
+        alone = set(values) - set(base)  # what is standard alone tells which set was begun
+        wanted, kind = (standard, "standard") if alone else (base, "base")
+        named = f"The names are not all of {robot.name}'s {len(wanted)} {kind} parameters"
+        lacking = [name for name in wanted if name not in values]
+        others = [name for name in values if name not in wanted]
+        fault = f"{', '.join((lacking or others)[:8])} {'missing' if lacking else 'of another set'}."
+    return ModelError(
+        f"{named}: {fault}",
+        possible=f"base: {', '.join(base)}; or standard: {', '.join(standard[:10])}, … for every link; or physical: "
+        f"{', '.join(f'{symbol}_1' for symbol in PHYSICAL)}, … for every link; with friction FV_1, FS_1, …",
+        remedy="look at armid base for the names under this gravity, locks and terms.",
+    )
+
+
+def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float | None = None) -> Verdict:
+    """Certify the base parameters of a run; where no real body has them, a finding says what that means here."""
+    base = run.estimate.base
+    values = collapse(base.names, run.estimate.fit)
+    theta = np.zeros(len(base.standard_names))
+    theta[base.kept] = values
+    found = _verdict("base", run.model, base.names, values, base.regrouping, theta, motion, heaviest)
+    said = [] if found.certificate.feasible else [_meaning(run, found)]
+    if run.estimate.fit.standard is not None and run.model.has_rigid_bodies:
+        said.append(_own_bodies(run, run.estimate.fit.standard))
+    return replace(found, findings=(*found.findings, *said))
+
+
+def _own_bodies(run: Run, standard: StandardFit) -> Finding:
+    """The bodies that a run has estimated: one answer of the many with its base parameters."""
+    places = [standard.names.index(f"M_{link + 1}") for link in range(run.model.n)]
+    masses = ", ".join(f"{standard.values[k]:.4g}" for k in places)
+    evidence = (
+        f"The links that the run has estimated weigh {masses} kg; the smallest eigenvalue of their pseudo-inertias "
+        f"is {standard.proof.smallest_eigenvalue:.3g}. The masses above are another choice with the same base "
+        "parameters, and so with the same torque."
+    )
+    return Finding("own-bodies", "info", "", evidence)
+
+
+def _meaning(run: Run, verdict: Verdict) -> Finding:
+    """Return what it means that a run's values belong to no real body, and what to do."""
+    fit = run.estimate.fit
+    half = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
+    beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
+    why = "the nearest consistent parameters lie within the 95 % intervals, so noise explains it"
+    remedy = "trust torques along such motions and nothing else"
+    if beyond:
+        outside = ", ".join(beyond[:4])
+        why = f"the nearest consistent ones have {outside} outside the 95 % intervals, so noise is not all of it"
+        remedy = "see what armid doctor says of the recordings and what the report says of the residuals; " + remedy
+    if fit.standard is None:
+        remedy += "; identify with --method physical, which keeps links physically consistent"
+    evidence = f"{run.estimate.method} fits torque without a constraint on the links"
+    if fit.standard is not None:
+        evidence = "The estimate is consistent up to rounding"
+    return Finding("what-it-means", "info", "", f"{evidence}; {why}.", f"{remedy}.")
+
+
+def verdict_record(verdict: Verdict) -> dict[str, Any]:
+    """The contents of `certify --json`."""
+    certificate = verdict.certificate
+
+    def pose(of: Pose) -> dict[str, Any]:
+        return {"min_eigenvalue": of.min_eigenvalue, "unit": of.unit, "q": of.q}
+
+    matrix = pose(verdict.pose)
+    if verdict.along is not None:
+        matrix["along"] = pose(verdict.along)
+    return {
+        "kind": verdict.kind,
+        "feasible": certificate.feasible,
+        "distance": certificate.distance,
+        "relative_distance": certificate.relative_distance,
+        "blame": [{"name": each.name, "change": each.change} for each in certificate.blame],
+        "nearest": {"masses": certificate.masses, "total_mass": float(certificate.masses.sum())},
+        "with_mass_limit": {
+            "heaviest": verdict.heaviest,
+            "distance": verdict.limited.distance,
+            "masses": verdict.limited.masses,
+        },
+        "gap": certificate.gap,
+        "mass_matrix": matrix,
+        "thesis_constraints": [
+            {
+                "constraint": c.constraint,
+                "link": c.link,
+                "value": c.value,
+                "bound": c.bound,
+                "ok": c.ok,
+                "within_rounding": c.rounding,
+            }
+            for c in verdict.constraints
+        ],
+        "findings": [
+            {"code": f.code, "severity": f.severity, "evidence": f.evidence, "remedy": f.remedy}
+            for f in verdict.findings
+        ],
+    }
+
+
+def _model_of(robot: Robot, values: Mapping[str, float]) -> DynamicsModel:
+    """The model whose terms the names tell."""
+    symbols = {name.rsplit("_", 1)[0].removesuffix("R") for name in values}
+    terms: list[Term] = [RigidBody(), *(term() for symbol, term in TERM_OF_SYMBOL.items() if symbol in symbols)]
+    return DynamicsModel(robot, tuple(terms))
+
+
+def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, heaviest: float | None) -> Verdict:
+    """Physical parameters become standard ones about the link frames."""
+    friction = {name.upper(): value for name, value in values.items() if name.split("_")[0] not in PHYSICAL}
+    wanted = [f"{symbol}_{k + 1}" for k in range(robot.n) for symbol in PHYSICAL]
+    missing = [name for name in wanted if name not in values]
+    unknown = sorted(set(values) - set(wanted) - {name for name in values if name.upper() in friction})
+    if missing or unknown:
+        raise ModelError(
+            f"The physical parameters of {robot.name} are not complete: {', '.join((missing or unknown)[:8])} "
+            f"{'missing' if missing else 'not known'}.",
+            possible=", ".join(wanted[:10]) + ", … for every link; Fv_1, Fs_1, …",
+        )
+    model = _model_of(robot, friction)
+    theta = np.zeros(len(model.parameters))
+    masses, tensors = np.zeros(robot.n), np.zeros((robot.n, 3, 3))
+    for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
+        m, rx, ry, rz, xx, xy, xz, yy, yz, zz = (values[f"{symbol}_{k + 1}"] for symbol in PHYSICAL)
+        masses[k], tensors[k] = m, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        theta[own] = com_inertia_to_vector(m, np.array([rx, ry, rz]), tensors[k])
+    names = [parameter.name for parameter in model.parameters]
+    for k, name in enumerate(names):
+        if name in friction:
+            theta[k] = friction[name]
+    return _verdict("physical", model, names, theta, np.eye(len(theta)), theta, motion, heaviest, (masses, tensors))
+
+
+def _verdict(
+    kind: str,
+    model: DynamicsModel,
+    names: Any,
+    values: Array,
+    linear: Array,
+    theta: Array,
+    motion: Motion | None,
+    heaviest: float | None,
+    about_com: tuple[Array, Array] | None = None,
+) -> Verdict:
+    heaviest = usual_heaviest(model.robot) if heaviest is None else heaviest
+    certificate = certify_values(model, names, values, linear)
+    limited = certify_values(model, names, values, linear, heaviest=heaviest)
+    pose = worst_pose(model, theta)
+    along = None if motion is None else worst_along(model, theta, motion)
+    if kind == "standard" and (theta[model.inertial_columns[::10]] > 0.0).all():
+        split = [vector_to_com_inertia(theta[own]) for own in model.inertial_columns.reshape(-1, 10)]
+        about_com = np.array([part[0] for part in split]), np.array([part[2] for part in split])
+    constraints = () if about_com is None else thesis_constraints(*about_com)
+    return Verdict(
+        kind,
+        certificate,
+        limited,
+        heaviest,
+        pose,
+        along,
+        constraints,
+        _findings(kind, model, certificate, limited, heaviest, pose, theta),
+    )
+
+
+def _findings(
+    kind: str,
+    model: DynamicsModel,
+    certificate: Certificate,
+    limited: Certificate,
+    heaviest: float,
+    pose: Pose,
+    theta: Array,
+) -> tuple[Finding, ...]:
+    """Findings of a certificate; torques leave the mass of the nearest body open, so it is not stated."""
+    findings: list[Finding] = []
+    if not certificate.feasible:
+        worst = ", ".join(f"{each.name} by {each.change:+.3g}" for each in certificate.blame[:4])
+        findings.append(
+            Finding(
+                "not-physical",
+                "error",
+                "",
+                f"No links of positive density have these parameters. The nearest consistent ones lie "
+                f"{certificate.distance:.4g} away ({100 * certificate.relative_distance:.3g} %), mostly in {worst}; "
+                f"where no link may weigh more than {heaviest:g} kg, {limited.distance:.4g}.",
+                "do not simulate or export them as they are.",
+            )
+        )
+    if kind != "base":
+        for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
+            smallest = float(np.linalg.eigvalsh(pseudo_inertia(theta[own]))[0])
+            if smallest < 0.0:
+                evidence = f"Smallest eigenvalue of its pseudo-inertia {smallest:.3g}."
+                findings.append(Finding("link-not-physical", "error", model.robot.links[k].name, evidence))
+    if pose.min_eigenvalue <= 0.0:
+        smallest = pose.min_eigenvalue
+        evidence = f"The mass matrix is not positive definite everywhere: its smallest eigenvalue is {smallest:.3g}."
+        findings.append(Finding("mass-matrix-indefinite", "error", "", evidence))
+    elif not certificate.feasible:
+        evidence = (
+            "The mass matrix is positive definite within the joint limits (smallest eigenvalue "
+            f"{pose.min_eigenvalue:.4g}), although no links of positive density have these "
+            "parameters: that test is necessary, not sufficient."
+        )
+        findings.append(Finding("mass-matrix-positive", "info", "", evidence))
+    base = find_base_parameters(model)
+    suspicion = gravity_sign_finding(base, base.values_of(theta))
+    return tuple(findings if suspicion is None else [*findings, suspicion])

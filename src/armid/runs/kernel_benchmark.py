@@ -1,0 +1,218 @@
+"""Ratios of CPU time on one thread, beside what one would use instead: Pinocchio in a loop and NumPy's lstsq.
+
+Run as a program in a process of its own, where the BLAS is held to one thread, and print one JSON object.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from armid import kernel
+from armid.errors import ArmidError
+from armid.estimation.estimators import OrdinaryLeastSquares
+from armid.estimation.problem import Problem
+from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.design.objective import Goal, Objective, along
+from armid.excitation.series_basis import SeriesBasis
+from armid.information.accumulate import inform
+from armid.information.column_source import column_source
+from armid.lab.ideal_recording import thesis_truth
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations, ObservedRun
+from armid.model.base_parameters import BaseParameters, find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.robot import load_robot
+from armid.study.identify import Progress
+from armid.threads import ONE_THREAD
+from armid.values import Array
+
+__all__ = ["run_benchmarks"]
+
+SECONDS = 27.0
+TILE = 256
+TORQUE_NOISE = 0.3
+ROUNDS = 5
+DESIGN_SAMPLES = 2000
+
+
+def run_benchmarks(samples: int, *, progress: Progress | None = None) -> dict[str, Any]:
+    """Measure in a process of its own, and return what it printed.
+
+    Raises:
+        ArmidError: The process failed.
+    """
+    if progress is not None:
+        progress("measuring", 0.0)
+    command = [sys.executable, "-m", "armid.runs.kernel_benchmark", str(samples)]
+    done = subprocess.run(command, env={**os.environ, **ONE_THREAD}, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ArmidError(
+            f"The benchmark failed: {done.stderr.strip().splitlines()[-1:]}", remedy="run it by itself to see why."
+        )
+    return json.loads(done.stdout)
+
+
+def measure(samples: int) -> dict[str, Any]:
+    """Every benchmark, in this process."""
+    robot = load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))
+    model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
+    base = find_base_parameters(model)
+    motion = builtin_plan("thesis-a1").stretched(SECONDS).sample(samples / SECONDS)
+    torque = model.torque(motion, thesis_truth(model))
+    torque = torque + np.random.default_rng(1).normal(0.0, TORQUE_NOISE, torque.shape)
+    results = [_regressor(model, base, motion), *_least_squares(model, base, motion, torque)]
+    results.append(_design_gradient(model, base))
+    return {"isa": kernel.in_use(), "threads": 1, "samples": motion.samples, "results": results}
+
+
+def _result(
+    name: str, peer: str, armid: Callable[[], object], other: Callable[[], object], rounds: int
+) -> dict[str, Any]:
+    """Medians of both in turn, so that whatever else the machine does meets both alike.
+
+    A peer of seconds runs fewer rounds than armid, whose milliseconds are easily disturbed.
+    """
+    mine: list[float] = []
+    theirs: list[float] = []
+    armid()
+    for _ in range(rounds):
+        for run, times, many in ((armid, mine, max(1, ROUNDS // rounds)), (other, theirs, 1)):
+            for _ in range(many):
+                began = time.process_time()
+                run()
+                times.append(time.process_time() - began)
+    a, b = statistics.median(mine), statistics.median(theirs)
+    return {"name": name, "peer": peer, "armid_seconds": a, "peer_seconds": b, "ratio": b / a}
+
+
+def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
+    """The same arm for Pinocchio."""
+    pin: Any = import_module("pinocchio")
+
+    arm: Any = pin.Model()
+    for i, joint in enumerate(model.robot.joints):
+        placement = pin.SE3(joint.placement[:3, :3].copy(), joint.placement[:3, 3].copy())
+        arm.addJoint(i, pin.JointModelRZ(), placement, joint.name)
+    arm.gravity.linear = model.robot.gravity
+    return arm, arm.createData()
+
+
+def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> dict[str, Any]:
+    """The base regressor a tile at a time in cache, against Pinocchio's call in a loop."""
+    pin: Any = import_module("pinocchio")
+
+    source = column_source(model, base)
+    part = motion[slice(0, TILE)]
+    torque, terms = np.zeros((TILE, model.n)), source.term_rows(part)
+    out = np.empty((source.layout.columns, TILE))
+    repeats = 100
+    arm, data = _pinocchio(model)
+
+    def armid() -> None:
+        for _ in range(repeats):
+            kernel.columns(source.tree, source.layout, part.q, part.dq, part.ddq, torque, terms, out=out)
+
+    def loop() -> None:
+        for _ in range(repeats):
+            for k in range(TILE):
+                pin.computeJointTorqueRegressor(arm, data, part.q[k], part.dq[k], part.ddq[k])
+
+    return _result("regressor", "pinocchio, Python loop", armid, loop, ROUNDS)
+
+
+def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, torque: Array) -> list[dict[str, Any]]:
+    """Least squares with standard deviations, unfiltered against the peer, filtered against unfiltered."""
+    pin: Any = import_module("pinocchio")
+
+    arm, data = _pinocchio(model)
+    rate = (motion.samples - 1) / float(motion.time[-1] - motion.time[0])
+
+    def observations(step: int, band: Band) -> Observations:
+        rows = np.arange(0, motion.samples, step)
+        block = (motion.time[rows] - motion.time[0]).astype(np.int64)
+        mask = np.ones((len(rows), model.n), dtype=bool)
+        return Observations((ObservedRun(motion, torque, rate, step, 0, mask, block),), band)
+
+    raw = observations(1, Band())
+    step = max(1, round(rate / 25.0))
+    smooth = observations(step, Band("butterworth", 5.0, 4, "periodic"))
+
+    def armid() -> Array:
+        return OrdinaryLeastSquares().estimate(Problem(inform(model, base, raw))).deviation
+
+    def filtered() -> Array:
+        return OrdinaryLeastSquares().estimate(Problem(inform(model, base, smooth))).deviation
+
+    inertial = np.isin(base.kept, model.inertial_columns)
+    standard = np.searchsorted(model.inertial_columns, base.kept[inertial])
+
+    def peer() -> Array:
+        rows = np.zeros((motion.samples, model.n, base.count))
+        for k in range(motion.samples):
+            regressor = pin.computeJointTorqueRegressor(arm, data, motion.q[k], motion.dq[k], motion.ddq[k])
+            rows[k][:, inertial] = regressor[:, standard]
+        friction = np.flatnonzero(~inertial)
+        for j in range(model.n):
+            rows[:, j, friction[2 * j]] = motion.dq[:, j]
+            rows[:, j, friction[2 * j + 1]] = np.sign(motion.dq[:, j])
+        stacked = rows.reshape(-1, base.count)
+        y = torque.reshape(-1)
+        squares = np.linalg.lstsq(stacked, y, rcond=None)[1]
+        variance = squares[0] / (len(y) - base.count)
+        return np.sqrt(variance * np.diag(np.linalg.inv(stacked.T @ stacked)))
+
+    agreement = float(np.abs(armid() / peer() - 1.0).max())
+    rows = [_result("least-squares", "pinocchio loop + numpy lstsq", armid, peer, 1)]
+    rows[0]["agreement"] = agreement
+    rows.append(_result("filtered-least-squares", "armid without filter", filtered, armid, ROUNDS))
+    return rows
+
+
+def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, Any]:
+    """Value and gradient of the condition number along Table A.1, against forward differences over a Pinocchio loop.
+
+    One value of the peer is measured and counted once more for each of the 140 coefficients.
+    """
+    pin: Any = import_module("pinocchio")
+
+    arm, data = _pinocchio(model)
+    plan = builtin_plan("thesis-a1")
+    goal = Goal(model, base, "condition")
+    basis = SeriesBasis(plan.base_frequency, plan.harmonics, np.zeros(model.n))
+    objective = Objective(goal, basis, DESIGN_SAMPLES, width=0.05, sharpness=60.0)
+    x = basis.unknowns_of(plan)
+    motion = basis.excitation(x).sample(DESIGN_SAMPLES / plan.period)
+    inertial = np.isin(base.kept, model.inertial_columns)
+    standard = np.searchsorted(model.inertial_columns, base.kept[inertial])
+    friction = np.flatnonzero(~inertial)
+
+    def peer() -> float:
+        rows = np.zeros((motion.samples, model.n, base.count))
+        for k in range(motion.samples):
+            regressor = pin.computeJointTorqueRegressor(arm, data, motion.q[k], motion.dq[k], motion.ddq[k])
+            rows[k][:, inertial] = regressor[:, standard]
+        for j in range(model.n):
+            rows[:, j, friction[2 * j]] = motion.dq[:, j]
+            rows[:, j, friction[2 * j + 1]] = np.sign(motion.dq[:, j])
+        return float(np.linalg.cond(rows.reshape(-1, base.count)))
+
+    row = _result("design-gradient", "pinocchio loop + numpy cond, 141 values", lambda: objective(x), peer, ROUNDS)
+    values = 1 + plan.a.size + plan.b.size
+    row["agreement"] = abs(float(np.exp(goal.value(along(goal, motion)))) / peer() - 1.0)
+    return row | {"peer_seconds": values * row["peer_seconds"], "ratio": values * row["ratio"]}
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(measure(int(sys.argv[1]))) + "\n")

@@ -1,0 +1,84 @@
+"""The recordings that a run was made from, found again wherever they lie now: known by what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from armid.errors import ArmidError
+from armid.measurement.bag_files import sha256_of_recording
+from armid.measurement.recording import Recording
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice
+from armid.study.demo import MOTIONS, demo_recordings
+from armid.study.identify import read_recording
+
+__all__ = ["find_again", "read_again"]
+
+
+def read_again(
+    run: Run, choice: RecordingChoice, sha256: str, folder: Path | str, data: Path | str | None = None
+) -> Recording:
+    """The recording that a run was made from, and no other of the same name; a demo's is simulated once more.
+
+    Args:
+        run: The run.
+        choice: The recording as the run's study has it.
+        sha256: Of its bytes when the run was made.
+        folder: That the study's paths are relative to.
+        data: Folder in which it is looked for first.
+
+    Raises:
+        ArmidError: It is gone, or has changed.
+    """
+    if choice.path in MOTIONS:
+        recording, _ = read_recording(choice, ".", run.robot, demo_recordings(run.folder))
+    else:
+        place = find_again(choice.path, sha256, folder, data)
+        recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
+    if recording.sha256 != sha256:
+        raise ArmidError(
+            f"{choice.path} has changed since the run was made (sha256 {recording.sha256[:12]}…).",
+            remedy="put the file of that time back, or identify again.",
+        )
+    return recording
+
+
+def find_again(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
+    """Tell where a recording of a study lies now: the file of that name that holds the same bytes.
+
+    Args:
+        path: As the study has it.
+        sha256: Of its bytes when the run was made.
+        folder: That the study's paths are relative to.
+        data: Folder in which it is looked for first, by its path and then by its name, as deep as the folder goes.
+
+    Raises:
+        ArmidError: There is none; the message says where files of its name lie that hold other bytes.
+    """
+    others: list[Path] = []
+    for place in dict.fromkeys(_places(Path(path), Path(folder), None if data is None else Path(data))):
+        if sha256_of_recording(place) == sha256:
+            return place
+        others.append(place)
+    own = "the working folder" if folder in (Path(), ".", "") else f"{folder}"
+    where = own if data is None else f"{data} or {own}"
+    if others:
+        listed = ", ".join(str(place) for place in others)
+        raise ArmidError(
+            f"{path} has changed since the run was made: {listed} "
+            f"{'holds' if len(others) == 1 else 'hold'} other data (then sha256 {sha256[:12]}…).",
+            remedy="put the file of that time back, say with --data FOLDER where it is, or identify again.",
+        )
+    raise ArmidError(f"{path} is not in {where} any more.", remedy="say with --data FOLDER where it is.")
+
+
+def _places(path: Path, folder: Path, data: Path | None) -> Iterator[Path]:
+    """Files or folders that it may be, the likeliest first."""
+    likely = [] if data is None else [data / path, data / path.name]
+    yield from (place for place in likely if place.exists())
+    if data is not None and data.is_dir():
+        yield from sorted(place for place in data.rglob(path.name) if place.exists())
+    # Or in the working folder, where all of it was moved.
+    yield from (place for place in (folder / path, folder / path.name, path) if place.exists())

@@ -1,0 +1,183 @@
+"""New recordings put beside a run: read, processed and compressed as the run's own were."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import Finding, RobotError, StudyError
+from armid.estimation.problem import Problem
+from armid.information.accumulate import inform
+from armid.information.information import Information
+from armid.maths.inertia import transform
+from armid.measurement.log_format import Reading
+from armid.measurement.recording import Recording
+from armid.model.base_parameters import BaseParameters
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice
+from armid.study.identify import changing_parameters, observe_recordings, read_recording
+from armid.values import Array, load
+
+__all__ = ["Beside", "beside_run", "doubts", "link_columns", "load_columns", "read_new"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Beside:
+    """New recordings and the run that they are put beside.
+
+    Attributes:
+        run: The run.
+        base: Its base parameters.
+        earlier: What the run's training recordings say.
+        new: What the new recordings say about the same base parameters.
+        samples: The same with its samples.
+        recordings: The new recordings.
+        findings: What was noticed on the way.
+    """
+
+    run: Run
+    base: BaseParameters
+    earlier: Information
+    new: Information
+    samples: Problem
+    recordings: tuple[tuple[RecordingChoice, Recording], ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def changing(self) -> NDArray[np.bool_]:
+        """Base parameters that differ from day to day: friction and offsets, shape (b,)."""
+        return changing_parameters(self.run.model)[self.base.kept]
+
+
+def beside_run(
+    run: Run, paths: Sequence[str], reading: Mapping[str, Any], *, gain_deviation: float | None = None
+) -> Beside:
+    """Read new recordings of a run's arm.
+
+    Args:
+        run: The run.
+        paths: Recordings.
+        reading: Fields of a reading that differ from how the run's first recording was read.
+        gain_deviation: Relative standard deviation of every drive gain, in place of what the run says.
+
+    Raises:
+        StudyError: A recording has trained the run, or stands there twice; gains that are none.
+        RecordingError: A recording cannot be read or has other joints.
+    """
+    if gain_deviation is not None and run.reading.drive_gain is None:
+        raise StudyError(
+            f"{run.folder} has no drive gains that could deviate: its effort is a torque.",
+            remedy="leave --gain-deviation out.",
+        )
+    recordings, findings = read_new(run, paths, reading)
+    observations, found = observe_recordings(recordings, run.processing, run.robot)
+    base = run.estimate.base
+    earlier = load(Information, Path(run.folder) / "information.npz")
+    deviation = _deviation(recordings[0][0].reading, run.robot.n)
+    if gain_deviation is not None:
+        deviation = np.full(run.robot.n, gain_deviation)
+    new = replace(inform(run.model, base, observations), scale_deviation=deviation)
+    samples = Problem(new, model=run.model, base=base, observations=observations)
+    return Beside(run, base, earlier, new, samples, recordings, (*doubts(run), *findings, *found))
+
+
+def read_new(
+    run: Run, paths: Sequence[str], reading: Mapping[str, Any]
+) -> tuple[tuple[tuple[RecordingChoice, Recording], ...], tuple[Finding, ...]]:
+    """Recordings that a run has not seen, read as its own were, and what was noticed on the way.
+
+    Args:
+        run: The run.
+        paths: Recordings.
+        reading: Fields of a reading that differ from how the run's first recording was read.
+
+    Raises:
+        StudyError: A recording has trained the run, or stands there twice.
+        RecordingError: A recording cannot be read or has other joints.
+    """
+    how = replace(run.reading, exclude=(), start=None, **reading)
+    recordings: list[tuple[RecordingChoice, Recording]] = []
+    findings: list[Finding] = []
+    seen = dict.fromkeys(run.trained_on, run.folder)
+    for path in paths:
+        choice = RecordingChoice(str(Path(path).absolute()), reading=how)
+        recording, found = read_recording(choice, ".", run.robot)
+        if recording.sha256 in seen:
+            raise StudyError(
+                f"{path} is to be new, but the same data stand in {seen[recording.sha256]} already "
+                f"(sha256 {recording.sha256[:12]}…).",
+                remedy="give a recording that was made after the run, each once.",
+            )
+        seen[recording.sha256] = path
+        findings += found
+        recordings.append((choice, recording))
+    return tuple(recordings), tuple(findings)
+
+
+def doubts(run: Run) -> list[Finding]:
+    """Return what speaks against building on a run."""
+    if run.verdict != "fail":
+        return []
+    return [
+        Finding(
+            "earlier-run-failed",
+            "warning",
+            "",
+            f"{run.folder} did not pass its own validation (verdict fail), and what is built on it inherits that.",
+            "look at its report, and identify the arm on motion that says more before relying on this.",
+        )
+    ]
+
+
+def _deviation(reading: Reading, n: int) -> Array:
+    """Relative standard deviation of each joint's drive gain, zero where none is given."""
+    given = reading.drive_gain_deviation
+    return np.array(np.broadcast_to(0.0 if given is None else np.asarray(given, dtype=np.float64), (n,)))
+
+
+def load_columns(run: Run) -> tuple[Array, Array]:
+    """Map ten parameters of a load at the tip frame to the base parameters (b, 10) and to the link's (10, 10).
+
+    Raises:
+        RobotError: The tip stands on the base, or its link carries further joints.
+        StudyError: The run's model has no rigid bodies.
+    """
+    _, columns = link_columns(run)
+    rotation, translation = run.robot.tip.placement[:3, :3], run.robot.tip.placement[:3, 3]
+    to_link = transform(np.eye(10), rotation, translation).T
+    return columns @ to_link, to_link
+
+
+def link_columns(run: Run) -> tuple[int, Array]:
+    """The link that carries the tip, and what its ten parameters add to the base parameters, shape (b, 10).
+
+    Raises:
+        RobotError: The tip stands on the base, or the link carries further joints.
+        StudyError: The run's model has no rigid bodies.
+    """
+    robot = run.robot
+    link = robot.tip.parent
+    if link < 0:
+        raise RobotError(
+            f"The tip frame {robot.tip.name!r} of {robot.name} is fixed to the base and carries no load.",
+            remedy='name the flange with tip = "…" in the [robot] table of the study and identify again.',
+        )
+    further = [joint.name for joint in robot.joints if joint.parent == link]
+    if further:
+        raise RobotError(
+            f"The tip frame {robot.tip.name!r} of {robot.name} is on the link {robot.links[link].name!r}, which is "
+            f"not the last: it carries {', '.join(further)}.",
+            remedy='name a frame on a last link with tip = "…" in the study, or lock these joints.',
+        )
+    if not run.model.has_rigid_bodies:
+        raise StudyError(
+            f"The model of {run.folder} has no rigid bodies, so that a load means nothing to it.",
+            remedy="identify with rigid-body among the terms.",
+        )
+    columns = run.model.inertial_columns.reshape(-1, 10)[link]
+    return link, run.estimate.base.regrouping[:, columns]

@@ -1,0 +1,133 @@
+"""A finished run applied to more data: validation on unseen recordings, prediction of torque."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError, Finding, StudyError
+from armid.estimation.estimate import torque_parameters
+from armid.information.hysteresis_states import remember
+from armid.measurement.log_format import Reading
+from armid.measurement.processing.pipeline import observe
+from armid.measurement.readers import load_recording
+from armid.measurement.recording import Recording
+from armid.model.motion import Motion
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice
+from armid.study.diagnosis import findings_on
+from armid.study.identify import read_recording, score_recordings
+from armid.study.plans.plan_files import motion_of_plan
+from armid.validation.prediction import Validation, validate
+from armid.validation.prediction_interval import torque_band
+from armid.values import Array, replace_file
+
+__all__ = ["band", "motion_of", "predict", "validate_run", "write_torque"]
+
+
+def validate_run(
+    run: Run, paths: Sequence[str], reading: Mapping[str, Any]
+) -> tuple[Validation, tuple[Finding, ...]]:
+    """Torque error of a run on recordings that did not train it, and what was noticed on the way.
+
+    Args:
+        run: The run.
+        paths: Recordings.
+        reading: Fields of a reading that differ from how the run's first recording was read.
+
+    Raises:
+        StudyError: A recording has trained the run.
+        RecordingError: A recording cannot be read or does not fit.
+    """
+    recordings: list[tuple[RecordingChoice, Recording]] = []
+    told: list[tuple[Finding, ...]] = []
+    for path in paths:
+        choice = RecordingChoice(path, "validate", _like(run, reading))
+        recording, found = read_recording(choice, ".", run.robot)
+        told.append(found)
+        if recording.sha256 in run.trained_on:
+            raise StudyError(
+                f"{path} is to validate, but the same data trained {run.folder} (sha256 {recording.sha256[:12]}…).",
+                remedy="give a recording that the run has not seen.",
+            )
+        recordings.append((choice, recording))
+    scores, found = score_recordings(run.model, run.estimate, recordings, run.processing)
+    findings = findings_on(run.model, recordings, told)
+    return validate(run.robot.joint_names, scores, run.estimate), (*findings, *found)
+
+
+def _like(run: Run, changes: Mapping[str, Any]) -> Reading:
+    """The run's reading for another recording: what was cut out of the run's own is no matter of its."""
+    return replace(run.reading, exclude=(), start=None, **changes)
+
+
+def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:
+    """The motion of a plan or a file written for a controller, or of a recording as the run processes it.
+
+    Args:
+        run: The run.
+        path: Plan or recording.
+        rate: Samples a second of a plan [Hz].
+        reading: Fields of a reading that differ from the run's.
+
+    Raises:
+        ArmidError: It cannot be read, or has other joints than the run's arm.
+    """
+    planned = motion_of_plan(path, run.robot, rate)
+    if planned is not None:
+        return planned
+    how = _like(run, reading)
+    raw = load_recording(path, how, run.robot)
+    if raw.effort is None:  # only the motion is asked for
+        how = replace(how, drive_gain=None, drive_gain_deviation=None)
+    recording, _ = read_recording(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
+    if recording.effort is None:
+        recording = replace(recording, effort=np.zeros_like(recording.q))
+    every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
+    observations, _ = observe([recording], every_row, periods=[how.stated_period], starts=[how.start])
+    # What the model remembers begins anew in each run.
+    motions = [remember(run.model, observed, observations.band).motion for observed in observations.runs]
+    names = ("time", "q", "dq", "ddq", *(["memory"] if run.model.nodes else []))
+    joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in names]
+    return Motion(*joined)
+
+
+def predict(run: Run, motion: Motion) -> Array:
+    """Joint torque (N, n) [N·m or N] that the run's model says for a motion."""
+    return run.model.torque(motion, torque_parameters(run.estimate.base, run.estimate.fit))
+
+
+def band(run: Run, motion: Motion) -> Array:
+    """Half of the width of the 95 % band about that torque, in the study's band of frequencies, (N, n) [N·m or N]."""
+    return torque_band(run.model, run.estimate, motion)
+
+
+def write_torque(
+    path: Path | str, motion: Motion, torque: Array, joints: Sequence[str], *, band: Array | None = None
+) -> Path:
+    """Write time and torque, and the band's half-widths where given, as CSV or, by the suffix, as NPZ.
+
+    Raises:
+        ArmidError: Another suffix.
+    """
+    path = Path(path)
+    if path.suffix == ".npz":
+        buffer = io.BytesIO()
+        if band is None:
+            np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints))
+        else:
+            np.savez(buffer, time=motion.time, torque=torque, joints=np.array(joints), band95=band)
+        return replace_file(path, buffer.getvalue())
+    if path.suffix != ".csv":
+        raise ArmidError(f"{path}: torque is written as .csv or .npz.", remedy="choose one of these suffixes.")
+    text = io.StringIO()
+    several = [torque] if band is None else [torque, band]
+    names = [f"{name}{j + 1}" for name in ("tau", "band95_")[: len(several)] for j in range(len(joints))]
+    columns = np.column_stack([motion.time, *several])
+    np.savetxt(text, columns, delimiter=",", header=",".join(["t", *names]), comments="", fmt="%.17g")
+    return replace_file(path, text.getvalue())

@@ -1,0 +1,173 @@
+"""A finished run set free on recordings: the motion that its model says, beside the one that was recorded."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError, Finding, StudyError
+from armid.estimation.estimate import torque_parameters
+from armid.measurement.processing.pipeline import observe
+from armid.runs.run import Run
+from armid.study.config import RecordingChoice
+from armid.study.identify import read_recording
+from armid.validation.prediction import Check, Validation
+from armid.validation.rollout import Feedback
+from armid.validation.rollout_score import MotionScore, score_motion
+
+__all__ = ["judged_by_motion", "load_feedback", "motion_record", "roll_out_run"]
+
+MOST_LOST = 0.5
+"""Share of rolled-out windows that a model may lose: of one that loses more there is no median error."""
+
+GAINS = ("proportional", "derivative", "integral")
+
+
+def load_feedback(path: Path | str) -> Feedback:
+    """Gains of the controller from a JSON file: `{"controller": {"proportional", "derivative", "integral"}}`.
+
+    A `truth.json` of the lab is one.
+
+    Raises:
+        ArmidError: The file is missing, no JSON, or has no gains.
+    """
+    try:
+        content: Any = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} holds no gains: {error}.", remedy="give a JSON file.") from error
+    table: Any = content.get("controller") if isinstance(content, Mapping) else None
+    if not isinstance(table, Mapping) or any(name not in table for name in GAINS[:2]):
+        raise ArmidError(
+            f"{path} holds no gains of a controller.",
+            remedy='write {"controller": {"proportional": […], "derivative": […]}}, one number a joint.',
+        )
+    try:
+        none = np.zeros(len(table["proportional"]))
+        return Feedback(table["proportional"], table["derivative"], table.get("integral") or none)
+    except TypeError as error:
+        raise ArmidError(f"{path}: gains must be lists of numbers, one a joint ({error}).") from error
+
+
+def roll_out_run(
+    run: Run,
+    paths: Sequence[str],
+    reading: Mapping[str, Any],
+    *,
+    seconds: float = 0.5,
+    tolerance: float = 0.01,
+    feedback: Feedback | None = None,
+) -> tuple[tuple[MotionScore, ...], tuple[Finding, ...]]:
+    """Roll a run's model out over recordings.
+
+    Args:
+        run: The run.
+        paths: Recordings.
+        reading: Fields of a reading that differ from how the run's first recording was read.
+        seconds: Length of a window [s].
+        tolerance: Position error that counts as lost [rad or m].
+        feedback: Of the controller that was running; without one the recorded torque acts alone.
+
+    Raises:
+        RecordingError: A recording cannot be read or does not fit.
+        StudyError: The feedback is that of another arm.
+    """
+    if feedback is not None and len(feedback.proportional) != run.robot.n:
+        raise StudyError(
+            f"The controller has {len(feedback.proportional)} joints; {run.robot.name} has {run.robot.n}.",
+            remedy="give the gains of this arm.",
+        )
+    how = replace(run.reading, exclude=(), start=None, **reading)
+    parameters = torque_parameters(run.estimate.base, run.estimate.fit)
+    every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
+    scores: list[MotionScore] = []
+    findings: list[Finding] = []
+    for path in paths:
+        recording, found = read_recording(RecordingChoice(path, "validate", how), ".", run.robot)
+        findings += found
+        observations, found = observe([recording], every_row, periods=[how.stated_period], starts=[how.start])
+        findings += found
+        score = score_motion(
+            run.model,
+            parameters,
+            observations,
+            seconds=seconds,
+            tolerance=tolerance,
+            feedback=feedback,
+            path=path,
+        )
+        scores.append(score)
+        findings += _lost(score)
+    return tuple(scores), tuple(findings)
+
+
+def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, closed: bool) -> Validation:
+    """The validation with a check more: that the rolled-out model stays in half of the windows at least.
+
+    Args:
+        validation: By torque.
+        scores: By motion.
+        closed: Whether the recorded controller held the model; if not, the recorded torque alone.
+    """
+    lost = sum(score.lost for score in scores) / max(sum(score.windows for score in scores), 1)
+    how = "the same controller" if closed else "the recorded torque alone"
+    name = f"windows of {scores[0].seconds:g} s lost under {how}, as a share"
+    check = Check(name, lost, MOST_LOST, lost <= MOST_LOST)
+    verdict = validation.verdict if check.ok else "fail"
+    return replace(validation, verdict=verdict, checks=(*validation.checks, check))
+
+
+def _lost(score: MotionScore) -> list[Finding]:
+    """Return what to say of windows that did not stay."""
+    of = f"of {score.windows} windows of {score.seconds:g} s of {score.path}"
+    found: list[Finding] = []
+    if score.losses.ran_away:
+        found.append(
+            Finding(
+                "roll-out-lost",
+                "warning",
+                "",
+                f"{score.losses.ran_away} {of} ran away: a joint became faster than any arm.",
+                "choose shorter windows, or give the controller's gains: under torque alone every model drifts away.",
+            )
+        )
+    if score.losses.indefinite:
+        found.append(
+            Finding(
+                "roll-out-indefinite",
+                "warning",
+                "",
+                f"{score.losses.indefinite} {of} met a mass matrix of the estimate that is not positive definite.",
+                'estimate with a method that keeps to real bodies: method = "physical".',
+            )
+        )
+    return found
+
+
+def motion_record(scores: Sequence[MotionScore], *, closed: bool) -> dict[str, Any]:
+    """The scores as a JSON object."""
+    return {
+        "closed_loop": closed,
+        "recordings": [
+            {
+                "path": score.path,
+                "rms": score.rms,
+                "peak": score.peak,
+                "held": score.held,
+                "travelled": score.travelled,
+                "prior_rms": score.prior_rms,
+                "windows": score.windows,
+                "lost": score.lost,
+                "ran_away": score.losses.ran_away,
+                "not_positive_definite": score.losses.indefinite,
+                "nominal_lost": None if score.prior_rms is None else score.losses.nominal,
+                "seconds": score.seconds,
+                "tolerance": score.tolerance,
+            }
+            for score in scores
+        ],
+    }

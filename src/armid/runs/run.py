@@ -1,0 +1,196 @@
+"""A run: the folder that an identification leaves behind, and what is read back from it.
+
+    study.json  robot.npz  model.json  information.npz  estimate.npz  estimate.json  validation.json
+
+The folder is made under another name and renamed when it is complete, so that a run is there whole or not at all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from armid.errors import ArmidError
+from armid.estimation.estimate import Estimate
+from armid.estimation.link_properties import LinkTable, link_record, link_table
+from armid.measurement.log_format import Reading
+from armid.measurement.processing.options import Processing
+from armid.model.dynamics import DynamicsModel
+from armid.notebook import Shown, Summary
+from armid.robot import Robot
+from armid.study.atomic_folder import refuse, whole_folder
+from armid.study.config import ModelChoice, Study, build_model
+from armid.study.identify import Result
+from armid.study.provenance import Made, made_now, made_of, made_record
+from armid.study.records import estimate_record, ladder_record, to_json, validation_record
+from armid.values import load, replace_file, save
+
+__all__ = ["Run", "load_run", "refuse_folder", "save_run"]
+
+MARKER = "estimate.json"
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Run(Shown):
+    """Content of a run's folder, as far as prediction needs it.
+
+    Attributes:
+        folder: The folder.
+        robot: The arm.
+        model: Arm and torque terms.
+        estimate: The parameters.
+        processing: How recordings were processed.
+        reading: How the first training recording was read.
+        trained_on: Digests of the training recordings (sha256).
+        verdict: Of its validation: `pass`, `fail` or `not judged`.
+        made: When, where and by which version.
+    """
+
+    folder: str
+    robot: Robot
+    model: DynamicsModel
+    estimate: Estimate
+    processing: Processing
+    reading: Reading
+    trained_on: tuple[str, ...]
+    verdict: str = "not judged"
+    made: Made = field(default_factory=Made)
+
+    def summary(self) -> Summary:
+        """Return what was identified, how, and what came of it."""
+        fit = self.estimate.fit
+        rows = (
+            ("arm", self.estimate.robot),
+            ("joints", ", ".join(self.robot.joint_names)),
+            ("terms", ", ".join(dict.fromkeys(term.name for term in self.model.terms))),
+            ("method", self.estimate.method),
+            ("parameters", str(len(fit.names))),
+            ("verdict on held-out motion", self.verdict),
+        )
+        return Summary(f"run {self.folder}", ("", ""), rows, "values: run.estimate; bodies of the links: run.links")
+
+    @property
+    def links(self) -> LinkTable:
+        """Mass, centre of mass and inertia about it of each link, as described and as estimated."""
+        return link_table(self.model, self.estimate)
+
+
+def save_run(result: Result, folder: Path | str, *, beside: Mapping[str, Any] | None = None) -> Path:
+    """Write a run's folder. An existing run there is replaced; anything else is left alone.
+
+    Args:
+        result: What an identification gave.
+        folder: Where to.
+        beside: Further records to write as JSON, by the name of their file.
+
+    Raises:
+        OutputError: The folder cannot be written, or holds something that is no run.
+    """
+    with whole_folder(folder, MARKER, "run") as draft:
+        _write(result, draft)
+        for name, record in (beside or {}).items():
+            replace_file(draft / name, to_json(record) + "\n")
+    return Path(folder)
+
+
+def refuse_folder(folder: Path | str) -> None:
+    """Refuse a folder that a run cannot or must not replace, before any work is done for it.
+
+    Raises:
+        OutputError: It holds something that is no run, is the working folder, or lies where nothing can be written.
+    """
+    refuse(folder, MARKER, "run")
+
+
+def load_run(folder: Path | str) -> Run:
+    """Read a run back.
+
+    Raises:
+        ArmidError: The folder is no run.
+    """
+    folder = Path(folder)
+    if not (folder / MARKER).is_file():
+        raise ArmidError(f"{folder} is no run of armid.", remedy="give the folder that armid identify made.")
+    try:
+        robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
+    except (KeyError, TypeError) as error:  # fields that this version has and the other had not
+        raise ArmidError(
+            f"{folder} was made by another version of armid: its robot.npz or estimate.npz has other fields "
+            f"({type(error).__name__}: {error}).",
+            remedy="identify again.",
+        ) from error
+    try:
+        kept: dict[str, Any] = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        return Run(
+            str(folder),
+            robot,
+            _model(robot, kept),
+            estimate,
+            Processing(**kept["processing"]),
+            Reading(**kept["reading"]),
+            tuple(kept["trained_on"]),
+            _verdict(folder),
+            made_of(kept),
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ArmidError(
+            f"{folder} is damaged or of another version: its model.json or validation.json cannot be read "
+            f"({type(error).__name__}: {error}).",
+            remedy="identify again.",
+        ) from error
+
+
+def _verdict(folder: Path) -> str:
+    """Return what the validation of a run came to."""
+    return str(json.loads((folder / "validation.json").read_text(encoding="utf-8"))["verdict"])
+
+
+def _model(robot: Robot, kept: Mapping[str, Any]) -> DynamicsModel:
+    """The model as it was used, with the bodies that make its load, where it has one."""
+    model = build_model(robot, ModelChoice(tuple(kept["terms"]), kept["shapes"]))
+    return dataclasses.replace(model, load_parameters=kept.get("load_parameters"))
+
+
+def _write(result: Result, draft: Path) -> None:
+    study = result.study
+    # Other recordings of the arm have columns of their own, so what was guessed of these is not asked of them.
+    asked = result.asked or next(r.reading for r in study.recordings if r.role == "train")
+    model = {
+        "terms": study.model.terms,
+        "shapes": study.model.shapes,
+        "load_parameters": result.model.load_parameters,
+        "processing": dataclasses.asdict(study.processing),
+        "reading": _given(asked),
+        "trained_on": [each.sha256 for each in result.training],
+        "made": made_record(made_now()),
+    }
+    replace_file(draft / "study.json", to_json(_study_record(study)) + "\n")
+    replace_file(draft / "model.json", to_json(model) + "\n")
+    save(result.robot, draft / "robot.npz")
+    save(result.information, draft / "information.npz")
+    save(result.estimate, draft / "estimate.npz")
+    if result.ladder is not None:
+        record = ladder_record(result.ladder, result.robot.joint_names)
+        replace_file(draft / "friction.json", to_json(record) + "\n")
+    replace_file(draft / "validation.json", to_json(validation_record(result.validation)) + "\n")
+    record = estimate_record(result.estimate)
+    record["links"] = link_record(link_table(result.model, result.estimate))
+    replace_file(draft / MARKER, to_json(record) + "\n")
+
+
+def _study_record(study: Study) -> dict[str, Any]:
+    """The study as it was resolved, without what stands at its default in a recording."""
+    record: dict[str, Any] = dataclasses.asdict(study)
+    record["folder"] = str(Path(study.folder).resolve())  # found from anywhere
+    for recording, choice in zip(record["recordings"], study.recordings, strict=True):
+        recording["reading"] = _given(choice.reading)
+    return record
+
+
+def _given(reading: Reading) -> dict[str, Any]:
+    """Return what a reading says beyond its defaults."""
+    return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}

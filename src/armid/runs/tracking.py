@@ -1,0 +1,236 @@
+"""A run followed through further recordings: parameters over time, forgetting what is old."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import Finding, StudyError
+from armid.estimation.estimate import averaged
+from armid.estimation.recursive.recursive_estimate import JUMP, Memory, State, fit, resume, update
+from armid.estimation.update.payload import LOAD_NAMES
+from armid.estimation.update.stacked_problem import with_load_columns
+from armid.information.accumulate import inform
+from armid.information.information import Information, select
+from armid.measurement.observations import Observations, ObservedRun
+from armid.measurement.processing.pipeline import observe
+from armid.model.terms.rigid_body import rigid_body_units
+from armid.runs.new_recordings import doubts, load_columns, read_new
+from armid.runs.recalibration import Changed
+from armid.runs.run import Run
+from armid.study.identify import Progress, changing_parameters, silent
+from armid.threads import one_blas_thread
+from armid.values import Array, load
+
+__all__ = ["SURPRISE", "Event", "Track", "track", "track_record", "track_table"]
+
+SURPRISE = 3.0
+"""Torque error over the usual one from which on something has changed: chance makes it so with ten independent rows
+once in 1e14 blocks, and further motion of the same arm hardly doubles it."""
+
+LOOSE = np.array([100.0, 50.0, 50.0, 50.0, 25.0, 25.0, 25.0, 25.0, 25.0, 25.0])
+"""Standard deviations of a load that nothing is known of yet [kg, kg·m, kg·m²]: ten times what such arms carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that changed at once.
+
+    Attributes:
+        time: End of the block that showed it [s].
+        joint: The joint with the largest surprise.
+        surprise: Its torque error over the usual one.
+    """
+
+    time: float
+    joint: str
+    surprise: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Track:
+    """Parameters over time, one row a block.
+
+    Attributes:
+        names: Names of the m parameters: the base parameters and, where it was looked for, those of the load.
+        units: Their units.
+        time: End of each block on the recordings' clock, which goes on from one to the next, shape (K,) [s].
+        values: Shape (K, m).
+        deviation: Standard deviations, shape (K, m).
+        error: RMS torque error of each block by the estimate before it, shape (K, n) [N·m or N].
+        before: The same by the run, shape (K, n).
+        surprise: Torque error over the usual one, shape (K, n).
+        events: When it exceeded `SURPRISE`.
+        findings: What was noticed on the way.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array
+    values: Array
+    deviation: Array
+    error: Array
+    before: Array
+    surprise: Array
+    events: tuple[Event, ...]
+    findings: tuple[Finding, ...]
+
+
+@one_blas_thread
+def track(
+    run: Run,
+    paths: Sequence[str],
+    reading: Mapping[str, Any],
+    *,
+    memory: float = 30.0,
+    block: float = 1.0,
+    changed: Changed = "friction",
+    progress: Progress | None = None,
+) -> Track:
+    """Follow what may change through recordings that come after a run.
+
+    Args:
+        run: The run; the estimate begins with its values and intervals.
+        paths: Recordings, in the order of time.
+        reading: Fields of a reading that differ from how the run's first recording was read.
+        memory: Time constant of forgetting [s]; infinite for none.
+        block: Time from one estimate to the next [s].
+        changed: What may change: friction and offsets, these and a load at the tip, or every parameter.
+        progress: Told of stages.
+
+    Raises:
+        ArmidError: Recordings that do not fit the run, or times that are none.
+    """
+    if not (memory > 0.0 and 0.0 < block < np.inf):
+        raise StudyError(f"memory and block are times above 0 s; found {memory:g} and {block:g} s.")
+    tell = progress or silent
+    tell("recordings", 0.0)
+    recordings, findings = read_new(run, paths, reading)
+    # Periods averaged or taken together would hide what changes from one to the next.
+    edges = "drop" if run.processing.edges == "periodic" else run.processing.edges
+    processing = replace(run.processing, edges=edges, average=False)
+    limits = [joint.effort_limit for joint in run.robot.joints]
+    observed, found = observe([each for _, each in recordings], processing, effort_limits=limits)
+    observations = Observations(tuple(_cut(one, block) for one in observed.runs), observed.band)
+    base = run.estimate.base
+    tell("information", 0.0)
+    new = inform(run.model, base, observations, progress=lambda done, all: tell("information", done / all))
+    ends, lengths = _times(observations)
+    earlier = averaged(base.names, run.estimate.fit)
+    own = np.ones(base.count, dtype=np.bool_) if changed == "all" else changing_parameters(run.model)[base.kept]
+    further, jump = None, JUMP * np.sqrt(np.diag(earlier.covariance))
+    if changed == "tool":
+        new = with_load_columns(new, np.ones(new.blocks, dtype=np.bool_), load_columns(run)[0])
+        new = replace(new, names=(*base.names, *LOAD_NAMES))
+        own, further = np.append(own, np.ones(10, dtype=np.bool_)), LOOSE
+        jump = np.append(jump, LOOSE)
+    elif not own.any():
+        raise StudyError(
+            f"The model of {run.folder} has no friction that could change.", remedy="use --tool or --all."
+        )
+    factors = load(Information, Path(run.folder) / "information.npz")
+    state = resume(new, earlier, Memory(memory, own, SURPRISE, jump), further=further, factors=factors)
+    units = (*base.units, *(rigid_body_units() if changed == "tool" else ()))
+    return _followed(run, state, new, ends, lengths, units, (*doubts(run), *findings, *found), tell)
+
+
+def _followed(
+    run: Run,
+    state: State,
+    new: Information,
+    ends: Array,
+    lengths: Array,
+    units: tuple[str, ...],
+    findings: tuple[Finding, ...],
+    tell: Progress,
+) -> Track:
+    """The state taken through all blocks."""
+    start = state.values
+    shape = (new.blocks, new.n)
+    error, before, surprise = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    values, deviation = np.zeros((2, new.blocks, new.count))
+    events: list[Event] = []
+    for k in range(new.blocks):
+        tell("tracking", k / new.blocks)
+        part = select(new, np.array([k]))
+        error[k], before[k] = _errors(part, state.values), _errors(part, start)
+        state = update(state, part, float(lengths[k]))
+        now = fit(state)
+        values[k], deviation[k] = now.values, np.sqrt(np.diag(now.covariance))
+        surprise[k] = state.innovations.surprise
+        j = int(np.argmax(surprise[k]))
+        if surprise[k, j] >= SURPRISE:
+            events.append(Event(float(ends[k]), run.robot.joint_names[j], float(surprise[k, j])))
+    tell("tracking", 1.0)
+    return Track(new.names, units, ends, values, deviation, error, before, surprise, tuple(events), findings)
+
+
+def _cut(run: ObservedRun, seconds: float) -> ObservedRun:
+    """The run in blocks of so many seconds."""
+    time = run.motion.time[run.rows]
+    block = np.floor((time - time[0]) / seconds + 1e-9).astype(np.int64)
+    return replace(run, block=np.unique(block, return_inverse=True)[1])
+
+
+def _times(observations: Observations) -> tuple[Array, Array]:
+    """End of each block, and time since the end of the one before it [s]; recordings follow one another at once."""
+    ends: list[float] = []
+    lengths: list[float] = []
+    recording, shift = -1, 0.0
+    for run in observations.runs:
+        time, step = run.motion.time[run.rows], run.step / run.rate
+        if run.recording != recording:
+            recording, last = run.recording, ends[-1] if ends else 0.0
+            shift = last - float(time[0]) + step if ends else 0.0
+        for k in np.unique(run.block):
+            at = float(time[run.block == k][-1]) + shift
+            lengths.append(at - ends[-1] if ends else at - float(time[0]) - shift + step)
+            ends.append(at)
+    return np.array(ends), np.array(lengths)
+
+
+def _errors(part: Information, values: Array) -> Array:
+    """RMS torque error of each joint in one block, shape (n,)."""
+    squares = np.array(
+        [np.sum((joint.R[0, :, -1] - joint.R[0, :, :-1] @ values[joint.parameters]) ** 2) for joint in part.joints]
+    )
+    return np.sqrt(squares / np.maximum(part.rows[0], 1))
+
+
+def track_record(found: Track) -> dict[str, Any]:
+    """The track as a JSON object."""
+    return {
+        "time": found.time,
+        "parameters": [
+            {"name": name, "unit": unit, "value": found.values[:, k], "deviation": found.deviation[:, k]}
+            for k, (name, unit) in enumerate(zip(found.names, found.units, strict=True))
+        ],
+        "error": found.error,
+        "error_of_the_run": found.before,
+        "surprise": found.surprise,
+        "events": [{"time": e.time, "joint": e.joint, "surprise": e.surprise} for e in found.events],
+    }
+
+
+def track_table(found: Track) -> str:
+    """The track as CSV: time, each parameter with its deviation, and the surprise of each joint."""
+    names = ["t"]
+    for name in found.names:
+        names += [name, f"{name}_deviation"]
+    names += [f"surprise_{j + 1}" for j in range(found.surprise.shape[1])]
+    both = np.stack([found.values, found.deviation], axis=2).reshape(len(found.time), -1)
+    text = io.StringIO()
+    np.savetxt(
+        text,
+        np.column_stack([found.time, both, found.surprise]),
+        delimiter=",",
+        header=",".join(names),
+        comments="",
+        fmt="%.10g",
+    )
+    return text.getvalue()

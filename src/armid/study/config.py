@@ -1,0 +1,399 @@
+"""Study: robot, model, recordings, processing and estimation, each named once.
+
+A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]` and `[estimation]`. Its keys are
+the fields of the dataclasses here, of `Reading` and of `Processing`; an unknown key is an error that lists the known
+ones. Paths are relative to the study.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from armid.errors import ArmidError, StudyError, did_you_mean
+from armid.estimation.estimators import ESTIMATORS, Estimator
+from armid.measurement.log_format import Reading
+from armid.measurement.processing.options import Processing
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import TERMS, Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
+from armid.robot import Robot, builtin_arms, load_robot
+from armid.study.summary import Outlined
+
+__all__ = [
+    "EstimationChoice",
+    "ModelChoice",
+    "RecordingChoice",
+    "RobotChoice",
+    "Study",
+    "build_estimator",
+    "build_model",
+    "default_estimation",
+    "load_choice",
+    "load_study",
+    "parse_study",
+    "resolve_model",
+]
+
+T = TypeVar("T")
+
+Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
+"""Options of a term, or of several of one name."""
+
+IDENTIFY_TERMS = (RigidBody.name, Viscous.name, Coulomb.name, Offset.name)
+"""Terms where a study names none; rotor inertia joins them where the effort is that of the motors, and where friction
+is chosen."""
+
+IDENTIFY_WIDTH = 0.02
+"""Width of Coulomb friction where a study gives none [rad/s]: a sign flips with the encoder's noise at rest."""
+
+PLAIN_METHOD = "wls"
+AUTOMATIC_METHOD = "ridge"
+"""Method of a study that names none; friction that was chosen under a prior is estimated with one."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotChoice:
+    """The arm of a study.
+
+    Attributes:
+        description: Name of a built-in arm or path to a URDF, xacro, MJCF or DH table.
+        gravity: Acceleration of gravity in the base frame [m/s²]; the description's where not given.
+        lock: Joints held still: names or patterns, `"name=position"`, or a table of positions; at 0, or next to it
+            within the limits, where no position is given.
+        tip: Frame that stands for the tool flange; the joints between the base and it move, others are held still,
+            unless `only` says which.
+        only: Names or patterns of the joints that move; all others are held still.
+    """
+
+    description: str
+    gravity: tuple[float, float, float] | None = None
+    lock: Mapping[str, float] | Sequence[str] = ()
+    tip: str | None = None
+    only: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        gravity, lock = self.gravity, self.lock
+        _require(_are_texts([self.description]), "description", "text", self.description)
+        _require(self.tip is None or _are_texts([self.tip]), "tip", "text", self.tip)
+        _require(gravity is None or _are_numbers(gravity, 3), "gravity", "three numbers", gravity)
+        names, values = (list(lock), list(lock.values())) if isinstance(lock, Mapping) else (lock, [])
+        good = _are_texts(names) and _are_numbers(values, len(values))
+        _require(good, "lock", "a list of names, or { name = value }", lock)
+        _require(_are_texts(self.only), "only", "a list of names", self.only)
+
+
+@dataclass(frozen=True, slots=True)
+class ModelChoice:
+    """The torque terms of a study.
+
+    Attributes:
+        terms: Their names; chosen by the kind of effort where none are given. A name may stand here several times.
+        shapes: Options of terms, by the term's name: one table, or a list of tables where a term has other shapes on
+            other joints.
+        automatic: The friction ladder adds to these terms, joint by joint; `terms = "auto"` in a study.
+    """
+
+    terms: tuple[str, ...] = ()
+    shapes: Mapping[str, Shapes] = field(default_factory=dict[str, "Shapes"])
+    automatic: bool = False
+
+    def __post_init__(self) -> None:
+        _require(_are_texts(self.terms), "terms", "a list of names", self.terms)
+        object.__setattr__(self, "terms", tuple(self.terms))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RecordingChoice:
+    """One recording of a study.
+
+    Attributes:
+        path: The file.
+        role: `train` or `validate`.
+        reading: How to read it.
+        part: Which share of it, from and to, 0 to 1. One file may train with one part and validate with another.
+    """
+
+    path: str
+    role: Literal["train", "validate"] = "train"
+    reading: Reading = field(default_factory=Reading)
+    part: tuple[float, float] = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        _require(_are_texts([self.path]), "path", "text", self.path)
+        if self.role not in ("train", "validate"):
+            raise StudyError(f"{self.path}: unknown role {self.role!r}.", possible="train, validate")
+        _require(_are_numbers(self.part, 2), "part", "two numbers", self.part)
+        low, high = self.part
+        if not 0.0 <= low < high <= 1.0:
+            raise StudyError(f"{self.path}: part goes from a smaller to a larger share of 0 to 1; found {self.part}.")
+
+
+PER_RECORDING = ("friction_per_recording", "offset_per_recording")
+"""Keys that give each recording parameters of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class EstimationChoice:
+    """Estimation of a study.
+
+    Attributes:
+        method: Name of the estimator.
+        friction_per_recording: Every recording has its own friction and offsets; the links are shared.
+        options: Options of estimators, by the estimator's name and the option's.
+        offset_per_recording: Every recording has its own offsets; links and friction are shared.
+    """
+
+    method: str = PLAIN_METHOD
+    friction_per_recording: bool = False
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {})
+    offset_per_recording: bool = False
+
+    def __post_init__(self) -> None:
+        if self.method not in ESTIMATORS:
+            raise StudyError(
+                f"Unknown estimation method {self.method!r}.",
+                possible=", ".join(ESTIMATORS),
+                remedy=did_you_mean(self.method, ESTIMATORS),
+            )
+        for key in PER_RECORDING:
+            _require(getattr(self, key) in (True, False), key, "true or false", getattr(self, key))
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Study(Outlined):
+    """Everything that an identification is made from.
+
+    Attributes:
+        robot: The arm.
+        model: Its torque terms.
+        recordings: Recordings, at least one of which trains.
+        processing: What is done to them.
+        estimation: How the parameters are estimated.
+        folder: What paths are relative to.
+    """
+
+    robot: RobotChoice
+    model: ModelChoice
+    recordings: tuple[RecordingChoice, ...]
+    processing: Processing = field(default_factory=Processing)
+    estimation: EstimationChoice = field(default_factory=EstimationChoice)
+    folder: str = "."
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "recordings", tuple(self.recordings))
+        if not any(recording.role == "train" for recording in self.recordings):
+            raise StudyError("The study has no recording to train on.", remedy='give one role = "train".')
+
+
+def load_study(path: Path | str) -> Study:
+    """Read a `study.toml`.
+
+    Raises:
+        StudyError: It is missing, no TOML, has an unknown key or contradicts itself.
+    """
+    path = Path(path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(
+            f"The study {path} cannot be read: {error}.", remedy="give the path of a study.toml."
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise StudyError(f"{path} is no valid TOML: {error}.", remedy="correct the line.") from error
+    return parse_study(table, str(path.parent))
+
+
+def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
+    """A study from the tables of a `study.toml`.
+
+    Raises:
+        StudyError: An unknown key, a missing one, or a contradiction.
+    """
+    _known(table, ("robot", "model", "recording", "processing", "estimation"), "The study")
+    if "robot" not in table:
+        raise StudyError("The study has no table [robot].", remedy='write [robot] with description = "…".')
+    recordings = table.get("recording", [])
+    if not isinstance(recordings, list) or not all(isinstance(each, Mapping) for each in recordings):
+        raise StudyError(
+            f"Recordings are no list of tables; found {recordings!r:.80}.",
+            remedy="write [[recording]], in two brackets, before each.",
+        )
+    model = _model_choice(table.get("model", {}))
+    return Study(
+        parse_robot(table["robot"]),
+        model,
+        tuple(_recording_choice(each) for each in recordings),
+        _make(Processing, table.get("processing", {}), "[processing]"),
+        _estimation_choice(table.get("estimation", {}), default_estimation(model).method),
+        folder,
+    )
+
+
+def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
+    """The arm that a study or a command line names; a description that is a file is looked for in `folder`."""
+    name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
+    return load_robot(name, gravity=choice.gravity, lock=choice.lock, only=choice.only, tip=choice.tip)
+
+
+def parse_robot(table: Any) -> RobotChoice:
+    """The arm of a `[robot]` table; `locked` is the former name of `lock`."""
+    if isinstance(table, Mapping) and "locked" in table and "lock" not in table:
+        table = {"lock" if key == "locked" else key: value for key, value in table.items()}
+    return _make(RobotChoice, table, "[robot]")
+
+
+def default_estimation(model: ModelChoice) -> EstimationChoice:
+    """Tell how a study estimates that does not say it."""
+    return EstimationChoice(AUTOMATIC_METHOD if model.automatic else PLAIN_METHOD)
+
+
+def build_estimator(choice: EstimationChoice) -> Estimator:
+    """The estimator that a study chooses, with its options."""
+    return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
+
+
+def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
+    """The model that a study chooses.
+
+    Args:
+        robot: The arm.
+        choice: Terms and shapes.
+        motor_side: Whether the recorded effort is that of the motors, which adds rotor inertia by default. Where
+            friction is chosen it is there in any case: a torque that a log calls the joint's is often the motor's,
+            converted, and beside a prior the inertia does no harm where it is not.
+    """
+    names = choice.terms or (*IDENTIFY_TERMS, *((RotorInertia.name,) if motor_side or choice.automatic else ()))
+    for name in choice.shapes:
+        if name not in names:
+            raise StudyError(
+                f"[model] gives options of {name!r}, which is not among its terms.", possible=", ".join(names)
+            )
+    tables = {name: _tables(choice.shapes.get(name, {})) for name in names}
+    terms: list[Term] = []
+    for k, name in enumerate(names):
+        if name not in TERMS:
+            raise StudyError(
+                f"Unknown torque term {name!r}.", possible=", ".join(TERMS), remedy=did_you_mean(name, TERMS)
+            )
+        # A name that stands several times takes its tables one by one, where it stands last all that are left.
+        taken = tables[name] if name not in names[k + 1 :] else tables[name][:1]
+        tables[name] = tables[name][len(taken) :]
+        for options in taken or [{}]:
+            if name == Coulomb.name and not choice.terms:
+                options.setdefault("width", IDENTIFY_WIDTH)
+            terms.append(_make(TERMS[name], options, f"[model.{name}]"))
+    return DynamicsModel(robot, tuple(terms))
+
+
+def _tables(shapes: Shapes) -> list[dict[str, Any]]:
+    """Options of each term of one name."""
+    return [dict(each) for each in ([shapes] if isinstance(shapes, Mapping) else shapes)]
+
+
+def resolve_model(model: DynamicsModel) -> ModelChoice:
+    """The choice of a model's terms with nothing left to defaults, so that `build_model` makes it again."""
+    shapes: dict[str, list[dict[str, Any]]] = {}
+    for term in model.terms:
+        options = dataclasses.asdict(term)  # pyright: ignore[reportArgumentType]
+        shapes.setdefault(term.name, []).append({k: v for k, v in options.items() if v is not None})
+    given = {name: each[0] if len(each) == 1 else tuple(each) for name, each in shapes.items()}
+    return ModelChoice(tuple(term.name for term in model.terms), {k: v for k, v in given.items() if v})
+
+
+def _model_choice(table: Mapping[str, Any]) -> ModelChoice:
+    """Terms and their options; each term's options stand under its name."""
+    _known(table, ("terms", *TERMS), "[model]")
+    terms = table.get("terms", ())
+    automatic = terms == "auto"
+    shapes = {name: value for name, value in table.items() if name != "terms"}
+    for name, value in shapes.items():
+        several = isinstance(value, list) and all(isinstance(each, Mapping) for each in value)
+        good = isinstance(value, Mapping) or several
+        _require(good, f"[model] {name}", "a table of options, or a list of such tables", value)
+    chosen = {"terms": () if automatic else terms, "shapes": shapes, "automatic": automatic}
+    return _make(ModelChoice, chosen, "[model]")
+
+
+def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoice:
+    """Method, by default the one given, and options; each estimator's options stand under its name."""
+    owner = {option: name for name, kind in ESTIMATORS.items() for option in getattr(kind, "__slots__", ())}
+    chosen = str(table.get("method", method))
+    owner |= dict.fromkeys(getattr(ESTIMATORS.get(chosen), "__slots__", ()), chosen)
+    for key in sorted(table.keys() & owner.keys()):
+        raise StudyError(f"[estimation] has no key {key!r}.", remedy=f"write it in [estimation.{owner[key]}].")
+    _known(table, ("method", *PER_RECORDING, *ESTIMATORS), "[estimation]")
+    options = {name: value for name, value in table.items() if name in ESTIMATORS}
+    for name, value in options.items():
+        _require(isinstance(value, Mapping), f"[estimation] {name}", "a table of options", value)
+    own = {name: value for name, value in table.items() if name not in ESTIMATORS}
+    choice = _make(EstimationChoice, {"method": method, **own, "options": options}, "[estimation]")
+    for name in options:
+        build_estimator(dataclasses.replace(choice, method=name))  # wrong options are refused where they stand
+    return choice
+
+
+def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
+    """A recording with its reading; their keys stand together in one table."""
+    own = [f.name for f in dataclasses.fields(RecordingChoice) if f.name != "reading"]
+    _known(table, (*own, *(f.name for f in dataclasses.fields(Reading))), "[[recording]]")
+    if "path" not in table:
+        raise StudyError("A recording has no path.", remedy='give path = "…" in every [[recording]].')
+    how = {key: value for key, value in table.items() if key not in own}
+    choice = {key: value for key, value in table.items() if key in own}
+    reading = _make(Reading, how, f"[[recording]] {table['path']}:")
+    return _make(RecordingChoice, {**choice, "reading": reading}, "[[recording]]")
+
+
+def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
+    """A dataclass from a table with its fields as keys; lists become tuples."""
+    fields = [f for f in dataclasses.fields(kind) if f.init]  # pyright: ignore[reportArgumentType]
+    _known(table, [f.name for f in fields], where)
+    missing = [
+        f.name
+        for f in fields
+        if f.name not in table and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
+    ]
+    if missing:
+        raise StudyError(f"{where} lacks {', '.join(missing)}.", remedy="add what is missing.")
+    values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    try:
+        return kind(**values)
+    except ArmidError as error:
+        problem = error.problem.removeprefix(f"{where.strip('[]')}.")
+        raise StudyError(f"{where} {problem}", possible=error.possible, remedy=error.remedy) from error
+    except (TypeError, ValueError) as error:
+        raise StudyError(f"{where} has a value of the wrong type: {error}.", remedy="correct its type.") from error
+
+
+def _known(table: object, known: Iterable[str], where: str) -> None:
+    """Refuse what is no table, and unknown keys."""
+    known = list(known)
+    if not isinstance(table, Mapping):
+        raise StudyError(f"{where} must be a table; found {table!r}.", possible=", ".join(known))
+    for key in table:
+        if key not in known:
+            raise StudyError(
+                f"{where} has no key {key!r}.", possible=", ".join(known), remedy=did_you_mean(key, known)
+            )
+
+
+def _require(good: bool, name: str, wanted: str, found: object) -> None:
+    """Refuse a value of the wrong kind."""
+    if not good:
+        raise StudyError(f"{name} must be {wanted}; found {found!r}.")
+
+
+def _are_texts(values: object) -> bool:
+    return isinstance(values, tuple | list) and all(isinstance(value, str) and value for value in values)
+
+
+def _are_numbers(values: object, count: int) -> bool:
+    """Tell whether these are so many finite numbers."""
+    if not isinstance(values, tuple | list) or len(values) != count:
+        return False
+    return all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in values)

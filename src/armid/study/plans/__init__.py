@@ -1,0 +1,1 @@
+"""Designed motions on disk: goals, placement, files, preflight, simulation."""

@@ -1,0 +1,291 @@
+"""A motion designed from a robot, wishes and limits: start pose, problem, search, certificate, report."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Executor
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError, Finding, did_you_mean
+from armid.excitation.certification import Margin, certified, fine_grid
+from armid.excitation.collision.closest_approach import RATE, closest_approaches
+from armid.excitation.collision.collision_model import Collision
+from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
+from armid.excitation.design.objective import Goal
+from armid.excitation.design.sensitivity import Columns
+from armid.excitation.design.sqp import Problem, about_start
+from armid.excitation.limits.constraints import Channel
+from armid.excitation.limits.joint_limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
+from armid.excitation.limits.torque_limits import Torque
+from armid.excitation.plan import Plan, seconds_for
+from armid.excitation.preflight import Preflight, preflight, worst
+from armid.excitation.series_basis import SeriesBasis
+from armid.excitation.settled import unsettled
+from armid.excitation.start_pose import Holds, anywhere
+from armid.notebook import Shown, Summary
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.missing_inertia import inertial_key, moving_nothing
+from armid.robot.robot import Robot
+from armid.study.plans.goals import LIMIT_KINDS, Effort, Rules, Wish
+from armid.study.plans.placement import place
+from armid.values import Array
+
+__all__ = ["LIMIT_KINDS", "Designed", "Effort", "Rules", "Wish", "design_plan"]
+
+LEAD_SHARE = 0.5
+"""Share of the limits of velocity that ways to and from the start use."""
+
+LEAD_CHECKS = 200.0
+"""Poses a second of these ways in which bodies are looked at [Hz]."""
+
+SPREAD = 200.0
+"""Samples a second at which the ends of a motion are looked for [Hz]."""
+
+HELD = 0.9
+"""Share of the torque limits that holding a start pose may take where the pose is chosen here."""
+
+DRAWN, DRAWN_BY = 0.1, 0.85
+"""A plan is drawn together about its start pose in steps, and no further, to keep bodies apart that no gradient
+tells of."""
+
+LEAD_ACCELERATION = 2.0
+"""Acceleration of these ways where no limit is given [rad/s² or m/s²]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Designed(Shown):
+    """Result of a design.
+
+    Attributes:
+        plan: The motion.
+        problem: What was asked, every pair of bodies among its limits.
+        x: The unknowns.
+        limits: Of the joints.
+        search: How it was found.
+        preflight: What is known of it.
+        findings: What the reader should know.
+        collision: Bodies that are kept apart, where that was asked.
+    """
+
+    plan: Plan
+    problem: Problem
+    x: Array
+    limits: Limits
+    search: Search
+    preflight: Preflight
+    findings: tuple[Finding, ...]
+    collision: Collision | None = None
+
+    def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
+        """Of a limit of position, from where to where its joint goes and may go; `None` of other limits."""
+        if margin.limit != "position" or margin.label not in self.limits.joints:
+            return None
+        j, series = self.limits.joints.index(margin.label), self.plan.excitation
+        q = series.sample(SPREAD).q[:, j]
+        low, high = min(float(q.min()), margin.value), max(float(q.max()), margin.value)
+        return low, high, float(self.limits.lower[j]), float(self.limits.upper[j])
+
+    def summary(self) -> Summary:
+        """The nearest that the plan comes to each kind of limit."""
+        rows = tuple(
+            (each.limit, each.label, f"{each.value:.4g} of {each.bound:.4g} {each.unit}", f"{each.certified:.1%}")
+            for each in worst(self.preflight.margins)
+        )
+        note = f"expected condition number {self.preflight.expected.condition:.4g}; {len(self.findings)} findings"
+        return Summary(self.plan.summary().title, ("limit", "of", "nearest", "certified"), rows, note)
+
+
+def design_plan(
+    wish: Wish, rules: Rules, effort: Effort, *, progress: Progress | None = None, executor: Executor | None = None
+) -> Designed:
+    """Design a motion.
+
+    Args:
+        wish: What it should be.
+        rules: What it must keep to.
+        effort: How long is looked.
+        progress: Told of every descent.
+        executor: Runs the search in the place of processes of its own.
+
+    Raises:
+        ArmidError: Limits that are missing, contradict each other or the start pose, or cannot be kept.
+    """
+    if effort.budget is not None and not effort.budget > 0.0:
+        raise ArmidError(f"The budget is {effort.budget} s.", remedy="give some seconds; ten are enough for one arm.")
+    goal = wish.goal
+    robot = goal.model.robot
+    if not wish.duration > 0.0:
+        raise ArmidError(f"The duration must be positive; found {wish.duration} s.")
+    limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
+    if rules.envelope is not None:
+        limits = limits.narrowed(rules.envelope, by_joint=rules.envelope_by_joint)
+    torque, said = _torque(goal, limits, rules)
+    placed = place(robot, limits, rules, wish.start, _holds(goal, torque))
+    collision = placed.collision
+    basis = SeriesBasis(
+        2.0 * math.pi / wish.duration,
+        wish.harmonics,
+        placed.start,
+        free=wish.free_start,
+        literal=not wish.free_centre,
+    )
+    channels = (*_motion(limits, basis, rules), *([] if torque is None else [torque]))
+    channels = channels if rules.workspace is None else (*channels, rules.workspace)
+    near = () if collision is None or collision.searched is None else (collision.searched,)
+    every = () if collision is None or not len(collision.pairs) else (collision.every,)
+    scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
+    problem = Problem(goal, basis, (*channels, *near), scale)
+    pool = nullcontext(executor) if executor or not effort.workers else single_threaded_pool(effort.workers)
+    with pool as workers:
+        found = search(
+            problem,
+            seed=effort.seed,
+            budget=effort.budget,
+            rounds=effort.rounds,
+            executor=workers,
+            progress=progress,
+        )
+    whole = replace(problem, channels=(*channels, *every))
+    x, margins = _finished(whole, found.best.x, robot, collision)
+    plan = _with_leads(basis, x, wish, limits, robot.name)
+    _check_leads(plan, robot, collision)
+    report = preflight(whole, x, collision, margins, placed.unchecked)
+    noticed = (unsettled(found, goal.criterion, effort.budget), _unlimited(plan, limits, robot))
+    findings = (*placed.findings, *said, *(each for each in noticed if each is not None))
+    return Designed(plan, whole, x, limits, found, report, findings, collision)
+
+
+def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
+    """That accelerations are not limited, and how large they become; nothing where they are."""
+    free = np.flatnonzero(~np.isfinite(limits.acceleration))
+    if not free.size:
+        return None
+    peaks = np.abs(plan.excitation.sample(SPREAD).ddq).max(axis=0)
+    told = ", ".join(f"{robot.joint_names[j]} {peaks[j]:.3g} {robot.joints[j].unit}/s²" for j in free)
+    evidence = f"Acceleration is not limited, as no limit is given; the plan reaches {told}"
+    remedy = "limit it with --acceleration, or --limit JOINT.acceleration=VALUE."
+    return Finding("acceleration-unlimited", "info", "", evidence, remedy)
+
+
+def _finished(
+    problem: Problem, x: Array, robot: Robot, collision: Collision | None
+) -> tuple[Array, tuple[Margin, ...]]:
+    """The plan with every limit certified, drawn together as long as bodies that are measured as they are touch.
+
+    Where that does not help, the report says what touches.
+    """
+    grid, basis = fine_grid(problem), problem.basis
+    trial, margins = certified(problem, grid, x)
+    if collision is None or not len(collision.measured):
+        return trial, margins
+    times = basis.times(max(100, round(RATE * basis.period)))
+    factor = 1.0
+    while factor > DRAWN and not collision.clear_as_they_are(robot, basis.excitation(trial).at(times).q):
+        factor *= DRAWN_BY
+        trial, margins = certified(problem, grid, about_start(basis, x, factor))
+    return trial, margins
+
+
+def _motion(limits: Limits, basis: SeriesBasis, rules: Rules) -> tuple[Channel, ...]:
+    """Limits of the motion itself, or of sums of its amplitudes.
+
+    Raises:
+        ArmidError: There are no limits of that kind.
+    """
+    if rules.limits not in LIMIT_KINDS:
+        raise ArmidError(
+            f"There are no limits of kind {rules.limits!r}.",
+            possible=", ".join(LIMIT_KINDS),
+            remedy=did_you_mean(rules.limits, LIMIT_KINDS),
+        )
+    motion = motion_channels(limits)
+    if rules.limits == "true":
+        return motion
+    form: Literal["thesis", "thesis-literal"] = "thesis" if rules.limits == "thesis" else "thesis-literal"
+    kept = [channel for channel in motion if channel.name not in ("position", "velocity")]
+    return (*thesis_channels(limits, basis, form=form), *kept)
+
+
+def _torque(goal: Goal, limits: Limits, rules: Rules) -> tuple[Torque | None, tuple[Finding, ...]]:
+    """Limits of torque, and which masses they are told with."""
+    if rules.torque_margin is None or not np.isfinite(limits.effort).any():
+        return None, ()
+    values, findings = rules.parameters, ()
+    if values is None:
+        nominal = goal.model.nominal_parameters()
+        values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
+        said = "torque is that of the description's links; friction is not known to it"
+        findings = (Finding("torque-nominal", "info", "", said),)
+        robot = goal.model.robot
+        limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
+        if values is not None and (empty := [name for name in moving_nothing(robot) if name in limited]):
+            said = f"{', '.join(empty)} move no mass by the description, so their torque is taken as zero"
+            remedy = f"give {inertial_key(robot)} for what they move, or a run of an identification with --after."
+            findings = (*findings, Finding("torque-unknown", "warning", ", ".join(empty), said, remedy))
+    if values is None:
+        said = f"{goal.model.robot.name} gives no masses, so torque is not limited"
+        remedy = "give a run of an identification with --after."
+        return None, (Finding("torque-unknown", "warning", "", said, remedy),)
+    return torque_channel(limits, values, rules.torque_margin), findings
+
+
+def _holds(goal: Goal, torque: Torque | None) -> Holds:
+    """Tell which poses the joints can hold, with something left to move."""
+    if torque is None:
+        return anywhere
+
+    def holds(q: Array) -> NDArray[np.bool_]:
+        columns = Columns(goal.source, len(q))
+        columns.fill(q, np.zeros_like(q), np.zeros_like(q))
+        share = np.abs(columns.torque(torque.base)[:, torque.joints]) / torque.limit
+        return np.asarray((share <= HELD).all(axis=1), dtype=np.bool_)
+
+    return holds
+
+
+def _with_leads(basis: SeriesBasis, x: Array, wish: Wish, limits: Limits, name: str) -> Plan:
+    """The plan with ways from and to other poses, no faster than half the limits."""
+    series = basis.excitation(x, name)
+    start = series.at([0.0]).q[0]
+    acceleration = np.where(np.isfinite(limits.acceleration), limits.acceleration, LEAD_ACCELERATION)
+
+    def seconds(pose: Array | None) -> float:
+        if pose is None:
+            return 0.0
+        if np.shape(pose) != start.shape:
+            raise ArmidError(
+                f"A pose has {np.size(pose)} numbers; the arm has {len(start)} joints.",
+                remedy="give one number a joint.",
+            )
+        return max(seconds_for(pose - start, LEAD_SHARE * limits.velocity, acceleration, limits.jerk), 0.1)
+
+    return Plan(series, wish.goal.repetitions, wish.begin, wish.end, seconds(wish.begin), seconds(wish.end))
+
+
+def _check_leads(plan: Plan, robot: Robot, collision: Collision | None) -> None:
+    """Refuse ways from and to other poses on which bodies come too close.
+
+    Raises:
+        ArmidError: They do; the message names the pair.
+    """
+    if collision is None or not plan.lead_in + plan.lead_out:
+        return
+    series = plan.lead_in + plan.repetitions * plan.excitation.period
+    for name, since, seconds in (("begin", 0.0, plan.lead_in), ("end", series, plan.lead_out)):
+        if not seconds:
+            continue
+        q = plan.at(since + np.linspace(0.0, seconds, max(50, round(LEAD_CHECKS * seconds)))).q
+        times = since + np.linspace(0.0, seconds, len(q))
+        nearest = closest_approaches(collision, times, forward_kinematics(robot, q))
+        close = [each for each in nearest if not each.kept]
+        if close:
+            raise ArmidError(
+                f"On the way from or to the {name} pose, {close[0].pair} come within "
+                f"{1000 * max(close[0].distance, 0.0):.0f} mm.",
+                remedy="choose another pose, or go there by hand and leave it out.",
+            )

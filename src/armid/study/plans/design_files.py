@@ -1,0 +1,175 @@
+"""Files of a design: plan, motions for controllers, slow rehearsals, the report before the flight."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from armid.errors import ArmidError, did_you_mean
+from armid.excitation.formats import FORMATS, Track
+from armid.excitation.plan import Plan
+from armid.excitation.point_to_point import Moves
+from armid.excitation.preflight import worst
+from armid.robot.robot import Robot
+from armid.study.atomic_folder import refuse, whole_folder
+from armid.study.plans.design import Designed
+from armid.study.plans.plan_files import PLAN_FILE, shape_records
+from armid.study.plans.preflight_text import report_record, report_text
+from armid.study.records import finding_record, to_json
+from armid.values import replace_file
+
+__all__ = [
+    "choose_formats",
+    "design_record",
+    "refuse_plan_folder",
+    "save_design",
+    "save_moves",
+    "track_of",
+]
+
+
+def refuse_plan_folder(folder: Path | str) -> None:
+    """Refuse a folder that a plan must not replace, before any work is done for it."""
+    refuse(folder, PLAN_FILE, "plan")
+
+
+def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
+    """Formats by name; all where none are named.
+
+    Raises:
+        ArmidError: There is no such format.
+    """
+    unknown = [name for name in names or () if name not in FORMATS]
+    if unknown:
+        raise ArmidError(
+            f"There is no format {unknown[0]!r}.",
+            possible=", ".join(FORMATS),
+            remedy=did_you_mean(unknown[0], FORMATS),
+        )
+    return tuple(names or FORMATS)
+
+
+def design_record(designed: Designed) -> dict[str, Any]:
+    """The contents of `plan.json`."""
+    plan, report, goal = designed.plan, designed.preflight, designed.problem.goal
+    series = plan.excitation
+    limits = {
+        margin.limit: {"value": margin.value, "bound": margin.bound, "joint": margin.label, "unit": margin.unit}
+        for margin in worst(report.margins)
+    }
+    return {
+        "robot": series.robot,
+        "joints": goal.model.robot.joint_names,
+        "base_frequency": series.base_frequency,
+        "offset": series.offset,
+        "a": series.a,
+        "b": series.b,
+        "criterion": goal.criterion,
+        "condition": report.expected.condition,
+        "log_det": report.expected.log_det,
+        "seconds": designed.search.seconds,
+        "limits": limits,
+        "repetitions": plan.repetitions,
+        "begin": plan.begin,
+        "end": plan.end,
+        "lead_in": plan.lead_in,
+        "lead_out": plan.lead_out,
+        "noise": goal.noise,
+        "rate": goal.rate,
+        "descents": designed.search.descents,
+        "interrupted": designed.search.interrupted,
+        "verdict": report.verdict,
+        "said": report.sentence,
+        "left_out": [each.pair for each in report.skipped],
+        "findings": [finding_record(finding) for finding in designed.findings],
+        "surroundings": [] if designed.collision is None else shape_records(designed.collision.surroundings),
+    }
+
+
+def save_design(
+    designed: Designed,
+    folder: Path | str,
+    *,
+    formats: Sequence[str] = tuple(FORMATS),
+    rate: float | None = None,
+    rehearsal: float = 0.2,
+) -> Path:
+    """Write a design's folder, whole or not at all; without motions for controllers where its verdict is `fail`.
+
+    Args:
+        designed: The design.
+        folder: Where; a plan that is there already is replaced.
+        formats: Names of formats; those that cannot hold this arm are left out.
+        rate: Samples a second in every format; each one's usual where not given [Hz].
+        rehearsal: Speed of the rehearsal, as a share of the plan's.
+    """
+    record = design_record(designed)
+    with whole_folder(folder, PLAN_FILE, "plan") as draft:
+        if designed.preflight.verdict != "fail":
+            _write_motions(draft, designed.plan, designed.problem.goal.model.robot, formats, rate, rehearsal)
+        replace_file(draft / "preflight.json", to_json(report_record(designed)) + "\n")
+        replace_file(draft / "preflight.txt", report_text(designed))
+        replace_file(draft / PLAN_FILE, to_json(record) + "\n")
+    return Path(folder)
+
+
+def save_moves(
+    moves: Moves,
+    robot: Robot,
+    folder: Path | str,
+    *,
+    formats: Sequence[str] = tuple(FORMATS),
+    rate: float | None = None,
+    rehearsal: float = 0.2,
+) -> dict[str, Any]:
+    """Write poses or sweeps like a design, and return what stands in their `plan.json`."""
+    record = {
+        "robot": robot.name,
+        "joints": moves.joints,
+        "poses": moves.poses,
+        "speeds": moves.speeds,
+        "stretches": [
+            {"kind": kind, "seconds": seconds} for kind, seconds in zip(moves.kinds, moves.seconds, strict=True)
+        ],
+        "duration": moves.duration,
+    }
+    with whole_folder(folder, PLAN_FILE, "plan") as draft:
+        _write_motions(draft, moves, robot, formats, rate, rehearsal)
+        replace_file(draft / PLAN_FILE, to_json(record) + "\n")
+    return record
+
+
+def _write_motions(
+    draft: Path, plan: Plan | Moves, robot: Robot, formats: Sequence[str], rate: float | None, rehearsal: float
+) -> None:
+    """The motion and its rehearsal in every format that can hold this arm."""
+    for name in formats:
+        for each, stem in ((plan, "plan"), (plan.rehearsal(rehearsal), "rehearsal")):
+            track = track_of(each, robot, FORMATS[name].RATE if rate is None else rate)
+            if not FORMATS[name].problem(track):
+                replace_file(draft / f"{stem}{FORMATS[name].SUFFIX}", FORMATS[name].write(track))
+
+
+def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> Track:
+    """A plan sampled for a controller."""
+    if not rate > 0.0:
+        raise ArmidError(f"A motion is sampled at a rate above zero; found {rate} Hz.")
+    prismatic = tuple(joint.is_prismatic for joint in robot.joints)
+    if isinstance(plan, Moves):
+        return Track(robot.name, robot.joint_names, prismatic, plan.sample(rate))
+    series = plan.excitation
+    text = json.dumps(
+        {
+            "robot": series.robot,
+            "base_frequency": series.base_frequency,
+            "offset": series.offset.tolist(),
+            "a": series.a.tolist(),
+            "b": series.b.tolist(),
+            "repetitions": plan.repetitions,
+            "lead_in": plan.lead_in,
+            "lead_out": plan.lead_out,
+        }
+    )
+    return Track(robot.name, robot.joint_names, prismatic, plan.sample(rate), text)

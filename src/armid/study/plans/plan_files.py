@@ -1,0 +1,138 @@
+"""Plans as files: the whole one of a `plan.json` with what is around, its series, and motions for controllers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armid.errors import ArmidError
+from armid.excitation.builtin_plans import PLANS, builtin_plan
+from armid.excitation.formats import FORMATS
+from armid.excitation.fourier import PLAN_FILE, Excitation, load_plan
+from armid.excitation.plan import Plan
+from armid.excitation.point_to_point import Moves
+from armid.model.motion import Motion
+from armid.robot.robot import Robot
+from armid.robot.shapes import Shape
+
+__all__ = ["PLAN_FILE", "is_plan", "motion_of_plan", "read_whole_plan", "series_of", "shape_records"]
+
+
+def is_plan(name: str) -> bool:
+    """Tell whether a name is that of a built-in plan, of a `plan.json` or of a folder with one."""
+    return name in PLANS or name.endswith(".json") or (Path(name) / PLAN_FILE).is_file()
+
+
+def series_of(name: str) -> Excitation:
+    """The series of a built-in plan, a `plan.json`, a folder with one, or a motion that lies beside its `plan.json`.
+
+    Raises:
+        ArmidError: There is none.
+    """
+    if name in PLANS:
+        return builtin_plan(name)
+    path = Path(name)
+    written = any(path.name == f"{Path(PLAN_FILE).stem}{form.SUFFIX}" for form in FORMATS.values())
+    beside = path.with_name(PLAN_FILE)
+    return load_plan(beside if written and beside.is_file() else path)
+
+
+def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
+    """The motion of a plan, or of a file that was written for a controller; nothing where it is neither.
+
+    Args:
+        name: A built-in plan, a `plan.json`, a folder with one, or a motion in one of the formats of `armid excite`.
+        robot: The arm.
+        rate: Samples a second of a plan [Hz]; a file has its own.
+
+    Raises:
+        ArmidError: A plan that cannot be read, or of another arm.
+    """
+    if not is_plan(name):
+        return _motion_of_format(Path(name), robot)
+    if not 0.0 < rate < np.inf:
+        raise ArmidError(f"A plan is sampled at a rate above 0; found {rate:g} Hz.")
+    plan, _ = read_whole_plan(name)
+    motion = plan.sample(rate) if isinstance(plan, Moves) else plan.excitation.sample(rate)
+    if motion.n != robot.n:
+        raise ArmidError(
+            f"{name} moves {motion.n} joints; {robot.name} has {robot.n}.", remedy="give a plan for this arm."
+        )
+    return motion
+
+
+def _motion_of_format(path: Path, robot: Robot) -> Motion | None:
+    """The motion in a file of a controller's format that has the robot's joints."""
+    for form in FORMATS.values():
+        if path.name.endswith(form.SUFFIX) and path.is_file():
+            try:
+                track = form.read(path.read_bytes())
+            except ArmidError:
+                continue
+            if set(track.joints) == set(robot.joint_names):
+                motion, order = track.motion, [track.joints.index(name) for name in robot.joint_names]
+                return Motion(motion.time, motion.q[:, order], motion.dq[:, order], motion.ddq[:, order])
+    return None
+
+
+def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
+    """The plan of a name, and what was around the arm when it was designed.
+
+    Raises:
+        ArmidError: There is none, or it lacks something.
+    """
+    if name in PLANS:
+        return Plan(builtin_plan(name)), ()
+    path = Path(name) / PLAN_FILE if Path(name).is_dir() else Path(name)
+    try:
+        record: Any = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ArmidError(f"{path} is no plan: {error}.", remedy="give a plan.json.") from error
+    if isinstance(record, dict) and "stretches" in record:
+        return _moves(record, path), ()
+    series = load_plan(path)
+    try:
+        plan = Plan(
+            series,
+            int(record.get("repetitions", 1)),
+            _pose(record.get("begin")),
+            _pose(record.get("end")),
+            float(record.get("lead_in", 0.0)),
+            float(record.get("lead_out", 0.0)),
+        )
+        return plan, tuple(_shape(each) for each in record.get("surroundings", ()))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ArmidError(f"{path} is no plan: {error}.", remedy="design it again with armid excite.") from error
+
+
+def shape_records(shapes: Sequence[Shape]) -> list[dict[str, Any]]:
+    """Bodies that do not move, for a `plan.json`."""
+    return [
+        {"name": shape.name, "kind": shape.kind, "size": shape.size, "placement": shape.placement} for shape in shapes
+    ]
+
+
+def _shape(record: Mapping[str, Any]) -> Shape:
+    return Shape(str(record["name"]), -1, record["kind"], np.array(record["size"]), np.array(record["placement"]))
+
+
+def _pose(values: Sequence[float] | None) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    return None if values is None else np.array(values, dtype=np.float64)
+
+
+def _moves(record: Mapping[str, Any], path: Path) -> Moves:
+    try:
+        stretches = record["stretches"]
+        return Moves(
+            tuple(record["joints"]),
+            np.array(record["poses"], dtype=np.float64),
+            np.array([each["seconds"] for each in stretches], dtype=np.float64),
+            np.array(record["speeds"], dtype=np.float64),
+            tuple(str(each["kind"]) for each in stretches),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise ArmidError(f"{path} is no plan: {error}.", remedy="design it again with armid excite.") from error

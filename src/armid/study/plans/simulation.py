@@ -1,0 +1,102 @@
+"""A recording from the lab on disk, with the truth beside it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from armid.errors import OutputError
+from armid.excitation.fourier import Excitation
+from armid.lab.known_arms import truth_of
+from armid.lab.options import LabOptions
+from armid.lab.simulation import Simulated, simulate, truth_record
+from armid.lab.true_motion import Trace
+from armid.measurement.writing import WRITERS, save_recording
+from armid.robot.robot import Robot
+from armid.study.plans.plan_files import series_of
+from armid.study.records import to_json
+from armid.values import replace_file, sha256_of_file
+
+__all__ = ["Written", "refuse_format", "simulate_to", "the_plan"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Written:
+    """Files of a simulation.
+
+    Attributes:
+        simulated: The simulation.
+        recording: The log.
+        truth: What was simulated, as JSON.
+        noise_free: What truly happened, as NPZ, where it was asked for.
+    """
+
+    simulated: Simulated
+    recording: Path
+    truth: Path
+    noise_free: Path | None
+
+
+def the_plan(name: str, period: float | None = None) -> Excitation:
+    """A built-in plan or one of `armid excite`, played over another period [s] where one is given."""
+    plan = series_of(name)
+    return plan if period is None else plan.stretched(period)
+
+
+def refuse_format(name: str) -> str:
+    """The suffix of a format.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    suffix = "." + name.lstrip(".")
+    if suffix not in WRITERS:
+        raise OutputError(f"Recordings cannot be written as {name!r}.", possible=", ".join(s[1:] for s in WRITERS))
+    return suffix
+
+
+def simulate_to(
+    folder: Path | str,
+    robot: Robot,
+    plan: Excitation,
+    options: LabOptions,
+    *,
+    kind: str = "csv",
+    seed: int = 1,
+    noise_free: bool = False,
+    tell: Callable[[float], None] | None = None,
+) -> Written:
+    """Simulate an arm and write `recording.*`, `truth.json` and, if asked for, `noise-free.npz` into a folder.
+
+    Args:
+        folder: Where to; other files there are left alone.
+        robot: The arm.
+        plan: The motion.
+        options: Of the simulation.
+        kind: Format of the recording.
+        seed: Of noise and faults.
+        noise_free: Whether to write what truly happened, too.
+        tell: Told the share that is done.
+    """
+    suffix, folder = refuse_format(kind), Path(folder)
+    done = simulate(truth_of(robot), plan, options, seed=seed, tell=tell)
+    path = save_recording(done.recording, folder / f"recording{suffix}")
+    record = truth_record(done, sha256_of_file(path))
+    truth = replace_file(folder / "truth.json", to_json(record) + "\n")
+    exact = None
+    if noise_free:
+        exact = replace_file(folder / "noise-free.npz", _archive(done.trace.from_time(0.0), options.sensing.rate))
+    return Written(done, path, truth, exact)
+
+
+def _archive(trace: Trace, rate: float) -> bytes:
+    """Return what truly happened at the instants of the log's rows, before jitter and delays."""
+    every = round(1.0 / (rate * (trace.time[1] - trace.time[0])))
+    names = {name: getattr(trace, name) for name in trace.__slots__}
+    buffer = io.BytesIO()
+    np.savez(buffer, **{name: x[::every] for name, x in names.items() if x is not None})
+    return buffer.getvalue()

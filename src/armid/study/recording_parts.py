@@ -1,0 +1,60 @@
+"""Parts of recordings, and the rule that no sample both trains and validates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from armid.errors import StudyError
+from armid.measurement.recording import Recording
+from armid.study.config import RecordingChoice
+
+__all__ = ["cut", "refuse_shared"]
+
+ROWS = ("time", "q", "dq", "ddq", "effort", "valid", "number")
+"""What a recording has one of for each sample."""
+
+FEWEST_ROWS = 10
+"""Rows that a part must have: fewer give no derivative and no residual to judge by."""
+
+
+def cut(recording: Recording, part: tuple[float, float]) -> Recording:
+    """The rows between two shares of a recording's length.
+
+    Raises:
+        StudyError: The part is too small to hold a motion.
+    """
+    if part == (0.0, 1.0):
+        return recording
+    samples = len(recording.q)
+    rows = slice(round(part[0] * samples), round(part[1] * samples))
+    if rows.stop - rows.start < FEWEST_ROWS:
+        raise StudyError(
+            f"{recording.source}: part {part[0]:g} to {part[1]:g} of {samples} rows leaves {rows.stop - rows.start}.",
+            remedy=f"choose a part of {FEWEST_ROWS} rows or more.",
+        )
+
+    def of(x: object) -> object:
+        return None if x is None else x[rows]  # pyright: ignore[reportIndexIssue]
+
+    changed = {name: of(getattr(recording, name)) for name in ROWS}
+    return replace(recording, **changed)  # pyright: ignore[reportArgumentType]
+
+
+def refuse_shared(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> None:
+    """Refuse samples that are used twice: to train and to validate, or to train twice.
+
+    Raises:
+        StudyError: One file stands in the study twice, and the parts used overlap.
+    """
+    for k, (one, a) in enumerate(recordings):
+        for other, b in recordings[k + 1 :]:
+            apart = one.part[1] <= other.part[0] or other.part[1] <= one.part[0]
+            if not a.sha256 or a.sha256 != b.sha256 or apart or {one.role, other.role} == {"validate"}:
+                continue
+            both = "train" if one.role == other.role else "train and validate"
+            raise StudyError(
+                f"{one.path} and {other.path} hold the same data (sha256 {a.sha256[:12]}…) and are to {both}.",
+                possible="different recordings, or parts of one that do not overlap",
+                remedy="for instance part = [0.0, 0.7] to train and part = [0.7, 1.0] to validate.",
+            )

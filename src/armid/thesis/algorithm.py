@@ -1,0 +1,157 @@
+"""Algorithm 3: from a recording to parameters, and how far these are from the truth that only a virtual arm has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.estimation.fit import Fit
+from armid.estimation.problem import Problem, standard_of
+from armid.information.accumulate import inform
+from armid.information.information import Information
+from armid.lab.ideal_recording import Sensors, record
+from armid.measurement.log_format import Reading
+from armid.measurement.observations import Observations
+from armid.measurement.processing.options import Processing
+from armid.measurement.recording import Recording
+from armid.study.config import EstimationChoice, RecordingChoice, build_estimator
+from armid.study.identify import observe_recordings
+from armid.thesis.setting import PERIOD, Model, Setting
+from armid.values import digest
+
+__all__ = ["TEST_RATE", "Errors", "Fitted", "by_method", "errors_of", "estimate", "mean_of", "observed", "recorded"]
+
+REPETITIONS = 5
+"""K of section 3.2.2; the thesis does not say its number."""
+
+TEST_RATE = 100.0
+"""Rows a second of the unseen motion [Hz]."""
+
+NOISE = Sensors()
+"""Of recordings at 8 kHz; at another rate as much less as keeps the noise in a band."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Fitted:
+    """An estimate with what it was made from.
+
+    Attributes:
+        model: The arm that was fitted.
+        observations: The processed recording.
+        information: What it says.
+        fit: The estimate.
+    """
+
+    model: Model
+    observations: Observations
+    information: Information
+    fit: Fit
+
+    @property
+    def residual(self) -> float:
+        """Root mean square of all joints' residuals in the band [N·m]."""
+        return float(np.sqrt(np.mean(self.fit.residual_rms**2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Distance of an estimate from the truth.
+
+    Attributes:
+        relative: Of all base parameters: distance over the truth's length.
+        inertial: Of those without friction.
+        friction: Of friction.
+        unseen: Root mean square over all joints of predicted less true torque along Table A.2 [N·m].
+        residual: Root mean square of the residual in the band [N·m].
+    """
+
+    relative: float
+    inertial: float
+    friction: float
+    unseen: float
+    residual: float
+
+
+def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
+    """The virtual arm along Table A.1 in 27 s, five times without a pause; its motion exact, its sensors noisy."""
+    rng, rate = np.random.default_rng(seed), setting.extent.rate
+    size = np.sqrt(rate / NOISE.rate) if noise else 0.0
+    sensors = Sensors(size * NOISE.position, size * NOISE.torque, rate)
+    model = setting.hanging.dynamics
+    return record(model, setting.theta, setting.train, sensors, rng, repetitions=REPETITIONS)[0]
+
+
+def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
+    """The mean of a recording's repetitions as a recording of one, with two ends."""
+    assert recording.time is not None and recording.effort is not None  # a virtual arm logs both
+    samples = round(period / (recording.time[1] - recording.time[0]))
+    q, effort = (x[: len(x) // samples * samples] for x in (recording.q, recording.effort))
+    q, effort = (x.reshape(-1, samples, x.shape[1]).mean(axis=0) for x in (q, effort))
+    return Recording(
+        time=recording.time[:samples] - recording.time[0],
+        q=q,
+        effort=effort,
+        joint_names=recording.joint_names,
+        consecutive=True,
+        source=f"mean of {recording.source}",
+        sha256=digest(q, effort),
+    )
+
+
+def observed(
+    setting: Setting, recording: Recording, processing: Processing, period: float | None = PERIOD
+) -> Observations:
+    """Steps 1 and 2 of Algorithm 3: the processed recording; a period of `None` has it not repeat."""
+    reading = Reading() if period is None else Reading(period=period, start=0.0)
+    choice = RecordingChoice("virtual", reading=reading)
+    return observe_recordings([(choice, recording)], processing, setting.hanging.dynamics.robot)[0]
+
+
+def estimate(
+    model: Model, observations: Observations, method: str = "ols", options: Mapping[str, Any] | None = None
+) -> Fitted:
+    """Steps 3 and 4: an estimate by a method."""
+    information = inform(model.dynamics, model.base, observations)
+    return Fitted(model, observations, information, _fit(model, observations, information, method, options))
+
+
+def by_method(fitted: Fitted, method: str, options: Mapping[str, Any] | None = None) -> Fitted:
+    """Another method on what has been processed already."""
+    fit = _fit(fitted.model, fitted.observations, fitted.information, method, options)
+    return replace(fitted, fit=fit)
+
+
+def _fit(
+    model: Model,
+    observations: Observations,
+    information: Information,
+    method: str,
+    options: Mapping[str, Any] | None,
+) -> Fit:
+    standard = standard_of(model.dynamics, model.base)
+    problem = Problem(information, standard, model.dynamics, model.base, observations)
+    return build_estimator(EstimationChoice(method, options={method: options or {}})).estimate(problem)
+
+
+def errors_of(setting: Setting, fitted: Fitted) -> Errors:
+    """The estimate against the truth, and its torque on unseen motion."""
+    truth, values = setting.truth, fitted.fit.values
+    friction = np.array([name.startswith("F") for name in setting.hanging.base.names])
+    motion = setting.unseen.sample(TEST_RATE)
+    torque = setting.hanging.dynamics.torque(motion, setting.theta)
+    found = fitted.model.dynamics.torque(motion, fitted.model.theta(values))
+
+    def off(which: NDArray[np.bool_]) -> float:
+        return float(np.linalg.norm((values - truth)[which]) / np.linalg.norm(truth[which]))
+
+    return Errors(
+        off(friction | ~friction),
+        off(~friction),
+        off(friction),
+        float(np.sqrt(np.mean((found - torque) ** 2))),
+        fitted.residual,
+    )

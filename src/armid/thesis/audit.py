@@ -1,0 +1,279 @@
+"""Worth of the published results: sign of gravity, bodies, constraints, deviations, condition number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.codegen.reference_functions import PHYSICAL
+from armid.excitation.fourier import Excitation
+from armid.excitation.limits.joint_limits import limits_of
+from armid.maths.inertia import pseudo_inertia
+from armid.maths.linalg import condition, scaled_condition
+from armid.model.motion import Motion
+from armid.runs.certification import Verdict, certify_named
+from armid.thesis.algorithm import TEST_RATE
+from armid.thesis.published import published
+from armid.thesis.reduction import standard_of_physical
+from armid.thesis.setting import DESIGNED, PERIOD, Model, Setting
+from armid.thesis.steps import Estimates
+from armid.validation.gravity_sign import gravity_sign_finding
+from armid.validation.reference_constraints import ROUNDING
+from armid.values import Array
+
+__all__ = ["Audit", "Broken", "Carried", "Coefficients", "Conditions", "Deviations", "audit"]
+
+OUTLIER = "ZZR_6"
+"""The one deviation of Table 4.1 that stands apart from the others' pattern."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Conditions:
+    """Condition numbers of the stacked Y_b of Table A.1 at 100 Hz.
+
+    Attributes:
+        period: Seconds, shape (k,).
+        hanging: As the arm hangs, shape (k,).
+        literal: Under the sign of gravity in print, shape (k,).
+        scaled: Of columns of unit length, as the arm hangs, shape (k,).
+        without_friction: Of the columns without friction, as the arm hangs, shape (k,).
+        every_column: Of all 84 columns in 20 s, which (3.54) names.
+    """
+
+    period: Array
+    hanging: Array
+    literal: Array
+    scaled: Array
+    without_friction: Array
+    every_column: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Deviations:
+    """The printed standard deviations against the shape that Table A.1 gives them.
+
+    Attributes:
+        period: Seconds that the table is stretched to, shape (k,).
+        hanging: Standard deviation of the logarithm of printed over shape, as the arm hangs, shape (k,).
+        literal: The same under the sign of gravity in print, shape (k,).
+        shape: Relative deviations [%] in 27 s under that sign, scaled to the printed ones, shape (57,).
+        outlier: The parameter that was left out of all this.
+        error_median: Of the virtual arm's estimate as it is printed: true error over such a deviation, median.
+        error_largest: The largest.
+        below_ten: Parameters whose printed deviation is below 10 %.
+    """
+
+    period: Array
+    hanging: Array
+    literal: Array
+    shape: Array
+    outlier: str
+    error_median: float
+    error_largest: float
+    below_ten: int
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """A constraint of (3.52) or (3.53) that Table 4.2 breaks beyond rounding.
+
+    Attributes:
+        constraint: Its number.
+        link: The link.
+        value: Left-hand side.
+        bound: Right-hand side.
+    """
+
+    constraint: str
+    link: int
+    value: float
+    bound: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Carried:
+    """Table 4.2 as base parameters.
+
+    Attributes:
+        values: Shape (57,).
+        mismatch: Relative difference from Table 4.1, inertial part.
+        printed_mismatch: The same with YY_i as (3.7) prints it.
+    """
+
+    values: Array
+    mismatch: float
+    printed_mismatch: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Coefficients:
+    """A table of Fourier coefficients against (3.55).
+
+    Attributes:
+        sums: Largest of |Σ b_l / l|, |Σ a_l|, |Σ l b_l| over the joints, (3.55c), shape (3,).
+        without_last: The same without the last row of b, shape (3,).
+        position_share: Largest share of the limit in (3.55d).
+        velocity_share: Largest share of the limit in (3.55e).
+        above_literal: Pairs (a_il, b_il) above (3.55f) as it is printed.
+        above: Pairs above it without 1/L.
+    """
+
+    sums: Array
+    without_last: Array
+    position_share: float
+    velocity_share: float
+    above_literal: int
+    above: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Audit:
+    """The published results.
+
+    Attributes:
+        base: The certificate of Table 4.1, its mass matrix along Table A.2 and at its worst.
+        physical: That of Table 4.2.
+        broken: Constraints that Table 4.2 breaks.
+        eigenvalues: Smallest eigenvalue of each link's pseudo-inertia in Table 4.2, shape (7,).
+        rounding: What rounding Table 4.1 to three decimals can explain of its distance from a real body.
+        carried: Table 4.2 as base parameters.
+        gravity: What Table 4.1 says of the sign of gravity; empty where it says nothing.
+        deviations: Of Table 4.1.
+        conditions: Of Table A.1.
+        tables: Tables A.1 and A.2 against (3.55).
+    """
+
+    base: Verdict
+    physical: Verdict
+    broken: tuple[Broken, ...]
+    eigenvalues: Array
+    rounding: float
+    carried: Carried
+    gravity: str
+    deviations: Deviations
+    conditions: Conditions
+    tables: tuple[Coefficients, Coefficients]
+
+
+def audit(setting: Setting, estimates: Estimates) -> Audit:
+    """Look at Tables 4.1, 4.2, A.1 and A.2 with what is known of the arm."""
+    model, robot = setting.hanging, setting.hanging.dynamics.robot
+    thesis = published()
+    values = {name: value for name, (value, _) in thesis.base.items()}
+    along = setting.unseen.stretched(DESIGNED).sample(TEST_RATE)
+    base = certify_named(robot, values, motion=along)
+    physical = certify_named(robot, _named(thesis.physical), motion=along)
+    given = np.array(list(values.values()))
+    friction = np.array([name.startswith("F") for name in values])
+    theta = standard_of_physical(model.dynamics, thesis.physical)
+    carried, printed = (
+        model.base.values_of(standard_of_physical(model.dynamics, thesis.physical, printed=literal))
+        for literal in (False, True)
+    )
+    bodies = theta[model.dynamics.inertial_columns].reshape(-1, 10)
+    suspicion = gravity_sign_finding(model.base, given)
+
+    def off(x: Array) -> float:
+        return float(np.linalg.norm((x - given)[~friction]) / np.linalg.norm(given[~friction]))
+
+    return Audit(
+        base,
+        physical,
+        tuple(Broken(c.constraint, c.link, c.value, c.bound) for c in physical.constraints if not c.rounding),
+        np.array([np.linalg.eigvalsh(pseudo_inertia(body))[0] for body in bodies]),
+        float(ROUNDING * np.sqrt(len(given))),
+        Carried(carried, off(carried), off(printed)),
+        "" if suspicion is None else suspicion.evidence,
+        _deviations(setting, estimates),
+        _conditions(setting),
+        (_coefficients(setting, setting.train), _coefficients(setting, setting.unseen)),
+    )
+
+
+def _named(rows: Array) -> dict[str, float]:
+    """Table 4.2 by name."""
+    names = (*PHYSICAL, "Fv", "Fs")
+    return {f"{name}_{k + 1}": float(x) for k, row in enumerate(rows) for name, x in zip(names, row, strict=True)}
+
+
+def _stacked(model: Model, plan: Excitation, period: float) -> Array:
+    columns = model.columns(plan.stretched(period).sample(TEST_RATE))
+    return np.asarray(np.linalg.qr(columns.reshape(-1, columns.shape[2]), mode="r"))
+
+
+def _conditions(setting: Setting) -> Conditions:
+    periods = np.array([DESIGNED, PERIOD, PERIOD + 1.0])
+    factors = [_stacked(setting.hanging, setting.train, period) for period in periods]
+    turned = [_stacked(setting.literal, setting.train, period) for period in periods]
+    inertial = [k for k, name in enumerate(setting.hanging.base.names) if not name.startswith("F")]
+    motion: Motion = setting.train.stretched(DESIGNED).sample(TEST_RATE)
+    Y = setting.hanging.dynamics.regressor(motion)
+    return Conditions(
+        periods,
+        np.array([condition(R) for R in factors]),
+        np.array([condition(R) for R in turned]),
+        np.array([scaled_condition(R) for R in factors]),
+        np.array([condition(R[:, inertial]) for R in factors]),
+        condition(Y.reshape(-1, Y.shape[2])),
+    )
+
+
+def _shape(model: Model, plan: Excitation, period: float) -> Array:
+    """[(Y_bᵀ Y_b)⁻¹]_jj to the power of ½, shape (57,)."""
+    return np.sqrt(np.sum(np.linalg.inv(_stacked(model, plan, period)) ** 2, axis=1))
+
+
+def _deviations(setting: Setting, estimates: Estimates) -> Deviations:
+    names, table = setting.hanging.base.names, published().base
+    relative = np.array([table[name][1] for name in names])
+    value = np.abs([table[name][0] for name in names])
+    counted = np.array([name != OUTLIER for name in names])
+    periods = np.array([DESIGNED, PERIOD, PERIOD + 1.0])
+
+    def ratio(model: Model, period: float) -> Array:
+        return np.log(relative / 100.0 * value / _shape(model, setting.train, period))
+
+    hanging, literal = (
+        np.array([float(np.std(ratio(model, period)[counted])) for period in periods])
+        for model in (setting.hanging, setting.literal)
+    )
+    scale = np.exp(np.mean(ratio(setting.literal, PERIOD)[counted]))
+    fit = estimates.printed.fit
+    error = np.abs(fit.values - setting.truth) / fit.deviation
+    return Deviations(
+        periods,
+        hanging,
+        literal,
+        100.0 * scale * _shape(setting.literal, setting.train, PERIOD) / value,
+        OUTLIER,
+        float(np.median(error)),
+        float(error.max()),
+        int(np.count_nonzero(relative < 10.0)),
+    )
+
+
+def _coefficients(setting: Setting, plan: Excitation) -> Coefficients:
+    plan = plan.stretched(DESIGNED)
+    limits = limits_of(setting.hanging.dynamics.robot)
+    number, omega = np.arange(1, plan.harmonics + 1), plan.base_frequency
+    amplitude = np.hypot(plan.a, plan.b)
+    both = np.abs(np.stack([plan.a, plan.b]))
+    room = limits.upper[:, None]
+
+    def sums(b: Array) -> Array:
+        parts = (b / number, plan.a, b * number)
+        return np.array([float(np.abs(part.sum(axis=1)).max()) for part in parts])
+
+    def above(divisor: float) -> int:
+        bound = np.minimum(number * omega / divisor * room, limits.velocity[:, None])
+        return int(np.count_nonzero((both > bound).any(axis=0)))
+
+    return Coefficients(
+        sums(plan.b),
+        sums(plan.b * (number < plan.harmonics)),
+        float(((amplitude / number).sum(axis=1) / (omega * limits.upper)).max()),
+        float((amplitude.sum(axis=1) / limits.velocity).max()),
+        above(float(plan.harmonics)),
+        above(1.0),
+    )

@@ -1,0 +1,206 @@
+"""Section 3.3 and Algorithm 2: trajectories from random starts, each tested in closed loop and evaluated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armid.excitation.collision.collision_model import collision_of
+from armid.excitation.design.multistart import random_start
+from armid.excitation.design.objective import Goal
+from armid.excitation.design.sqp import STAGES, Problem, descend, drawn_together
+from armid.excitation.fourier import Excitation
+from armid.excitation.limits.joint_limits import limits_of, thesis_channels
+from armid.excitation.series_basis import SeriesBasis
+from armid.lab.controller import Controller
+from armid.lab.known_arms import truth_of
+from armid.lab.options import LabOptions
+from armid.lab.sensors import Sensing
+from armid.lab.simulation import Simulated, doubts, simulate
+from armid.maths.linalg import condition
+from armid.measurement.processing.options import THESIS
+from armid.robot import forward_kinematics
+from armid.thesis.algorithm import TEST_RATE, Errors, errors_of, estimate, observed
+from armid.thesis.setting import DESIGNED, PERIOD, Setting
+from armid.thesis.steps import CORRECTED
+from armid.values import Array
+
+__all__ = ["Designs", "Trial", "designs"]
+
+HARMONICS = 10
+
+CHECKED = 50.0
+"""Poses a second at which bodies are looked at [Hz]: the fastest joint turns by 3° from one to the next."""
+
+MOVING = replace(CORRECTED, slow=0.05)
+"""Rows below this velocity [rad/s] may be of a joint that sticks, whose friction no law of the velocity knows."""
+
+NEAR = 2
+"""Links so many joints apart come near each other by construction: capsules of the wrist overlap where it bends."""
+
+CONTROLLER = Controller(model_scale=1.05, friction=0.9)
+"""Inverse dynamics of a model that is 5 % too heavy, nine tenths of the friction fed forward: no controller knows
+more of an arm that is still to be identified."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Trial:
+    """A trajectory, tested.
+
+    Attributes:
+        name: `Table A.1` or the number of its start.
+        plan: The trajectory.
+        condition: Condition number of its stacked Y_b at 100 Hz.
+        limits: Highest share of the limits of position, velocity and torque in closed loop, shape (3,).
+        tracking: Root mean square of the position error of all joints in closed loop [rad].
+        clearance: Least distance between bodies more than two joints apart [m].
+        doubts: What spoke against running it on the arm, as codes.
+        printed: Algorithm 3 as it is printed, on the closed loop's recording.
+        corrected: The same with filtered columns.
+        moving: The same, rows left out while their joint stands or nearly so.
+    """
+
+    name: str
+    plan: Excitation
+    condition: float
+    limits: Array
+    tracking: float
+    clearance: float
+    doubts: tuple[str, ...]
+    printed: Errors
+    corrected: Errors
+    moving: Errors
+
+    @property
+    def feasible(self) -> bool:
+        """Tell whether nothing spoke against it."""
+        return not self.doubts
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Designs:
+    """Algorithm 2.
+
+    Attributes:
+        unknowns: Coefficients of (3.55), 2 · 7 · L.
+        free: Of them, what (3.55c) leaves.
+        published: Table A.1 in 20 s and in 27 s, tested in the same way.
+        trials: The designed ones, in order of their starts.
+        starts: Condition number of each random start, drawn into the limits, shape (starts,).
+        kept: Position of the best feasible one among the trials; -1 where none was.
+    """
+
+    unknowns: int
+    free: int
+    published: tuple[Trial, ...]
+    trials: tuple[Trial, ...]
+    starts: Array
+    kept: int
+
+    @property
+    def best(self) -> Trial:
+        """The trajectory that is kept; Table A.1 in 27 s where no design was feasible."""
+        return self.trials[self.kept] if self.kept >= 0 else self.published[-1]
+
+
+def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
+    """Algorithm 2: descend from each start, run the result in closed loop, evaluate it by Algorithm 3, keep the best.
+
+    Best is what predicts Table A.2 best after Algorithm 3 as it is printed, among what the arm could run.
+
+    Raises:
+        MissingExtraError: MuJoCo is not installed.
+    """
+    problem = _problem(setting)
+    count = setting.extent.starts
+    published: list[Trial] = []
+    for k, period in enumerate((DESIGNED, PERIOD)):
+        tell(k / (count + 2))
+        published.append(_trial(setting, f"Table A.1, {period:g} s", setting.train.stretched(period), seed=k + 1))
+    trials: list[Trial] = []
+    starts = np.zeros(count)
+    for k in range(count):
+        tell((k + 2) / (count + 2))
+        start = random_start(problem, problem.fine, np.random.default_rng((k + 1, 0)))
+        starts[k] = _condition(setting, problem.basis.excitation(start))
+        x = descend(problem, start, STAGES[: setting.extent.stages])
+        inside = drawn_together(problem, problem.fine, x)
+        plan = problem.basis.excitation(start if inside is None else inside, setting.train.robot)
+        trials.append(_trial(setting, f"start {k + 1}", plan, seed=k + 3))
+    tell(1.0)
+    feasible = [k for k, trial in enumerate(trials) if trial.feasible]
+    kept = min(feasible, key=lambda k: trials[k].printed.unseen) if feasible else -1
+    basis = problem.basis
+    return Designs(2 * basis.n * HARMONICS, basis.n * basis.size, tuple(published), tuple(trials), starts, kept)
+
+
+def _problem(setting: Setting) -> Problem:
+    """(3.55): the smallest condition number at 100 Hz under (3.55c) to (3.55f), the last without 1/L."""
+    model = setting.hanging
+    robot = model.dynamics.robot
+    limits = limits_of(robot)
+    basis = SeriesBasis(2.0 * math.pi / DESIGNED, HARMONICS, np.zeros(robot.n))
+    goal = Goal(model.dynamics, model.base, "condition", rate=TEST_RATE)
+    return Problem(goal, basis, thesis_channels(limits, basis), float(np.median(limits.velocity)) / 1.75)
+
+
+def _condition(setting: Setting, plan: Excitation) -> float:
+    columns = setting.hanging.columns(plan.sample(TEST_RATE))
+    return condition(columns.reshape(-1, columns.shape[2]))
+
+
+def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> Trial:
+    """A trajectory in closed loop, and what Algorithm 3 makes of its recording."""
+    extent = setting.extent
+    truth = truth_of(setting.hanging.dynamics.robot)
+    options = LabOptions(
+        repetitions=extent.repetitions,
+        physics_rate=extent.physics_rate,
+        controller=CONTROLLER,
+        sensing=Sensing(extent.lab_rate),
+    )
+    done = simulate(truth, plan, options, seed=seed)
+    clearance = _clearance(setting, done)
+    said = sorted({finding.code for finding in doubts(done)} | ({"collision"} if clearance <= 0.0 else set()))
+    evaluated: list[Errors] = []
+    for processing in (THESIS, CORRECTED, MOVING):
+        observations = observed(setting, done.recording, processing, plan.period)
+        evaluated.append(errors_of(setting, estimate(setting.hanging, observations)))
+    trace = done.trace.from_time(0.0)
+    off = trace.q - plan.at(trace.time).q
+    return Trial(
+        name,
+        plan,
+        _condition(setting, plan),
+        _shares(setting, done),
+        float(np.sqrt(np.mean(off**2))),
+        clearance,
+        tuple(said),
+        *evaluated,
+    )
+
+
+def _shares(setting: Setting, done: Simulated) -> Array:
+    """Highest shares of the limits of position, velocity and torque, shape (3,)."""
+    joints = setting.hanging.dynamics.robot.joints
+    limits = limits_of(setting.hanging.dynamics.robot)
+    trace = done.trace.from_time(0.0)
+    half = 0.5 * (limits.upper - limits.lower)
+    effort = np.array([joint.effort_limit for joint in joints])
+    away = trace.q - 0.5 * (limits.upper + limits.lower)
+    parts = (away / half, trace.dq / limits.velocity, trace.effort / effort)
+    return np.array([float(np.abs(part).max()) for part in parts])
+
+
+def _clearance(setting: Setting, done: Simulated) -> float:
+    """Least distance between bodies of the arm along the simulated motion [m]; joint stops keep near ones apart."""
+    robot = setting.hanging.dynamics.robot
+    found = collision_of(robot, limits_of(robot), np.zeros(robot.n), margin=0.0)
+    links = np.array([shape.link for shape in found.shapes])[found.pairs]
+    bodies = found.every.bodies.only(np.flatnonzero(np.abs(links[:, 0] - links[:, 1]) > NEAR))
+    trace = done.trace.from_time(0.0)
+    every = max(1, round(1.0 / (CHECKED * (trace.time[1] - trace.time[0]))))
+    return float(bodies.nearest(forward_kinematics(robot, trace.q[::every]))[0].min())

@@ -1,0 +1,175 @@
+"""Sections 2.2, 3.1.1 and 3.1.2: frames, the Lagrangian beside Newton and Euler, M, C, g, the sign of gravity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.robot import forward_kinematics, frame_pose
+from armid.thesis.lagrange import BETA_ORDER, lagrangian_mass, lagrangian_regressor, make_frames
+from armid.thesis.published import published
+from armid.thesis.setting import DESIGNED, HANGING, LITERAL, Setting, random_states
+from armid.values import Array
+
+__all__ = ["Dynamics", "Kinematics", "beta_columns", "dynamics", "kinematics"]
+
+POSE = np.array([[0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7]])
+"""A pose without symmetry [rad], at which numbers are printed."""
+
+STATE = (
+    POSE,
+    np.array([[0.3, -0.2, 0.1, 0.4, -0.5, 0.6, -0.7]]),
+    np.array([[1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0]]),
+)
+"""The same moving [rad/s, rad/s²]."""
+
+BALANCE_RATE, BALANCE_STEP = 100.0, 1e-4
+"""Instants a second at which energy is balanced [Hz], and the half step of the difference that stands for its
+derivative [s]: its square times the third derivative is 1e-6 W."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Kinematics:
+    """Section 3.1.1.
+
+    Attributes:
+        poses: Random poses at which (3.1) was compared with the arm's own frames.
+        rotation_error: Largest difference of a rotation's entry.
+        position_error: Largest difference of an origin [m].
+        heights: Heights of the origins at q = 0 and of the flange, shape (8,) [m].
+        pose: A pose [rad], shape (7,).
+        origins: Origins there and the flange, shape (8, 3) [m].
+        rotation: Orientation of frame 7 there, shape (3, 3).
+    """
+
+    poses: int
+    rotation_error: float
+    position_error: float
+    heights: Array
+    pose: Array
+    origins: Array
+    rotation: Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Dynamics:
+    """Sections 2.2 and 3.1.2.
+
+    Attributes:
+        states: Random states at which forms of the dynamics were compared.
+        regressor_error: Largest difference between the Lagrangian's regressor and Newton and Euler's, over the
+            largest entry.
+        printed_derivative_error: The same with (3.42) as it is printed.
+        mass_error: Largest difference of ∂²L/∂q̇∂q̇ from M(q), over the largest entry.
+        torque_error: Largest difference of M q̈ + C q̇ + g + friction from Y π, over the largest torque.
+        triangle: Largest entry of y_ij, i = link and j = joint, over the largest of all: with j > i, which (3.43)
+            prints, and with i > j.
+        torque: Torque of the description's bodies in a state without symmetry, shape (7,) [N·m].
+        literal_torque: The same with the potential energy of (2.21) as it is printed, shape (7,) [N·m].
+        imbalance: Largest of |d/dt (T + U) - τᵀ q̇| along Table A.1 in 20 s [W].
+        literal_imbalance: The same with U of (2.21) as it is printed [W].
+    """
+
+    states: int
+    regressor_error: float
+    printed_derivative_error: float
+    mass_error: float
+    torque_error: float
+    triangle: tuple[float, float]
+    torque: Array
+    literal_torque: Array
+    imbalance: float
+    literal_imbalance: float
+
+
+def kinematics(setting: Setting) -> Kinematics:
+    """Table 3.1 against the arm's description."""
+    robot, frames = setting.hanging.dynamics.robot, make_frames(published())
+    q = random_states(setting, seed=1).q
+    R, p = frames.forward(q)
+    own_R, own_p = forward_kinematics(robot, q)
+    shown = []
+    for pose in (np.zeros_like(POSE), POSE):
+        _, origins = frames.forward(pose)
+        shown.append(np.vstack([origins[0], frame_pose(robot, pose)[1]]))
+    return Kinematics(
+        len(q),
+        float(np.abs(R - own_R).max()),
+        float(np.abs(p - own_p).max()),
+        shown[0][:, 2],
+        POSE[0],
+        shown[1],
+        frames.forward(POSE)[0][0, -1],
+    )
+
+
+def beta_columns(model: DynamicsModel) -> list[int]:
+    """Positions of the inertial parameters in the order of (3.8)."""
+    names = [parameter.name for parameter in model.parameters]
+    return [names.index(f"{symbol}_{link + 1}") for link in range(model.n) for symbol in BETA_ORDER]
+
+
+def dynamics(setting: Setting) -> Dynamics:
+    """The Lagrangian regressor against the kernel's, M, C and g, and what the printed sign does."""
+    model, theta = setting.hanging.dynamics, setting.theta
+    frames, states = make_frames(published()), random_states(setting, seed=2)
+    gravity, order = np.array(HANGING), beta_columns(model)
+    Y = lagrangian_regressor(frames, states, gravity)
+    printed = lagrangian_regressor(frames, states, gravity, printed=True)
+    own = model.regressor(states)
+    scale = float(np.abs(own[:, :, order]).max())
+    M = model.mass_matrix(states.q, theta)
+    tau = _torque_of_matrices(model, states, theta)
+    expected = np.einsum("njp,p->nj", Y, theta[order]) + _friction(model, states, theta)
+    state = Motion.of_states(*STATE)
+    bodies = model.nominal_parameters()
+    assert bodies is not None  # the built-in description has masses
+    return Dynamics(
+        states.samples,
+        float(np.abs(Y - own[:, :, order]).max() / scale),
+        float(np.abs(printed - Y).max() / scale),
+        float(np.abs(lagrangian_mass(frames, states.q, theta[order].reshape(-1, 10)) - M).max() / np.abs(M).max()),
+        float(np.abs(tau - expected).max() / np.abs(expected).max()),
+        _triangle(Y),
+        lagrangian_regressor(frames, state, gravity)[0] @ bodies[order],
+        lagrangian_regressor(frames, state, np.array(LITERAL))[0] @ bodies[order],
+        _imbalance(setting, model, model),
+        _imbalance(setting, model, setting.literal.dynamics),
+    )
+
+
+def _torque_of_matrices(model: DynamicsModel, states: Motion, theta: Array) -> Array:
+    """(3.3): M(q) q̈ + C(q, q̇) q̇ + g(q) + friction, shape (N, 7)."""
+    tau = np.einsum("nij,nj->ni", model.mass_matrix(states.q, theta), states.ddq)
+    tau += np.einsum("nij,nj->ni", model.coriolis_matrix(states.q, states.dq, theta), states.dq)
+    return tau + model.gravity_torque(states.q, theta) + _friction(model, states, theta)
+
+
+def _friction(model: DynamicsModel, states: Motion, theta: Array) -> Array:
+    """F_v q̇ + F_s sgn(q̇), shape (N, 7)."""
+    of = {p.name: value for p, value in zip(model.parameters, theta, strict=True)}
+    viscous, coulomb = (np.array([of[f"{symbol}_{j + 1}"] for j in range(model.n)]) for symbol in ("FV", "FS"))
+    return viscous * states.dq + coulomb * np.sign(states.dq)
+
+
+def _triangle(Y: Array) -> tuple[float, float]:
+    """Largest entry of joints' rows in columns of links before them, and after them, over the largest of all."""
+    blocks = np.abs(Y.reshape(len(Y), 7, 7, 10)).max(axis=(0, 3))  # joint j, link i
+    return float(np.tril(blocks, -1).max() / blocks.max()), float(np.triu(blocks, 1).max() / blocks.max())
+
+
+def _imbalance(setting: Setting, model: DynamicsModel, potential: DynamicsModel) -> float:
+    """Largest |d/dt (T + U) - τᵀ q̇| along Table A.1 in 20 s, U with one sign of gravity, τ as the arm has it [W]."""
+    plan = setting.train.stretched(DESIGNED)
+    motion = plan.sample(BALANCE_RATE)
+    bodies = model.nominal_parameters()
+    assert bodies is not None  # the built-in description has masses
+    energy = []
+    for step in (BALANCE_STEP, -BALANCE_STEP):
+        at = plan.at(motion.time + step)
+        energy.append(model.kinetic_energy(at.q, at.dq, bodies) + potential.potential_energy(at.q, bodies))
+    power = np.einsum("nj,nj->n", model.torque(motion, bodies), motion.dq)
+    return float(np.abs((energy[0] - energy[1]) / (2.0 * BALANCE_STEP) - power).max())

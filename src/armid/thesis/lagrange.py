@@ -1,0 +1,171 @@
+"""The Lagrangian of the thesis, differentiated: its regressor apart from any recursion of Newton and Euler.
+
+β of (2.33) follows link by link from the frames of Table 3.1 by (3.9), in hyper-dual numbers; the regressor is then
+
+    y_ij = d/dt (∂β_i / ∂q̇_j)ᵀ - (∂β_i / ∂q_j)ᵀ        (2.37), (3.6a), (3.42) as it should read
+
+with the derivative by time along (q̇, q̈). Nothing of it comes from the kernel: only Table 3.1 and its lengths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.model.motion import Motion
+from armid.thesis.hyperdual import HyperDual, bilinear, constant, cosine, hyper_dual, sine, stacked
+from armid.thesis.published import Published
+from armid.values import Array
+
+__all__ = ["BETA_ORDER", "Frames", "lagrangian_mass", "lagrangian_regressor", "lagrangian_terms", "make_frames"]
+
+BETA_ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")
+"""Order of (3.8) without friction."""
+
+ANGLES = {"0": 0.0, "π": np.pi, "-π": -np.pi, "π/2": 0.5 * np.pi}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frames:
+    """Table 3.1 in numbers, frame by frame, before the joint turns.
+
+    Attributes:
+        rotation: R_z(φ) R_x(θ), shape (7, 3, 3).
+        translation: [0, d_y, d_z], shape (7, 3) [m].
+    """
+
+    rotation: Array
+    translation: Array
+
+    def forward(self, q: Array) -> tuple[Array, Array]:
+        """(3.1): rotations (N, 7, 3, 3) and origins (N, 7, 3) [m] in the base, for positions (N, 7)."""
+        R, p = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
+        rotations, origins = [], []
+        for k in range(len(self.rotation)):
+            c, s, zero = np.cos(q[:, k]), np.sin(q[:, k]), np.zeros(len(q))
+            turn = np.stack([c, -s, zero, s, c, zero, zero, zero, zero + 1.0], axis=-1).reshape(-1, 3, 3)
+            p = p + R @ self.translation[k]
+            R = R @ self.rotation[k] @ turn
+            rotations.append(R)
+            origins.append(p)
+        return np.stack(rotations, axis=1), np.stack(origins, axis=1)
+
+
+def make_frames(thesis: Published) -> Frames:
+    """The rows of Table 3.1 as rotations and translations."""
+
+    def length(symbol: str) -> float:
+        return 0.0 if symbol == "0" else float(thesis.lengths[int(symbol.removeprefix("d_")) - 1])
+
+    rotations = []
+    for _, _, phi, theta, _ in thesis.frames:
+        c, s = np.cos(ANGLES[phi]), np.sin(ANGLES[phi])
+        about_z = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        c, s = np.cos(ANGLES[theta]), np.sin(ANGLES[theta])
+        rotations.append(about_z @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]))
+    translation = np.array([[0.0, length(y), length(z)] for y, z, *_ in thesis.frames])
+    return Frames(np.array(rotations), translation)
+
+
+def lagrangian_terms(frames: Frames, q: HyperDual, dq: HyperDual, gravity: Array) -> HyperDual:
+    """β of (2.33) for every link, with L_i = β_iᵀ π'_i and U_i = -m_i gravityᵀ p.
+
+    Args:
+        frames: Table 3.1.
+        q: Positions (..., 7).
+        dq: Velocities (..., 7).
+        gravity: As an acceleration in the base, shape (3,) [m/s²]; the print has its opposite.
+
+    Returns:
+        Shape (..., 7, 10), in the order of (3.8).
+    """
+    zero = q.at(0).times(0.0)
+    nothing = stacked([zero, zero, zero])
+    velocity, turning, origin = nothing, nothing, nothing
+    R = constant(np.broadcast_to(np.eye(3), (*zero.parts.shape[1:], 3, 3)))
+    links: list[HyperDual] = []
+    for k in range(len(frames.rotation)):
+        arm = constant(frames.translation[k])
+        inward = _transposed(_turned(constant(frames.rotation[k]), q.at(k)))
+        origin = origin + _apply(R, arm)
+        velocity = _apply(inward, velocity + _cross(turning, arm))  # (3.9)
+        turning = _apply(inward, turning) + stacked([zero, zero, dq.at(k)])
+        R = bilinear(np.matmul, R, _transposed(inward))
+        links.append(_beta(velocity, turning, origin, R, gravity))
+    parts = np.stack([link.parts for link in links], axis=-2)
+    return HyperDual(parts)
+
+
+def _beta(velocity: HyperDual, turning: HyperDual, origin: HyperDual, R: HyperDual, gravity: Array) -> HyperDual:
+    """β of one link, shape (..., 10)."""
+    g = constant(gravity)
+    mass = _dot(velocity, velocity).times(0.5) + _dot(origin, g)
+    first = _cross(velocity, turning) + _apply(_transposed(R), g)  # (v · (ω × r)) = (v × ω) · r
+    x, y, z = (turning.at(k) for k in range(3))
+    second = [(x * x).times(0.5), x * y, x * z, (y * y).times(0.5), y * z, (z * z).times(0.5)]
+    return stacked([mass, *(first.at(k) for k in range(3)), *second])
+
+
+def lagrangian_regressor(frames: Frames, motion: Motion, gravity: Array, *, printed: bool = False) -> Array:
+    """The rigid-body regressor (N, 7, 70) from the Lagrangian, columns link by link in the order of (3.8).
+
+    Args:
+        frames: Table 3.1.
+        motion: States, N of them.
+        gravity: As in `lagrangian_terms`.
+        printed: (3.42) as it is printed, with ∂β/∂q_j under the derivative by time.
+    """
+    along = np.eye(motion.n)[:, None, :]  # directions j, shape (7, 1, 7)
+    first_q, first_dq = (along, 0.0) if printed else (0.0, along)
+    q = hyper_dual(motion.q, first_q, motion.dq)
+    dq = hyper_dual(motion.dq, first_dq, motion.ddq)
+    in_time = lagrangian_terms(frames, *_alike(q, dq), gravity).parts[3]
+    q, dq = hyper_dual(motion.q, along, 0.0), constant(motion.dq)
+    by_position = lagrangian_terms(frames, *_alike(q, dq), gravity).parts[1]
+    Y = in_time - by_position
+    return np.moveaxis(Y, 0, 1).reshape(motion.samples, motion.n, -1)
+
+
+def lagrangian_mass(frames: Frames, q: Array, parameters: Array) -> Array:
+    """M = ∂²L / ∂q̇ ∂q̇, shape (N, 7, 7), for parameters (7, 10) in the order of (3.8)."""
+    n = q.shape[1]
+    one, other = np.eye(n)[:, None, None, :], np.eye(n)[None, :, None, :]
+    dq = hyper_dual(np.zeros_like(q), one, other)
+    terms = lagrangian_terms(frames, *_alike(constant(q), dq), np.zeros(3)).parts[3]
+    return np.moveaxis(np.einsum("jknil,il->jkn", terms, parameters), 2, 0)
+
+
+def _alike(a: HyperDual, b: HyperDual) -> tuple[HyperDual, HyperDual]:
+    shape = np.broadcast_shapes(a.parts.shape[1:], b.parts.shape[1:])
+
+    def spread(x: HyperDual) -> HyperDual:
+        lead = (1,) * (len(shape) - x.parts.ndim + 1)
+        return HyperDual(np.broadcast_to(x.parts.reshape(4, *lead, *x.parts.shape[1:]), (4, *shape)))
+
+    return spread(a), spread(b)
+
+
+def _turned(rotation: HyperDual, angle: HyperDual) -> HyperDual:
+    """Rotation · R_z(angle)."""
+    c, s = cosine(angle), sine(angle)
+    zero, one = angle.times(0.0), constant(np.ones(angle.parts.shape[1:]))
+    rows = [stacked([c, zero - s, zero]), stacked([s, c, zero]), stacked([zero, zero, one])]
+    turn = HyperDual(np.stack([row.parts for row in rows], axis=-2))
+    return bilinear(np.matmul, rotation, turn)
+
+
+def _apply(R: HyperDual, x: HyperDual) -> HyperDual:
+    return bilinear(lambda a, b: np.einsum("...ij,...j->...i", a, b), R, x)
+
+
+def _transposed(R: HyperDual) -> HyperDual:
+    return HyperDual(np.swapaxes(R.parts, -1, -2))
+
+
+def _cross(a: HyperDual, b: HyperDual) -> HyperDual:
+    return bilinear(np.cross, a, b)
+
+
+def _dot(a: HyperDual, b: HyperDual) -> HyperDual:
+    return bilinear(lambda x, y: np.einsum("...i,...i->...", x, y), a, b)

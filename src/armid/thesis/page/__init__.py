@@ -1,0 +1,69 @@
+"""The page of the study of the thesis: its chapters in order, and the folder that they are written into."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from armid.report.page import assemble, require_extra
+from armid.report.section import Section
+from armid.study.atomic_folder import whole_folder
+from armid.study.records import to_json
+from armid.thesis.page.estimation import show_parameters, show_steps, show_torque
+from armid.thesis.page.model import show_base, show_dynamics, show_kinematics
+from armid.thesis.page.motion import show_excitation
+from armid.thesis.page.verdicts import show_audit, show_errata, show_provenance, show_summary
+from armid.thesis.retell import Thesis, thesis_record
+
+__all__ = ["CHAPTERS", "KIND", "MARKER", "PAGE", "render_thesis", "thesis_sections", "write_thesis"]
+
+MARKER, PAGE, KIND = "thesis.json", "thesis.html", "study of the thesis"
+
+CHAPTERS: Mapping[str, Callable[[Thesis], Section]] = {
+    "summary": show_summary,
+    "kinematics": show_kinematics,
+    "dynamics": show_dynamics,
+    "base": show_base,
+    "motion": show_excitation,
+    "steps": show_steps,
+    "parameters": show_parameters,
+    "torque": show_torque,
+    "audit": show_audit,
+    "errata": show_errata,
+    "provenance": show_provenance,
+}
+"""Chapters of the page, in order."""
+
+
+def thesis_sections(thesis: Thesis) -> dict[str, Section]:
+    """Every chapter by name."""
+    return {name: show(thesis) for name, show in CHAPTERS.items()}
+
+
+def render_thesis(sections: Mapping[str, Section]) -> str:
+    """The page as HTML."""
+    subtitle = "Identification of the dynamic parameters of the KUKA LBR iiwa R820: run again, corrected, and judged"
+    return assemble("The thesis retold", subtitle, sections, with_plots=True)
+
+
+def write_thesis(thesis: Thesis, folder: Path | str) -> Path:
+    """Write `thesis.html`, `thesis.json` and every table as CSV and LaTeX.
+
+    Args:
+        thesis: The study.
+        folder: Where to; there whole or not at all.
+
+    Raises:
+        MissingExtraError: jinja2 or plotly is not installed.
+        OutputError: The folder cannot be written, or holds something else.
+    """
+    require_extra()
+    sections = thesis_sections(thesis)
+    with whole_folder(folder, MARKER, KIND) as draft:
+        (draft / MARKER).write_text(to_json(thesis_record(thesis)) + "\n", encoding="utf-8")
+        (draft / PAGE).write_text(render_thesis(sections), encoding="utf-8")
+        (draft / "tables").mkdir()
+        for table in (table for section in sections.values() for table in section.tables):
+            (draft / "tables" / f"{table.key}.csv").write_text(table.csv(), encoding="utf-8")
+            (draft / "tables" / f"{table.key}.tex").write_text(table.latex(), encoding="utf-8")
+    return Path(folder)

@@ -1,0 +1,230 @@
+"""Section 3.1: Table 3.1, forward kinematics, the dynamics in its forms, friction, and base parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.report.data.number_format import fixed, short
+from armid.report.plots.traces import Plot, Trace
+from armid.report.section import Section
+from armid.report.tables import Cell, Column, Table
+from armid.thesis.page.chapter import Figures, Text, chapter, named, number, subscripts
+from armid.thesis.published import published
+from armid.thesis.reduction import Dependence, Grouping, Identity
+from armid.thesis.retell import Thesis
+
+__all__ = ["show_base", "show_dynamics", "show_kinematics"]
+
+FASTEST = 1.5
+"""End of the abscissa of Figure 3.2 [rad/s]."""
+
+ROUNDING = 1e-12
+"""Errors below it are rounding and not told apart by their size."""
+
+
+def show_kinematics(thesis: Thesis) -> Section:
+    """Table 3.1 and forward kinematics."""
+    found = thesis.kinematics
+    pose = ", ".join(fixed(q, 1) for q in found.pose)
+    return chapter(
+        "The arm",
+        Text(
+            "The KUKA LBR iiwa 14 R820 hangs: gravity is the acceleration (0, 0, +9.81)&nbsp;m/s² in its base. "
+            "Transformations are <i>H</i> = T<sub>y</sub>(d<sub>y</sub>) T<sub>z</sub>(d<sub>z</sub>) "
+            "R<sub>z</sub>(φ) R<sub>x</sub>(θ) R<sub>z</sub>(ψ), (3.1); the thesis leaves the lengths as symbols, "
+            "here they are those of the arm."
+        ),
+        _table_31(),
+        Text(
+            f"At {found.poses} random poses within the joint limits (3.1) differs from the arm's own description by "
+            f"{short(found.rotation_error, 1)} in an entry of a rotation and {short(found.position_error, 1)}&nbsp;m "
+            "in an origin, which is rounding."
+        ),
+        _origins(thesis, pose),
+    )
+
+
+def _size(error: float) -> str:
+    """The size of a difference; rounding is called what it is."""
+    return short(error, 2) if error > ROUNDING else f"{short(error, 1)}, which is rounding,"
+
+
+def _table_31() -> Table:
+    columns = [
+        Column("link n"),
+        *(Column(x) for x in ("d along y", "d along z", "φₙ", "θₙ", "ψₙ")),
+        Column("length", "m"),
+    ]
+    rows = [
+        [
+            Cell(str(k + 1)),
+            *(Cell(subscripts(symbol).replace("-", "−"), symbol) for symbol in row),
+            number(published().lengths[k], fixed(published().lengths[k], 4)),
+        ]
+        for k, row in enumerate(published().frames)
+    ]
+    note = "The last column is not in the thesis; it is the length that the row's d stands for."
+    return Table("table-3-1", "Table 3.1: parameters of the KUKA LBR iiwa R820", columns, rows, note)
+
+
+def _origins(thesis: Thesis, pose: str) -> Table:
+    found = thesis.kinematics
+    columns = [Column("frame", words=True), Column("z at q = 0", "m"), *(Column(c, "m") for c in "xyz")]
+    rows = [
+        [
+            Cell("flange" if k == len(found.origins) - 1 else str(k + 1)),
+            number(found.heights[k], fixed(found.heights[k], 4)),
+            *(number(x, fixed(x, 6)) for x in origin),
+        ]
+        for k, origin in enumerate(found.origins)
+    ]
+    return Table("origins", f"Origins of the frames at q = 0 and at q = ({pose}) rad", columns, rows)
+
+
+def show_dynamics(thesis: Thesis) -> Section:
+    """Lagrange against Newton and Euler, M, C and g, the sign of gravity, Figure 3.2."""
+    found = thesis.dynamics
+    return chapter(
+        "Lagrange, Newton and Euler",
+        Text(
+            "The thesis finds its regressor by differentiating the Lagrangian, (2.37). So does this study: β of "
+            "(2.33) is computed from Table 3.1 by (3.9) in hyper-dual numbers, which carry second derivatives "
+            "exactly, and Y<sub>ij</sub> = d/dt ∂β/∂q̇ − ∂β/∂q follows without any recursion of forces. armid's "
+            f"kernel gets the same matrix from Newton and Euler. At {found.states} random states the two differ by "
+            f"{_size(found.regressor_error)} of the largest entry."
+        ),
+        Text(
+            "From the same Lagrangian, M(q) = ∂²L/∂q̇∂q̇ differs from armid's by "
+            f"{_size(found.mass_error)} of its largest entry, and "
+            "M(q) q̈ + C(q, q̇) q̇ + g(q) + F<sub>v</sub> q̇ + F<sub>s</sub> sgn(q̇), (3.3), from Y π by "
+            f"{_size(found.torque_error)} of the largest torque."
+        ),
+        Text(
+            "<b>The sign of gravity.</b> (2.21) writes U = +Σ m g<sub>0</sub>ᵀ p with g<sub>0</sub> along gravity, "
+            "(3.2); potential energy falls along gravity, so that the sign is minus. With it power is balanced along "
+            f"Table A.1 in 20&nbsp;s to {short(found.imbalance, 2)}&nbsp;W, the error of a difference quotient; with "
+            f"the sign in print it is off by up to {fixed(found.literal_imbalance, 1)}&nbsp;W. The equations in "
+            "print are those of an arm that stands."
+        ),
+        _torques(thesis),
+        _friction(thesis),
+    )
+
+
+def _torques(thesis: Thesis) -> Table:
+    found = thesis.dynamics
+    columns = [Column("joint"), Column("U = −Σ m gᵀp", "N·m"), Column("U = +Σ m gᵀp, in print", "N·m")]
+    rows = [
+        [Cell(str(j + 1)), number(found.torque[j], fixed(found.torque[j], 6)),
+         number(found.literal_torque[j], fixed(found.literal_torque[j], 6))]
+        for j in range(len(found.torque))
+    ]  # fmt: skip
+    note = (
+        "Bodies of the description, without friction, at q of the table above, q̇ = (0.3, −0.2, 0.1, 0.4, −0.5, 0.6, "
+        "−0.7) rad/s, q̈ = (1, −1, 2, −2, 3, −3, 4) rad/s²."
+    )
+    return Table("state-torque", "Torque at one state under the two signs", columns, rows, note)
+
+
+def _friction(thesis: Thesis) -> Figures:
+    of = dict(zip(thesis.results.names, thesis.results.truth.tolist(), strict=True))
+    viscous, coulomb = of["FV_1"], of["FS_1"]
+    half = np.linspace(0.0, FASTEST, 50)
+    dq = np.concatenate([-half[::-1], half])
+    sign = np.concatenate([-np.ones(50), np.ones(50)])
+    parts = (
+        ("a", "viscous", f"F<sub>v</sub> q̇, {fixed(viscous, 3)} N·m·s/rad", viscous * dq),
+        ("b", "Coulomb", f"F<sub>s</sub> sgn(q̇), {fixed(coulomb, 3)} N·m", coulomb * sign),
+        ("c", "both", "their sum", viscous * dq + coulomb * sign),
+    )
+    plots = [
+        Plot(
+            f"figure-3-2-{letter}", f"({letter})", f"{what}: {words}".replace("<sub>", "").replace("</sub>", ""),
+            "velocity [rad/s]", "friction [N·m]", (Trace("measured", dq, torque, what),),
+        )
+        for letter, what, words, torque in parts
+    ]  # fmt: skip
+    return Figures("Figure 3.2: friction models, with the numbers of joint 1 in Table 4.1", plots, 3)
+
+
+def show_base(thesis: Thesis) -> Section:
+    """Zero columns, (A.1), (3.33), (3.38), (3.39), Algorithm 1."""
+    found = thesis.reduction
+    names = [name for name in found.removed if name not in found.zero]
+    return chapter(
+        "Base parameters",
+        Text(
+            f"Y has {found.columns} columns and rank {found.rank}: singular value {found.rank} is "
+            f"{short(found.singular[0], 2)} of the largest, the next {short(found.singular[1], 2)}. "
+            f"{len(found.zero)} columns are zero: {_listed(found.zero)}. {len(names)} more depend on others: "
+            f"{_listed(names)}. These {len(found.removed)} are π<sub>r</sub> of (3.33), which is right in print; "
+            f"what remains are the {len(found.names)} of (3.38)."
+        ),
+        _dependences(found.dependences),
+        _identities(found.identities),
+        _groupings(found.groupings),
+        Text(
+            "<b>Algorithm 1</b> ends in a check: τ(μ) from M, C and g with physical parameters μ against "
+            "Y<sub>b</sub> π<sub>b</sub>(π(μ)). The largest difference is "
+            f"{_size(found.torque_error)} of the largest torque. Its last lines, the functions func_Y, func_Y_b, "
+            "func_pi and func_pi_b, are what <code>armid export RUN --to matlab</code> writes."
+        ),
+    )
+
+
+def _listed(names: tuple[str, ...] | list[str]) -> str:
+    return ", ".join(subscripts(name) for name in names)
+
+
+def _verdict(error: float) -> Cell:
+    """The error of a line that ought to hold."""
+    if not np.isfinite(error):
+        return Cell("unreadable", kind="poor")
+    good = error < ROUNDING
+    return number(error, "0" if error == 0.0 else short(error, 1 if good else 2), "" if good else "poor")
+
+
+def _dependences(lines: tuple[Dependence, ...]) -> Table:
+    columns = [
+        Column("column", words=True), Column("label in print", words=True), Column("sum in print", words=True),
+        Column("error"), Column("sum as it should be", words=True), Column("error "),
+    ]  # fmt: skip
+    rows = [
+        [
+            named(line.column),
+            Cell(subscripts(line.label) + ("" if line.label == line.column else " ▼"), line.label),
+            Cell(subscripts(line.printed) or "–", line.printed, kind="formula"),
+            _verdict(line.printed_error),
+            Cell(subscripts(line.right), line.right, kind="formula"),
+            _verdict(line.right_error),
+        ]
+        for line in lines
+    ]
+    note = (
+        "In the text at hand. A name stands for its column of Y. ▼ marks labels that are not the removed column's, "
+        "many of them perhaps of typesetting; a sum under a label that is a column is held against that column. "
+        "Errors are over the largest entry of the two sides."
+    )
+    return Table("a-1", "(A.1): columns that are removed", columns, rows, note)
+
+
+def _identities(found: tuple[Identity, ...]) -> Table:
+    columns = [Column("number", words=True), Column("identity between the β of links", words=True), Column("error")]
+    rows: list[list[Cell]] = []
+    for each in found:
+        wrong = ", in print" if each.right else ""
+        rows.append([Cell(each.number + wrong), Cell(each.printed, kind="formula"), _verdict(each.error)])
+        if each.right:
+            rows.append([Cell(f"{each.number}, right"), Cell(each.right, kind="formula"), _verdict(each.right_error)])
+    note = "A name stands for its β. Error: largest difference of the sides over the largest left side, all links."
+    return Table("identities", "The derivation of (A.1), held against β itself", columns, rows, note)
+
+
+def _groupings(found: tuple[Grouping, ...]) -> Table:
+    columns = [Column("parameter", words=True), Column("sum in print", words=True), Column("error")]
+    rows = [
+        [named(each.name), Cell(subscripts(each.printed), each.printed, kind="formula"), _verdict(each.error)]
+        for each in found
+    ]
+    note = "Error: largest difference of a coefficient from what the geometry says. Every line of (3.39) is right."
+    return Table("groupings", "(3.39): what the base parameters stand for", columns, rows, note)

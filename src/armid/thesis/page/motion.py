@@ -1,0 +1,188 @@
+"""Section 3.3, Tables A.1 and A.2, Figures 4.1 and A.1, and Algorithm 2."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.excitation.fourier import Excitation
+from armid.report.data.number_format import fixed, short
+from armid.report.plots.traces import Plot, Trace, line
+from armid.report.section import Section
+from armid.report.tables import Cell, Column, Table
+from armid.thesis.designs import Trial
+from armid.thesis.page.chapter import Block, Figures, Text, chapter, counted, number, subscripts
+from armid.thesis.published import published
+from armid.thesis.retell import Thesis
+
+__all__ = ["joint_legend", "show_excitation"]
+
+SYMBOLS = 9
+"""Symbols along a joint's line."""
+
+DRAWN_RATE = 25.0
+"""Points a second of a joint's line [Hz]."""
+
+JOINTS = tuple(f"joint-{j}" for j in range(1, 8))
+
+
+def show_excitation(thesis: Thesis) -> Section:
+    """Condition numbers, Algorithm 2, and the tables of coefficients."""
+    setting, found = thesis.setting, thesis.designs
+    best = found.best
+    blocks: list[Block] = [
+        Text(
+            "Trajectories are Fourier series of ten harmonics and 20&nbsp;s that begin and end at rest in q = 0, "
+            f"(3.55): {found.unknowns} coefficients, of which (3.55c) leaves {found.free} free. Table A.1 was "
+            f"designed for 20&nbsp;s and run in 27&nbsp;s; its condition number in print is "
+            f"{published().condition:g}."
+        ),
+        _conditions(thesis),
+        Figures(
+            "Figure 4.1: joint positions of the excitation trajectory, Table A.1 in 27 s",
+            (positions("figure-4-1", setting.train),), 1, joint_legend(),
+        ),
+        Text(
+            f"<b>Algorithm 2</b> from {counted(len(found.trials), 'random start')} in [−1.5, 1.5]: each start is "
+            "drawn into the limits (3.55d) to (3.55f), the last without its 1/L, and descends on the condition "
+            "number; the result is run in MuJoCo under inverse dynamics of a model 5&nbsp;% too heavy with nine "
+            "tenths of the friction fed forward, and its recording goes through Algorithm 3. Among those that the "
+            "arm could run, the one whose parameters predict Table A.2 best is kept."
+        ),
+        _trials(thesis),
+        Text(_kept(thesis)),
+        coefficients("table-a-1-new", f"Fourier coefficients of the one that is kept ({best.name})", best.plan),
+        Figures(
+            f"The trajectory that is kept ({best.name}), {best.plan.period:g} s",
+            (positions("kept", best.plan),), 1, joint_legend(),
+        ),
+        coefficients(
+            "table-a-1", "Table A.1: Fourier coefficients of the used trajectory", setting.train.stretched(20.0),
+            "The row b₁₀ is missing in print; it follows from (3.55c).",
+        ),
+        coefficients(
+            "table-a-2", "Table A.2: Fourier coefficients of the feasibility test trajectory",
+            setting.unseen.stretched(20.0),
+        ),
+        Figures(
+            "Figure A.1: joint positions of the feasibility test trajectory, Table A.2 in 20 s",
+            (positions("figure-a-1", setting.unseen.stretched(20.0)),), 1, joint_legend(),
+        ),
+    ]  # fmt: skip
+    return chapter("The motion", *blocks)
+
+
+def _kept(thesis: Thesis) -> str:
+    found = thesis.designs
+    if found.kept < 0:
+        return "None of the designs could be run; Table A.1 in 27&nbsp;s stays."
+    best, used = found.best, found.published[-1]
+    return (
+        f"Kept: {best.name}, condition number {fixed(best.condition, 2)} against "
+        f"{fixed(found.published[0].condition, 2)} of Table A.1 in 20&nbsp;s. As printed, Algorithm 3 then errs by "
+        f"{short(best.printed.unseen)}&nbsp;N·m on Table A.2 (Table A.1 in 27&nbsp;s: {short(used.printed.unseen)}), "
+        f"with filtered columns by {short(best.corrected.unseen)} ({short(used.corrected.unseen)}): the filter "
+        f"matters more than the motion{_otherwise(thesis)}. What is left are joints that stick for a moment at "
+        "reversals, where friction takes any value up to F<sub>s</sub> and no law of the velocity says which: rows "
+        f"below 0.05&nbsp;rad/s left out, {short(best.moving.unseen)} ({short(used.moving.unseen)})."
+    )
+
+
+def _otherwise(thesis: Thesis) -> str:
+    """Tell which trajectory filtered columns would keep, where that is another."""
+    better = min((each for each in thesis.designs.trials if each.feasible), key=lambda each: each.corrected.unseen)
+    if better is thesis.designs.best:
+        return ""
+    return f"; with filtered columns {better.name} would be kept ({short(better.corrected.unseen)}&nbsp;N·m)"
+
+
+def joint_legend() -> tuple[tuple[str, str], ...]:
+    """The lines of the joints."""
+    return tuple((role, f"q{subscripts(f'_{j}')}") for j, role in enumerate(JOINTS, 1))
+
+
+def positions(key: str, plan: Excitation) -> Plot:
+    """Every joint's position over one period, told apart by dash, symbol and colour."""
+    motion = plan.sample(DRAWN_RATE)
+    degrees = np.degrees(motion.q)
+    traces: list[Trace] = []
+    for j, role in enumerate(JOINTS):
+        name = f"q{subscripts(f'_{j + 1}')}"
+        traces.append(line(role, motion.time, degrees[:, j], name))
+        offset = (j + 0.5) / len(JOINTS) / SYMBOLS
+        marked = ((np.arange(SYMBOLS) / SYMBOLS + offset) * motion.samples).astype(np.intp)
+        traces.append(Trace(role, motion.time[marked], degrees[marked, j], name, cloud=True))
+    peaks = ", ".join(fixed(x, 0) for x in np.abs(degrees).max(axis=0))
+    return Plot(key, "Joint positions.", f"largest angles {peaks}°", "time [s]", "position [°]", traces)
+
+
+def coefficients(key: str, caption: str, plan: Excitation, note: str = "") -> Table:
+    """A table of Fourier coefficients in the thesis's form: a row for each a_l and b_l, a column for each joint."""
+    columns = [Column(" ", words=True), *(Column(f"q{subscripts(f'_{j + 1}')}") for j in range(plan.n))]
+    rows = [
+        [Cell(subscripts(f"{letter}_{k + 1}"), f"{letter}_{k + 1}", f"${letter}_{{{k + 1}}}$"),
+         *(number(x, fixed(x, 5)) for x in values[:, k])]
+        for letter, values in (("a", plan.a), ("b", plan.b))
+        for k in range(plan.harmonics)
+    ]  # fmt: skip
+    period = f"In rad/s, for {plan.period:g} s: q = Σ aₗ / (ω l) sin(ω l t) − bₗ / (ω l) cos(ω l t)."
+    return Table(key, caption, columns, rows, f"{period} {note}".strip())
+
+
+def _conditions(thesis: Thesis) -> Table:
+    found = thesis.audit.conditions
+    columns = [
+        Column("period", "s"), Column("hanging"), Column("sign in print"), Column("columns of unit length"),
+        Column("without friction"),
+    ]  # fmt: skip
+    rows = [
+        [Cell(f"{period:g}", float(period)), *(number(x, fixed(x, 2)) for x in values)]
+        for period, *values in zip(
+            found.period, found.hanging, found.literal, found.scaled, found.without_friction, strict=True
+        )
+    ]
+    note = (
+        "Rows at 100 Hz from t = 0 to one before the end. The number in print belongs to the columns as they are and "
+        f"to about 27 s. Of all 84 columns, which (3.54) names, it is {_infinite(found.every_column)}."
+    )
+    return Table("conditions", "Condition number of the stacked base regressor along Table A.1", columns, rows, note)
+
+
+def _infinite(value: float) -> str:
+    return "infinite" if not np.isfinite(value) or value > 1e12 else short(value)
+
+
+def _trials(thesis: Thesis) -> Table:
+    found = thesis.designs
+    columns = [
+        Column("trajectory", words=True), Column("condition at start"), Column("condition"),
+        Column("share of limits: q"), Column("q̇"), Column("τ"), Column("tracking RMS", "mrad"),
+        Column("clearance", "mm"), Column("runs", words=True), Column("A.2: as printed", "N·m"),
+        Column("columns filtered", "N·m"), Column("slow rows left out, too", "N·m"), Column("base then off by", "%"),
+    ]  # fmt: skip
+    starts = [None] * len(found.published) + found.starts.tolist()
+    rows = [
+        _trial(each, start, each is found.best)
+        for each, start in zip((*found.published, *found.trials), starts, strict=True)
+    ]
+    note = (
+        "▲ kept. Shares of the limits of position, velocity and torque are the highest of the closed loop. "
+        "Clearance: between bodies more than two joints apart. A.2: RMS torque error of all joints there, against "
+        "the truth."
+    )
+    return Table("trials", "Trajectories in closed loop", columns, rows, note)
+
+
+def _trial(each: Trial, start: float | None, kept: bool) -> list[Cell]:
+    return [
+        Cell(each.name + (" ▲" if kept else "")),
+        Cell("–", "") if start is None else number(start, fixed(start, 1)),
+        number(each.condition, fixed(each.condition, 2)),
+        *(number(100.0 * x, f"{fixed(100.0 * x, 0)} %") for x in each.limits),
+        number(1e3 * each.tracking, short(1e3 * each.tracking, 2)),
+        number(1e3 * each.clearance, fixed(1e3 * each.clearance, 0)),
+        Cell("yes" if each.feasible else ", ".join(each.doubts), kind="" if each.feasible else "poor"),
+        number(each.printed.unseen, fixed(each.printed.unseen, 3)),
+        number(each.corrected.unseen, fixed(each.corrected.unseen, 3)),
+        number(each.moving.unseen, fixed(each.moving.unseen, 4)),
+        number(100.0 * each.moving.relative, fixed(100.0 * each.moving.relative, 3)),
+    ]

@@ -1,0 +1,254 @@
+"""Section 3.1.4 and the appendix: zero columns, dependent columns, base parameters, and Algorithm 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
+from armid.model.dynamics import DynamicsModel
+from armid.thesis.hyperdual import constant
+from armid.thesis.lagrange import lagrangian_terms, make_frames
+from armid.thesis.published import Sum, formula, published, weight
+from armid.thesis.setting import HANGING, Setting, random_states
+from armid.values import Array
+
+__all__ = [
+    "Dependence",
+    "Grouping",
+    "Identity",
+    "Reduction",
+    "physical_of_standard",
+    "reduction",
+    "standard_of_physical",
+]
+
+GAP = 1e-10
+"""Singular value over the largest below which columns depend on each other: rounding is 1e-15, independent ones
+stand above 1e-2."""
+
+ALIKE = 1e-12
+"""Largest difference, over the largest entry, that is rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dependence:
+    """A line of (A.1).
+
+    Attributes:
+        column: The column that is removed.
+        label: Its label in the text at hand.
+        printed: The sum in the text at hand; empty where it cannot be read as one.
+        right: The sum as it should be.
+        printed_error: Of the printed line, over the larger side, where it is more than rounding; NaN where it
+            cannot be read.
+        right_error: Of the right one.
+    """
+
+    column: str
+    label: str
+    printed: str
+    right: str
+    printed_error: float
+    right_error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Grouping:
+    """A line of (3.39).
+
+    Attributes:
+        name: The base parameter.
+        printed: Its sum in print.
+        error: Largest difference of a coefficient from the geometry's own.
+    """
+
+    name: str
+    printed: str
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """An identity between β of one link and those before it.
+
+    Attributes:
+        number: Its number in the thesis.
+        printed: As it is printed, a name standing for its β.
+        error: Largest difference between the sides over the largest β of its kind, at random states.
+        right: As it should be, where the print is wrong.
+        right_error: Then its error.
+    """
+
+    number: str
+    printed: str
+    error: float
+    right: str = ""
+    right_error: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Reduction:
+    """Section 3.1.4.
+
+    Attributes:
+        columns: Columns of Y.
+        zero: Names of the zero columns.
+        rank: Number of independent columns.
+        singular: Last singular value that counts and the first that does not, over the largest.
+        removed: π_r of (3.33).
+        names: π_b of (3.38).
+        dependences: (A.1), line by line.
+        groupings: (3.39), line by line.
+        identities: (3.18) to (3.30).
+        torque_error: Algorithm 1: largest difference of Y_b π_b(π(μ)) from τ(μ), over the largest torque.
+    """
+
+    columns: int
+    zero: tuple[str, ...]
+    rank: int
+    singular: tuple[float, float]
+    removed: tuple[str, ...]
+    names: tuple[str, ...]
+    dependences: tuple[Dependence, ...]
+    groupings: tuple[Grouping, ...]
+    identities: tuple[Identity, ...]
+    torque_error: float
+
+
+def reduction(setting: Setting) -> Reduction:
+    """The base reduction, each printed line held against the regressor."""
+    model, base = setting.hanging.dynamics, setting.hanging.base
+    states = random_states(setting, seed=3)
+    Y = model.regressor(states)
+    flat = Y.reshape(-1, Y.shape[2])
+    by_name = dict(zip(base.standard_names, flat.T, strict=True))
+    sizes = np.linalg.svd(flat, compute_uv=False)
+    rank = int(np.count_nonzero(sizes > GAP * sizes[0]))
+    zero = [name for name, column in by_name.items() if np.abs(column).max() <= ALIKE * np.abs(flat).max()]
+    theta = standard_of_physical(model, physical_of_standard(model, setting.theta))
+    tau = model.torque(states, setting.theta)
+    reduced = setting.hanging.columns(states) @ base.values_of(theta)
+    return Reduction(
+        Y.shape[2],
+        tuple(zero),
+        rank,
+        (float(sizes[rank - 1] / sizes[0]), float(sizes[rank] / sizes[0])),
+        tuple(base.standard_names[k] for k in base.removed),
+        base.names,
+        tuple(_dependence(by_name, *line) for line in published().columns),
+        tuple(_grouping(setting, name, terms) for name, terms in published().groupings.items()),
+        _identities(setting),
+        float(np.abs(reduced - tau).max() / np.abs(tau).max()),
+    )
+
+
+def standard_of_physical(model: DynamicsModel, physical: Array, *, printed: bool = False) -> Array:
+    """π(μ) of (3.7), shape (84,).
+
+    Args:
+        model: Rigid bodies, viscous and Coulomb friction.
+        physical: Rows as (3.40), shape (7, 12).
+        printed: YY_i as it is printed, with r_y² + r_z².
+    """
+    names = [parameter.name for parameter in model.parameters]
+    theta = np.zeros(len(names))
+    for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
+        m, rx, ry, rz, xx, xy, xz, yy, yz, zz, fv, fs = physical[k]
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        theta[own] = com_inertia_to_vector(m, np.array([rx, ry, rz]), tensor)
+        if printed:
+            theta[names.index(f"YY_{k + 1}")] = yy + m * (ry**2 + rz**2)
+        theta[names.index(f"FV_{k + 1}")], theta[names.index(f"FS_{k + 1}")] = fv, fs
+    return theta
+
+
+def physical_of_standard(model: DynamicsModel, theta: Array) -> Array:
+    """μ(π): rows as (3.40), shape (7, 12)."""
+    names = [parameter.name for parameter in model.parameters]
+    rows: list[list[float]] = []
+    for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
+        mass, com, tensor = vector_to_com_inertia(theta[own])
+        upper = [tensor[i, j] for i in range(3) for j in range(i, 3)]
+        rows.append([mass, *com, *upper, *(theta[names.index(f"{symbol}_{k + 1}")] for symbol in ("FV", "FS"))])
+    return np.array(rows)
+
+
+def _dependence(columns: dict[str, Array], name: str, label: str, right: Sum, printed: Sum | None) -> Dependence:
+    meant = label if label in columns else name  # a label that is no column's is read as the one it must be
+    return Dependence(
+        name,
+        label,
+        "" if printed is None else formula(printed),
+        formula(right),
+        np.nan if printed is None else _column_error(columns, meant, printed),
+        _column_error(columns, name, right),
+    )
+
+
+def _column_error(columns: dict[str, Array], name: str, terms: Sum) -> float:
+    """Largest difference between a column and a sum of columns, over the larger of the two."""
+    zero = np.zeros_like(columns[name])
+    total = sum((weight(each, published().lengths) * columns[each.name] for each in terms), zero)
+    difference = float(np.abs(columns[name] - total).max())
+    if difference <= ALIKE * max(float(np.abs(column).max()) for column in columns.values()):
+        return difference
+    return difference / max(float(np.abs(columns[name]).max()), float(np.abs(total).max()))
+
+
+def _grouping(setting: Setting, name: str, terms: Sum) -> Grouping:
+    base = setting.hanging.base
+    row = np.zeros(len(base.standard_names))
+    for each in terms:
+        row[base.standard_names.index(each.name)] += weight(each, published().lengths)
+    return Grouping(name, formula(terms), float(np.abs(row - base.regrouping[base.names.index(name)]).max()))
+
+
+def _identities(setting: Setting) -> tuple[Identity, ...]:
+    """(3.18), (3.23), (3.26), (3.29), (3.30) for every link that they hold for."""
+    states, d = random_states(setting, seed=4), published().lengths
+    terms = lagrangian_terms(
+        make_frames(published()), constant(states.q), constant(states.dq), np.array(HANGING)
+    ).parts[0]
+    M, _, MY, MZ, XX, _, _, YY, YZ, ZZ = np.moveaxis(terms, -1, 0)
+    sign = np.array([np.nan, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  # -cos φ_n of Table 3.1
+    along_y = [n for n in range(2, 7) if n % 2 == 0]  # links 3, 5 and 7: d_n along y
+    along_z = [n for n in range(3, 7) if n % 2 == 1]  # links 4 and 6: d_n along z, d_{n-1} along y
+
+    def error(n: list[int], left: Array, right: Array) -> float:
+        scale = float(np.abs(left[:, n]).max())
+        return float(np.abs(left[:, n] - right[:, n]).max()) / scale
+
+    def before(x: Array, k: int = 1) -> Array:
+        return np.roll(x, k, axis=1)
+
+    y = np.where(np.isin(np.arange(7), along_y), d, 0.0)
+    z = d - y
+    yaw = sign * (before(MY) + 2.0 * y * before(XX + ZZ) - z * before(YZ))
+    long = d + np.roll(d, 1)
+    stem = before(M, 2) + np.roll(d, 1) * before(MY, 2) + np.roll(d, 1) ** 2 * before(XX + ZZ, 2)
+    step = stem + d * (before(MY, 2) + 2.0 * np.roll(d, 1) * before(XX + ZZ, 2))
+    every, later = list(range(1, 7)), list(range(2, 7))
+    head = "Mₙ = Mₙ₋₂ + dₙ₋₁ MYₙ₋₂ + dₙ₋₁² (XX + ZZ)ₙ₋₂ + dₙ (MYₙ₋₂ + 2 dₙ₋₁ (XX + ZZ)ₙ₋₂) + dₙ²"
+    return (
+        Identity("(3.18)", "XXₙ + YYₙ = (XX + ZZ)ₙ₋₁", error(every, XX + YY, before(XX + ZZ))),
+        Identity("(3.23)", "MZₙ = −cos φₙ (MY + 2 d_y (XX + ZZ) − d_z YZ)ₙ₋₁", error(later, MZ, yaw)),
+        Identity(
+            "(3.26)",
+            "Mₙ = (M + dₙ MY + dₙ² (XX + ZZ))ₙ₋₁",
+            error(along_y, M, before(M) + d * before(MY) + d**2 * before(XX + ZZ)),
+        ),
+        Identity(
+            "(3.29)",
+            f"{head} (XX + YY)ₙ₋₂",
+            error(along_z, M, step + d**2 * before(XX + YY, 2)),
+            f"{head} (XX + ZZ)ₙ₋₂",
+            error(along_z, M, step + d**2 * before(XX + ZZ, 2)),
+        ),
+        Identity(
+            "(3.30)",
+            "Mₙ = Mₙ₋₂ + (dₙ₋₁ + dₙ) MYₙ₋₂ + (dₙ₋₁ + dₙ)² (XX + ZZ)ₙ₋₂",
+            error(along_z, M, before(M, 2) + long * before(MY, 2) + long**2 * before(XX + ZZ, 2)),
+        ),
+    )

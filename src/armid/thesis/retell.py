@@ -1,0 +1,123 @@
+"""The study of the thesis from end to end, and its numbers as one record."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+from armid.errors import MissingExtraError
+from armid.excitation.fourier import Excitation
+from armid.runs.certification import Verdict, verdict_record
+from armid.thesis.audit import Audit, audit
+from armid.thesis.designs import Designs, designs
+from armid.thesis.dynamics import Dynamics, Kinematics, dynamics, kinematics
+from armid.thesis.errata import Erratum, errata
+from armid.thesis.reduction import Reduction, reduction
+from armid.thesis.results import Pictures, Results, results
+from armid.thesis.setting import Extent, Setting, Tell, make_setting
+from armid.thesis.steps import Steps, steps
+
+__all__ = ["Thesis", "retell", "thesis_record"]
+
+NEEDED = {"mujoco": "lab", "casadi": "nlp"}
+"""Packages that it needs, with their extras; asked for before a minute of work."""
+
+SHARES = {"model": (0.0, 0.03), "Algorithm 3": (0.03, 0.45), "Algorithm 2": (0.45, 0.96), "audit": (0.96, 1.0)}
+"""Where each chapter stands in the whole, as time goes."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Thesis:
+    """The study, chapter by chapter.
+
+    Attributes:
+        setting: Arm, truth and motions.
+        kinematics: Section 3.1.1.
+        dynamics: Sections 2.2 and 3.1.2.
+        reduction: Section 3.1.4 and (A.1).
+        steps: Section 3.2, step by step.
+        designs: Section 3.3, Algorithm 2.
+        results: Chapter 4 on the virtual arm.
+        audit: The published results.
+        errata: What is printed and what is right.
+        seconds: Wall time.
+    """
+
+    setting: Setting
+    kinematics: Kinematics
+    dynamics: Dynamics
+    reduction: Reduction
+    steps: Steps
+    designs: Designs
+    results: Results
+    audit: Audit
+    errata: tuple[Erratum, ...]
+    seconds: float
+
+
+def retell(extent: Extent | None = None, *, progress: Tell | None = None) -> Thesis:
+    """Run the study.
+
+    Args:
+        extent: How much is run; all of it where not given.
+        progress: Told of chapters.
+
+    Raises:
+        MissingExtraError: MuJoCo or CasADi is not installed.
+    """
+    for name, extra in NEEDED.items():
+        if find_spec(name) is None:
+            raise MissingExtraError(name, "The study of the thesis", extra)
+    began = time.perf_counter()
+    told = progress or _silent
+
+    def within(chapter: str) -> Callable[[float], None]:
+        begin, end = SHARES[chapter]
+        return lambda share: told(chapter, begin + share * (end - begin))
+
+    within("model")(0.0)
+    setting = make_setting(extent or Extent())
+    frames, moving, base = kinematics(setting), dynamics(setting), reduction(setting)
+    stepped, estimates = steps(setting, within("Algorithm 3"))
+    designed = designs(setting, within("Algorithm 2"))
+    within("audit")(0.0)
+    tables, audited = results(setting, estimates), audit(setting, estimates)
+    found = errata(setting, moving, base, designed, stepped, audited, estimates)
+    within("audit")(1.0)
+    seconds = time.perf_counter() - began
+    return Thesis(setting, frames, moving, base, stepped, designed, tables, audited, found, seconds)
+
+
+def _silent(chapter: str, share: float) -> None:
+    """Progress nobody asked for."""
+    del chapter, share
+
+
+SERIES = {"time", "measured", "base", "physical"}
+"""What of `Pictures` is a line of a figure and no number."""
+
+
+def thesis_record(thesis: Thesis) -> dict[str, Any]:
+    """Every number of the study but the lines of its figures, as `thesis.json` has them."""
+    return {
+        field.name: _record(getattr(thesis, field.name))
+        for field in dataclasses.fields(thesis)
+        if field.name != "setting"
+    } | {"extent": _record(thesis.setting.extent)}
+
+
+def _record(value: Any) -> Any:
+    if isinstance(value, Verdict):
+        return verdict_record(value)
+    if isinstance(value, Excitation):
+        return {"base_frequency": value.base_frequency, "offset": value.offset, "a": value.a, "b": value.b}
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        left_out = SERIES if isinstance(value, Pictures) else set[str]()
+        return {f.name: _record(getattr(value, f.name)) for f in dataclasses.fields(value) if f.name not in left_out}
+    if isinstance(value, tuple | list):
+        return [_record(each) for each in value]
+    return value

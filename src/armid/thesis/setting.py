@@ -1,0 +1,158 @@
+"""Ground of every chapter: the hanging arm, its model under both signs of gravity, and the virtual truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armid.excitation.builtin_plans import builtin_plan
+from armid.excitation.fourier import Excitation
+from armid.lab.ideal_recording import thesis_truth
+from armid.model.base_parameters import BaseParameters, find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.robot import load_robot
+from armid.values import Array
+
+__all__ = [
+    "DESIGNED",
+    "HANGING",
+    "LITERAL",
+    "PERIOD",
+    "QUICK",
+    "Extent",
+    "Model",
+    "Setting",
+    "Tell",
+    "extent_of",
+    "make_setting",
+    "random_states",
+]
+
+HANGING, LITERAL = (0.0, 0.0, 9.81), (0.0, 0.0, -9.81)
+"""Gravity as an acceleration in the base of the hanging arm, and as the sign of the thesis's equations has it."""
+
+PERIOD, DESIGNED = 27.0, 20.0
+"""Seconds that the arm took for Table A.1, and that it was designed for."""
+
+Tell = Callable[[str, float], None]
+"""Told the name of the chapter and the share of it that is done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """Extent of a run.
+
+    Attributes:
+        seeds: Seeds of the noise over which medians are taken.
+        starts: Random starts of Algorithm 2.
+        stages: Stages of each descent, from smooth to sharp.
+        rate: Samples a second of recordings along the exact motion [Hz]; the noise of their mean does not depend
+            on it.
+        lab_rate: Samples a second of closed-loop recordings [Hz].
+        physics_rate: Steps a second of the simulation behind them [Hz].
+        repetitions: Of each closed-loop recording.
+        searches: Random starts of the nonlinear program (3.52).
+        poses: Random poses and states at which identities are looked at.
+    """
+
+    seeds: int = 10
+    starts: int = 6
+    stages: int = 6
+    rate: float = 8000.0
+    lab_rate: float = 1000.0
+    physics_rate: float = 4000.0
+    repetitions: int = 2
+    searches: int = 2
+    poses: int = 200
+
+
+QUICK = Extent(
+    seeds=2, starts=1, stages=3, rate=1000.0, lab_rate=500.0, physics_rate=2000.0, repetitions=1, searches=1, poses=50
+)
+"""Every chapter, each as short as it goes."""
+
+
+def extent_of(*, quick: bool = False, seeds: int | None = None, starts: int | None = None) -> Extent:
+    """An extent with some of its numbers given."""
+    extent = QUICK if quick else Extent()
+    return replace(extent, seeds=seeds or extent.seeds, starts=starts or extent.starts)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Model:
+    """The arm under one gravity.
+
+    Attributes:
+        dynamics: Rigid bodies, viscous and Coulomb friction of width zero.
+        base: Its base parameters, the 57 of (3.38).
+    """
+
+    dynamics: DynamicsModel
+    base: BaseParameters
+
+    def theta(self, values: Array) -> Array:
+        """Standard parameters (p,) with the torque of base parameters (b,): those that are not kept are zero."""
+        theta = np.zeros(len(self.dynamics.parameters))
+        theta[self.base.kept] = values
+        return theta
+
+    def columns(self, motion: Motion) -> Array:
+        """Base regressor Y_b, shape (N, 7, 57)."""
+        return self.dynamics.regressor(motion)[:, :, self.base.kept]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Setting:
+    """Ground of every chapter.
+
+    Attributes:
+        hanging: The arm as it hangs.
+        literal: The same under the sign of (2.21) and (2.33) in print.
+        theta: Standard parameters of the virtual arm (p,): inertials of the description, friction of Table 4.1.
+        truth: Its base parameters (57,).
+        train: Table A.1, stretched to 27 s.
+        unseen: Table A.2, stretched to 27 s.
+        extent: How much is run.
+    """
+
+    hanging: Model
+    literal: Model
+    theta: Array
+    truth: Array
+    train: Excitation
+    unseen: Excitation
+    extent: Extent
+
+
+def _model(gravity: tuple[float, float, float]) -> Model:
+    robot = load_robot("iiwa14-r820", gravity=gravity)
+    dynamics = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb(width=0.0)))
+    return Model(dynamics, find_base_parameters(dynamics))
+
+
+def make_setting(extent: Extent) -> Setting:
+    """The arm, its truth and its motions."""
+    hanging, literal = _model(HANGING), _model(LITERAL)
+    theta = thesis_truth(hanging.dynamics)
+    return Setting(
+        hanging,
+        literal,
+        theta,
+        hanging.base.values_of(theta),
+        builtin_plan("thesis-a1").stretched(PERIOD),
+        builtin_plan("thesis-a2").stretched(PERIOD),
+        extent,
+    )
+
+
+def random_states(setting: Setting, seed: int) -> Motion:
+    """States within the joint limits, velocities to 2 rad/s, accelerations to 5 rad/s²."""
+    rng, joints = np.random.default_rng(seed), setting.hanging.dynamics.robot.joints
+    low, high = np.array([joint.position_limits for joint in joints]).T
+    shape = (setting.extent.poses, len(joints))
+    q = rng.uniform(low, high, shape)
+    return Motion.of_states(q, rng.uniform(-2.0, 2.0, shape), rng.uniform(-5.0, 5.0, shape))

@@ -1,0 +1,191 @@
+"""Torque error of a model on validation motion, joint by joint, beside that of the description's own parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armid.estimation.estimate import Estimate, torque_parameters
+from armid.information.residuals import Comparison, compare
+from armid.measurement.observations import Observations
+from armid.model.dynamics import DynamicsModel
+from armid.notebook import Shown, Summary, names_apart
+from armid.validation.prediction_interval import band_of_rows
+from armid.values import Array, array
+
+__all__ = ["Check", "Score", "Validation", "score", "validate"]
+
+CLOSE_TO_TRAINING = 3.0
+"""Largest total error on unseen motion, over that on training motion, that still counts as the same model."""
+
+SMALL_SHARE = 0.02
+"""Share of the torque's spread that is small whatever the training error was, which on clean data is next to none."""
+
+COVERED_ROWS = 20_000
+"""Rows over which bands are evaluated; of more, every k-th."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One named condition of the verdict.
+
+    Attributes:
+        name: What is checked.
+        value: What was found.
+        bound: What it must not exceed.
+        ok: Whether it holds.
+    """
+
+    name: str
+    value: float
+    bound: float
+    ok: bool
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Score:
+    """Torque error on one recording, each per joint (n,); NaN for a joint of which no row counts.
+
+    Attributes:
+        path: The recording.
+        sha256: Its digest.
+        rms: In the study's band [N·m or N].
+        rms_raw: Against the torque as recorded [N·m or N].
+        spread: Standard deviation of the torque in the band [N·m or N].
+        peak: Largest error in the band [N·m or N].
+        coverage95: Share of rows inside the 95 % band.
+        prior_rms: `rms` of the description's inertial parameters without friction; `None` where it has none.
+    """
+
+    path: str
+    sha256: str
+    rms: Array
+    rms_raw: Array
+    spread: Array
+    peak: Array
+    coverage95: Array
+    prior_rms: Array | None
+
+    def __post_init__(self) -> None:
+        for name in ("rms", "rms_raw", "spread", "peak", "coverage95", "prior_rms"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, array(value, (None,), name, finite=False))
+
+    @property
+    def relative(self) -> Array:
+        """`rms` over the standard deviation of the torque, shape (n,)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.rms / self.spread
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Validation(Shown):
+    """Scores on recordings that no parameter has seen, and the verdict.
+
+    Attributes:
+        joints: Names of the joints.
+        recordings: A score for each recording.
+        verdict: `pass` where every check holds, `fail` where one does not, `not judged` without unseen motion.
+        checks: The named conditions.
+    """
+
+    joints: tuple[str, ...]
+    recordings: tuple[Score, ...]
+    verdict: str
+    checks: tuple[Check, ...]
+
+    def summary(self) -> Summary:
+        """Torque error of every joint on each recording."""
+        names = names_apart(each.path for each in self.recordings)
+        columns = ("joint", *(f"{names[each.path]}, RMS" for each in self.recordings))
+        rows = tuple(
+            (joint, *(f"{each.rms[j]:.4g}" for each in self.recordings)) for j, joint in enumerate(self.joints)
+        )
+        failed = ", ".join(check.name for check in self.checks if not check.ok)
+        note = f"does not hold: {failed}" if failed else "N·m or N, in the study's band"
+        return Summary(f"verdict on held-out motion: {self.verdict}", columns, rows, note)
+
+
+def score(
+    model: DynamicsModel,
+    estimate: Estimate,
+    observations: Observations,
+    *,
+    path: str = "",
+    sha256: str = "",
+) -> Score:
+    """Compare the estimate's torque with that of one recording."""
+    theta = torque_parameters(estimate.base, estimate.fit)
+    found = _together([compare(model, theta, run, observations.band) for run in observations.runs])
+    residual = np.where(found.mask, found.residual, np.nan)
+    prior = model.nominal_parameters()
+    prior_rms = None
+    if prior is not None:
+        nominal = _together([compare(model, prior, run, observations.band) for run in observations.runs])
+        prior_rms = _rms(np.where(nominal.mask, nominal.residual, np.nan))
+    return Score(
+        path,
+        sha256,
+        _rms(residual),
+        _rms(np.where(found.mask, found.residual_raw, np.nan)),
+        _of_known(np.std, np.where(found.mask, found.measured, np.nan)),
+        _of_known(np.max, np.abs(residual)),
+        _coverage(model, estimate, observations, residual),
+        prior_rms,
+    )
+
+
+def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate) -> Validation:
+    """Put scores on unseen motion together and judge them."""
+    checks: list[Check] = []
+    training = float(np.linalg.norm(estimate.fit.residual_rms))
+    for each in scores:
+        known = np.isfinite(each.rms)
+        total = float(np.linalg.norm(each.rms[known]))
+        where = f" on {each.path}" if len(scores) > 1 else ""
+        if each.prior_rms is not None:
+            bound = float(np.linalg.norm(each.prior_rms[known]))
+            checks.append(Check(f"total error below the description's{where}", total, bound, total < bound))
+        spread = float(np.linalg.norm(each.spread[known]))
+        bound = max(CLOSE_TO_TRAINING * training, SMALL_SHARE * spread)
+        name = f"total error within {CLOSE_TO_TRAINING:g} x training or {SMALL_SHARE:.0%} of the torque{where}"
+        checks.append(Check(name, total, bound, total <= bound))
+        worst = float(each.relative[known].max(initial=0.0))
+        checks.append(Check(f"NRMSE of every joint below 1{where}", worst, 1.0, worst < 1.0))
+    verdict = "not judged" if not scores else "pass" if all(check.ok for check in checks) else "fail"
+    return Validation(tuple(joints), tuple(scores), verdict, tuple(checks))
+
+
+def _together(parts: Sequence[Comparison]) -> Comparison:
+    """Rows of several runs one after another."""
+    return Comparison(
+        np.concatenate([part.measured for part in parts]),
+        np.concatenate([part.predicted for part in parts]),
+        np.concatenate([part.measured_raw for part in parts]),
+        np.concatenate([part.predicted_raw for part in parts]),
+        np.concatenate([part.mask for part in parts]),
+    )
+
+
+def _of_known(function: Callable[[Array], Any], values: Array) -> Array:
+    """A number for each column from what is not NaN in it; NaN where nothing is."""
+    columns = [column[~np.isnan(column)] for column in values.T]
+    return np.array([float(function(column)) if len(column) else np.nan for column in columns])
+
+
+def _rms(residual: Array) -> Array:
+    """Root mean square of each column, NaN left out."""
+    return np.sqrt(_of_known(np.mean, residual**2))
+
+
+def _coverage(model: DynamicsModel, estimate: Estimate, observations: Observations, residual: Array) -> Array:
+    """Share of rows (n,) whose error lies inside the 95 % band of parameters and noise."""
+    every = max(1, len(residual) // COVERED_ROWS)
+    ends = np.cumsum([len(run.rows) for run in observations.runs])[:-1]
+    residual = np.concatenate([part[::every] for part in np.split(residual, ends)])
+    width = band_of_rows(model, estimate, observations, every)
+    return _of_known(np.mean, np.where(np.isnan(residual), np.nan, np.abs(residual) <= width))

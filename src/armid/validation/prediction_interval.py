@@ -1,0 +1,99 @@
+"""The 95 % band of a predicted torque: what the parameters leave open, and the noise that the model left.
+
+With x the columns of a joint's row and Σ the parameters' covariance, its variance is xᵀ Σ x + σ². The share of the
+parameters has their degrees of freedom, the noise has many [Satterthwaite1946].
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armid.estimation.estimate import Estimate
+from armid.estimation.fit import Fit
+from armid.information.column_source import column_source
+from armid.information.regressor_rows import all_rows
+from armid.measurement.band import Band
+from armid.measurement.observations import Observations, ObservedRun
+from armid.model.base_parameters import BaseParameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.values import Array
+
+__all__ = ["band_of_rows", "torque_band"]
+
+SMALLEST_SHARE = 1e-3
+"""Share of the parameters in a band's variance below which their degrees of freedom are as good as infinite."""
+
+PART = 8192
+"""Samples of a motion whose columns are made at a time."""
+
+
+def torque_band(model: DynamicsModel, estimate: Estimate, motion: Motion) -> Array:
+    """Half of the width of the 95 % band along a motion, shape (N, n) [N·m or N].
+
+    It is that of the torque in the band that the estimate was made in; what a sensor hisses beyond it comes on top.
+
+    Args:
+        model: Arm and torque terms of the estimate.
+        estimate: The estimate.
+        motion: N samples, with the states of what the model remembers.
+    """
+    widths = [np.zeros((0, model.n))]
+    for first in range(0, motion.samples, PART):
+        part = motion[slice(first, first + PART)]
+        rows = np.ones((part.samples, model.n), dtype=np.bool_)
+        run = ObservedRun(part, np.zeros(rows.shape), 1.0, 1, 0, rows, np.zeros(len(rows), dtype=np.int64))
+        widths.append(band_of_rows(model, estimate, Observations((run,), Band())))
+    return np.concatenate(widths)
+
+
+def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observations, every: int = 1) -> Array:
+    """Half of the width of the 95 % band on every k-th row of all runs, shape (M, n) [N·m or N].
+
+    Args:
+        model: Arm and torque terms of the estimate.
+        estimate: The estimate.
+        observations: Runs, in the band that they are compared in.
+        every: k.
+    """
+    from scipy.special import stdtrit  # a third of a second to import
+
+    base, fit = estimate.base, estimate.fit
+    share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
+    variance = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
+    free = np.median(fit.freedom) * (variance / np.maximum(share, SMALLEST_SHARE * variance)) ** 2
+    return np.asarray(stdtrit(free, 0.975) * np.sqrt(variance), dtype=np.float64)
+
+
+def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
+    """Covariance (b, b) of the base parameters that predict a recording.
+
+    Where each recording has values of its own, it is that of their mean, and the scatter of a further one's about it.
+    """
+    copies = [name.split("[", 1)[0] for name in fit.names]
+    mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)
+    count = mean.sum(axis=1)
+    mean /= count[:, None]
+    spread = np.array(
+        [np.var(fit.values[row > 0.0], ddof=1) if k > 1 else 0.0 for row, k in zip(mean, count, strict=True)]
+    )
+    return mean @ fit.covariance @ mean.T + np.diag(spread)
+
+
+def _parameter_variance(
+    model: DynamicsModel, base: BaseParameters, covariance: Array, observations: Observations, every: int
+) -> Array:
+    """Variance of the predicted torque that the parameters' covariance makes, on every k-th row, shape (M, n)."""
+    source = column_source(model, base)
+    sparse = [
+        replace(run, step=run.step * every, mask=run.mask[::every], block=run.block[::every], repetition=None)
+        for run in observations.runs
+    ]
+    x = np.concatenate([all_rows(source, run, observations.band) for run in sparse], axis=1)
+    variance = np.empty((x.shape[1], model.n))
+    for j, parameters in enumerate(source.layout.parameters):
+        y = x[source.layout.offset[j] : source.layout.offset[j + 1] - 1]
+        variance[:, j] = np.einsum("km,km->m", covariance[np.ix_(parameters, parameters)] @ y, y)
+    return variance

@@ -1,0 +1,106 @@
+"""Tables of the screen: friction that was chosen, where its prior comes from, and errors with what they are of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from armid.cli.console import print_error, validation_table
+from armid.cli.parameter_tables import ladder_table, print_links
+from armid.errors import ArmidError, Finding
+from armid.estimation.estimate import Estimate
+from armid.estimation.friction.selection import Evidence, Ladder
+from armid.estimation.link_properties import link_table
+from armid.estimation.standard_fit import PriorUse
+from armid.model.terms import Hysteresis, Stribeck
+from armid.study.friction_method import credited
+from armid.validation.prediction import Score, Validation
+from cranes import CRANE, estimate, model, problem
+from labs import small_model
+
+
+def printed(table: Any, width: int = 80) -> str:
+    screen = StringIO()
+    Console(file=screen, width=width, highlight=False).print(table)
+    return screen.getvalue()
+
+
+def ladder(weight: float | None = 421.0) -> Ladder:
+    evidence = (Evidence("joint_2", "hysteresis", "hysteresis 0.001, 0.03", 0.8, 0.02, chosen=True),)
+    added = (Hysteresis((0.001, 0.02, 0.03), ("joint_2",)), Stribeck(0.05, joints=("joint_2", "joint_3")))
+    return Ladder(small_model(), added, evidence, np.array([1.0, 0.8, 0.9]), np.full(3, 0.02), weight)
+
+
+def test_friction_stands_joint_by_joint_and_law_by_law():
+    text = printed(ladder_table(ladder(), small_model().robot), 100)
+    assert "RMS ratio, with / without" in " ".join(text.split())
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
+    assert rows == [
+        ["1", "joint_1", "-", "none"],
+        ["2", "joint_2", "0.80 ± 0.02", "hysteresis over 0.001, 0.02, 0.03 rad"],
+        ["", "", "", "Stribeck effect at 0.05 rad/s"],
+        ["3", "joint_3", "0.90 ± 0.02", "Stribeck effect at 0.05 rad/s"],
+    ]
+
+
+def with_weight(weight: float) -> Estimate:
+    found = estimate(problem())
+    said = Finding("prior-weight", "info", "", f"The prior weighs {weight:.3g} independent samples, given.")
+    assert found.fit.standard is not None
+    standard = replace(found.fit.standard, prior=PriorUse("log-det", weight, "given", 1.0))
+    return replace(found, findings=(said,), fit=replace(found.fit, standard=standard))
+
+
+@pytest.mark.parametrize(("weight", "how"), [(421.0, "as chosen with the friction"), (7.0, "given")])
+def test_a_weight_that_the_choice_of_friction_brought_was_given_by_nobody(weight: float, how: str):
+    found = credited(with_weight(weight), ladder())
+    assert found.findings[0].evidence.endswith(f"independent samples, {how}.")
+    assert found.fit.standard is not None and found.fit.standard.prior.how == how
+    assert credited(with_weight(weight), None).findings[0].evidence.endswith("given.")
+
+
+def score(path: str, size: float) -> Score:
+    each = np.array([size, 2.0 * size])
+    return Score(path, "", each, each, np.ones(2), 3.0 * each, 1.0 - 0.1 * each, 10.0 * each)
+
+
+def test_columns_of_several_recordings_are_the_worst_and_say_so():
+    held = (score("a/one.csv", 0.1), score("b/two.csv", 0.3))
+    text = printed(validation_table(Validation(("x", "y"), held, "pass", ()), [score("t.csv", 0.05)], ["N·m"] * 2))
+    flat = " ".join(text.split())
+    assert "train: t.csv; valid. 1: one.csv, valid. 2: two.csv" in flat and "the worst of each joint" in flat
+    (row,) = [line for line in text.splitlines() if line.startswith("2 ")]
+    cells = [cell.strip() for cell in row.split("│")]
+    # Number, joint, training, both recordings, description (root mean square), relative, peak, share in the band.
+    assert cells == ["2", "y", "0.100", "0.200", "0.600", "4.472", "60.0 %", "1.800", "94 %"]
+
+
+def test_one_recording_is_not_called_the_worst():
+    text = printed(validation_table(Validation(("x", "y"), (score("v.csv", 0.1),), "pass", ()), (), ["N·m"] * 2))
+    assert "validation: v.csv" in text and "worst" not in text
+
+
+def test_a_remedy_reads_as_english(capsys: pytest.CaptureFixture[str]):
+    print_error(ArmidError("There is no robot 'pnda'.", possible="panda, ur5e", remedy="did you mean 'panda'?"))
+    err = capsys.readouterr().err
+    assert "possible: panda, ur5e" in err and "hint: did you mean 'panda'?" in err and "do did" not in err
+
+
+@pytest.mark.parametrize("width", [80, *range(100, 150, 3), 200])
+def test_bodies_keep_the_names_of_their_links_at_any_width(width: int):
+    found = link_table(model(CRANE), estimate(problem(CRANE, 0), bodies=True))
+    links = tuple(replace(body, link=f"right_arm_{k}_link_of_it") for k, body in enumerate(found.links))
+    screen = StringIO()
+    print_links(Console(file=screen, width=width, highlight=False), replace(found, links=links))
+    text = screen.getvalue()
+    rows = [line for line in text.splitlines() if line.startswith(("│", "┃"))]
+    assert not any("…" in line for line in rows) and max(map(len, rows)) <= width
+    tables = sum("┃ link " in line for line in rows)
+    assert sum("│ new │" in line for line in rows) == tables * len(links)
+    names = "".join(line.split("│")[1].strip() for line in text.splitlines() if line.startswith("│"))
+    assert all(names.count(body.link) >= 1 for body in links)

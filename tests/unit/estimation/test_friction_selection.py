@@ -1,0 +1,210 @@
+"""The friction ladder's parts: gains against direct estimates, pieces and terms, and what it declines to judge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.errors import EstimationError
+from armid.estimation.crossvalidation import held_out_squares
+from armid.estimation.friction import selection as module
+from armid.estimation.friction.candidates import (
+    REFINED,
+    Piece,
+    Superset,
+    candidates,
+    described,
+    superset,
+    terms_of,
+)
+from armid.estimation.friction.heldout_gains import Prior, make_stretches
+from armid.estimation.friction.search import Climb, Taken, Trial
+from armid.estimation.friction.selection import choose_friction
+from armid.estimation.friction.shape_fit import refine
+from armid.estimation.whitening import Weighted, weigh
+from armid.information.accumulate import inform
+from armid.information.information import Information, select
+from armid.measurement.observations import Observations
+from armid.model.base_parameters import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Coulomb, Hysteresis, Offset, RigidBody, Ripple, Stribeck, Viscous
+from armid.values import Array
+from problems import lively_motion, one_run, raw
+from trees import random_inertial, robot_of, structured_tree
+
+RATE = 50.0
+
+NEAR = 0.1
+"""Difference of a refined shape's logarithm from the truth: three deviations at this noise; the grid's is 0.34."""
+
+EXACT = 1e-6
+"""Relative difference of gains by products of columns and by estimates on the stacked rows."""
+
+
+def arm() -> DynamicsModel:
+    tree = structured_tree(np.random.default_rng(2), 3, prismatic=0.0, branching=0.0)
+    return DynamicsModel(robot_of(tree), (RigidBody(), Viscous(), Coulomb(0.02), Offset()))
+
+
+def recorded(model: DynamicsModel, seconds: float = 24.0, seed: int = 5) -> Observations:
+    rng = np.random.default_rng(seed)
+    motion = lively_motion(rng, model.n, RATE, seconds)
+    theta = rng.uniform(0.2, 1.0, len(model.parameters))
+    theta[model.inertial_columns] = random_inertial(rng, model.n).ravel()
+    torque = model.torque(motion, theta)
+    return raw(one_run(motion, torque + 0.1 * rng.normal(size=torque.shape), RATE, step=2, block_rows=25))
+
+
+def test_a_gain_is_what_the_error_on_the_stretch_loses():
+    model, observations = arm(), recorded(arm())
+    base = find_base_parameters(model)
+    wide = superset(model, base, [frozenset({Piece("stribeck", 0.1), Piece("ripple", 3.0)})] * 3)
+    information = inform(wide.model, wide.base, observations)
+    b = information.count
+    weights = np.array([1.0, 2.0, 0.5])
+    fold = np.arange(information.blocks) // 6
+    stretches = make_stretches(information, fold, weights, Prior(np.zeros(b), np.zeros((b, b))))
+    kept = np.flatnonzero(wide.own)
+    reduced = stretches.reduced(kept, np.zeros(b), all_anew=True)
+    for joint in range(3):
+        columns = wide.columns[joint, Piece("ripple", 3.0)]
+        gains = reduced.gains(joint, columns, 0.0)
+        assert gains is not None
+        with_ = stretches.errors(np.sort(np.append(kept, columns)), np.zeros(b)) * weights**2
+        without = stretches.errors(kept, np.zeros(b)) * weights**2
+        np.testing.assert_allclose(without, reduced.squares, rtol=EXACT)
+        lost = without - with_
+        assert np.abs(gains[0] - lost[:, joint]).max() < EXACT * without[:, joint].max()
+        assert np.abs(gains[1] - lost.sum(axis=1)).max() < EXACT * without.sum(axis=1).max()
+
+
+def test_a_stretch_and_its_neighbours_do_not_train():
+    model, observations = arm(), recorded(arm())
+    base = find_base_parameters(model)
+    information = inform(model, base, observations)
+    fold = np.arange(information.blocks) // 6
+    b = information.count
+    stretches = make_stretches(information, fold, np.ones(3), Prior(np.zeros(b), np.zeros((b, b))))
+    kept, none = np.arange(b), np.zeros(b)
+    others = np.flatnonzero((np.arange(information.blocks) < 5) | (np.arange(information.blocks) > 12))
+    alone = make_stretches(
+        select(information, others), np.zeros(len(others), dtype=np.int64), np.ones(3), stretches.prior
+    )
+    values = alone.solve(alone.whole, kept, none)
+    found = stretches.solve(stretches.training[1], kept, none)
+    np.testing.assert_allclose(found, values, rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(
+        stretches.errors(kept, none)[1], held_out_squares(select(information, fold == 1), values), rtol=1e-5
+    )
+
+
+def test_joints_with_the_same_shapes_share_a_term():
+    model = arm()
+    wave, effect = Piece("ripple", 3.0), Piece("stribeck", 0.1)
+    chosen = [frozenset({wave, Piece("ripple", 2.0), effect}), frozenset({effect}), frozenset({wave})]
+    names = model.robot.joint_names
+    assert set(terms_of(model, chosen)) == {
+        Ripple((2.0, 3.0), joints=(names[0],)),
+        Ripple((3.0,), joints=(names[2],)),
+        Stribeck(0.1, 2.0, 0.02, (names[0], names[1])),
+    }
+    assert described((wave, Piece("ripple", 2.0), Piece("load-coulomb"))) == "ripple 2, 3 + load-coulomb"
+
+
+def test_pieces_do_not_change_the_models_own_parameters():
+    model = arm()
+    base = find_base_parameters(model)
+    wide = superset(model, base, [frozenset({Piece("hysteresis", 0.01)})] * 3)
+    assert tuple(np.array(wide.base.names)[wide.own]) == base.names
+    assert wide.base.count == base.count + 3
+
+
+def test_a_width_whose_memory_is_not_known_early_is_no_candidate():
+    model = arm()
+    (run,) = recorded(model).runs
+    small = replace(run.motion, q=0.02 * run.motion.q)
+    allowed = candidates(model, raw(replace(run, motion=small)))
+    widths = [{piece.shape for piece in pieces if piece.term == Hysteresis.name} for pieces in allowed]
+    assert all(0.001 in own and 0.1 not in own for own in widths)
+    separate = candidates(model, raw(replace(run, consecutive=False)))
+    assert not any(piece.term == Hysteresis.name for pieces in separate for piece in pieces)
+    assert not any(piece.term == "load-coulomb" for pieces in allowed for piece in pieces)  # no load is known
+
+
+def test_a_velocity_law_that_the_speeds_do_not_show_whole_is_no_candidate():
+    model = arm()
+    (run,) = recorded(model).runs
+    slow = replace(run.motion, dq=run.motion.dq * (0.3 / np.abs(run.motion.dq).max(axis=0)))
+    allowed = candidates(model, raw(replace(run, motion=slow)))
+    found = {(piece.term, piece.shape) for pieces in allowed for piece in pieces}
+    assert ("stribeck", 0.05) in found and ("stribeck", 0.4) not in found
+    assert not any(term == "piecewise-viscous" and knot > 0.2 for term, knot in found)
+    assert all(Piece("stribeck", 0.4) in pieces for pieces in candidates(model, recorded(model)))
+
+
+@pytest.mark.parametrize("term", sorted(REFINED))
+def test_a_slope_is_the_derivative_by_the_logarithm_of_the_shape(term: str):
+    model, shape, change = arm(), 0.1, 1e-5
+    (run,) = recorded(model).runs
+    base = find_base_parameters(model)
+
+    def column(piece: Piece) -> Array:
+        wide = superset(model, base, [frozenset({piece})] * 3)
+        theta = np.zeros(len(wide.model.parameters))
+        theta[wide.base.kept[wide.columns[1, piece]]] = 1.0
+        return wide.model.torque(run.motion, theta)[:, 1]
+
+    above, below = (column(Piece(term, float(shape * np.exp(sign * change)))) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(column(Piece(term, shape, slope=True)), (above - below) / (2.0 * change), atol=1e-8)
+
+
+def test_shapes_go_from_the_grid_to_where_the_truth_is():
+    truth = DynamicsModel(arm().robot, (*arm().terms, Stribeck(0.14, 2.0, 0.02)))
+    observations, model = recorded(truth), arm()
+    base = find_base_parameters(model)
+
+    def widen(pieces: Sequence[frozenset[Piece]]) -> tuple[Superset, Information]:
+        wide = superset(model, base, pieces)
+        return wide, inform(wide.model, wide.base, observations)
+
+    taken = tuple(Taken("velocity", j, (Piece("stribeck", 0.1),), 0.0) for j in range(3))
+    trials = tuple(Trial(each.joint, each.rung, each.pieces, 0.5, 0.1, True) for each in taken)
+    found = Climb(taken, np.arange(base.count), np.zeros(base.count), trials)
+    nothing = Prior(np.zeros(base.count), np.zeros((base.count, base.count)))
+    refined = refine(found, widen, nothing, np.ones(3), 3)
+    shapes = [each.pieces[0].shape for each in refined.taken]
+    assert np.abs(np.log(np.array(shapes) / 0.14)).max() < NEAR
+    assert [trial.pieces for trial in refined.trials] == [each.pieces for each in refined.taken]
+
+
+def test_a_joint_that_stands_still_gets_nothing():
+    model = arm()
+    (run,) = recorded(model).runs
+    q = run.motion.q.copy()
+    q[:, 1] = 0.3
+    allowed = candidates(model, raw(replace(run, motion=replace(run.motion, q=q))))
+    assert not allowed[1] and allowed[0] and allowed[2]
+
+
+def test_a_few_seconds_are_no_evidence():
+    model = arm()
+    ladder = choose_friction(model, recorded(model, seconds=3.0))
+    assert ladder.model is model and not ladder.added and ladder.prior_weight is None
+    assert "blocks" in ladder.why
+
+
+def test_a_prior_without_a_known_unit_is_not_handed_on(monkeypatch: pytest.MonkeyPatch):
+    calls = iter(range(10))
+
+    def unsettled(information: Information) -> Weighted:
+        if next(calls):  # the first is for the model without what was chosen
+            raise EstimationError("The joints' weights do not settle.")
+        return weigh(information)
+
+    monkeypatch.setattr(module, "weigh", unsettled)
+    ladder = choose_friction(arm(), recorded(arm()))
+    assert ladder.evidence and ladder.prior_weight is None
+    assert "left to the method" in ladder.why and "do not settle" in ladder.why

@@ -1,0 +1,209 @@
+"""Standstill between motion: found where a joint sticks, and nowhere else; its rows left out and named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.doctor import EXPLAINS, examine
+from armid.doctor.evidence import Evidence
+from armid.lab.controller import Controller
+from armid.lab.friction import Friction
+from armid.lab.options import LabOptions
+from armid.lab.sensors import Channel, Sensing
+from armid.lab.simulation import Simulated, simulate
+from armid.measurement.log_format import Reading
+from armid.measurement.processing.pipeline import THESIS, Processing
+from armid.measurement.processing.standstill import BESIDE, SLIDING, position_noise, standing
+from armid.measurement.robot_convention import interpret
+from armid.model.dynamics import DynamicsModel
+from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.study.diagnosis import diagnose_recording
+from labs import FRICTION
+from motions import clock, codes, motion, one, recording
+from plants import short_plan, small_arm
+
+RATE = 1000.0
+SLACK = 0.03  # s: half the span of a measured speed, and how far a joint has moved before it is faster than slow
+NOISE = 1e-5  # rad, of an encoder
+COARSE = 0.01  # rad, of a joint angle that is logged with two decimals
+FEW = 0.1  # a median of 15000 differences that overlap errs by some percent
+CREEP = 0.005  # rad: 4.5 mrad/s at most, less than a hundredth of the speed in motion
+
+
+def stuck(seconds: float, pause: float, rate: float = RATE) -> np.ndarray:
+    """A joint that swings, and stands for a while whenever it turns round; positions (N, 1)."""
+    t = clock(seconds, rate)
+    cycle = 2.0 * (1.0 + pause)
+    half, inside = np.divmod(t % cycle, 1.0 + pause)
+    angle = np.pi * np.minimum(inside, 1.0)
+    # Speed sin: the joint leaves and reaches rest with an acceleration of π²/4 rad/s².
+    return np.where(half == 0, -np.cos(angle), np.cos(angle))[:, None] / 4.0
+
+
+def truly(seconds: float, pause: float) -> np.ndarray:
+    return (clock(seconds, RATE) % (1.0 + pause)) > 1.0
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+@pytest.mark.parametrize("pause", [0.08, 0.2, 0.7])
+def test_pauses_at_reversals_are_found(pause: float, noise: float):
+    q = stuck(12.0, pause) + noise * np.random.default_rng(1).normal(size=(12000, 1))
+    found, right = standing(q, RATE)[:, 0], truly(12.0, pause)
+    assert found[right].mean() > 0.98
+    reach = int(SLACK * RATE)
+    near = np.convolve(right, np.ones(2 * reach + 1), "same") > 0
+    assert not found[~near].any()
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_smooth_motion_never_stands(rate: float, noise: float):
+    assert not standing(recording(clock(30.0, rate), noise=noise).q, rate).any()
+
+
+def test_a_joint_that_never_moves_and_one_hidden_by_noise_have_no_standstill():
+    q = np.hstack([np.full((12000, 1), 0.3), stuck(12.0, 0.2)])
+    assert not standing(q, RATE)[:, 0].any()
+    assert standing(q, RATE)[:, 1].any()
+    assert not standing(q + 0.05 * np.random.default_rng(1).normal(size=q.shape), RATE).any()
+    assert not standing(q[:5], RATE).any()
+
+
+def test_an_arm_that_rests_between_motion_does_not_stick():
+    """All joints at once, each on its own path; one that stands longer than the others is still seen."""
+    q = stuck(24.0, 1.4) * np.array([1.0, -0.7, 1.3])
+    assert standing(q[:, :1], RATE).any()
+    assert not standing(q, RATE).any()
+    q[:, 2:] = stuck(24.0, 0.15)
+    assert standing(q, RATE).any(axis=0).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_all_joints_at_rest_for_a_moment_between_motions_stand(noise: float):
+    """Friction goes through all of its range there, and shows no weight that the motion beside it does not show."""
+    q = stuck(12.0, 0.4) * np.array([1.0, -0.7, 1.3]) + noise * np.random.default_rng(1).normal(size=(12000, 3))
+    found, right = standing(q, RATE), truly(12.0, 0.4)
+    inner = right & (np.arange(12000) < 11000)  # the last rest may be the end of all motion
+    assert found[inner].mean() > 0.98
+    reach = round(BESIDE * RATE)
+    near = np.convolve(right, np.ones(2 * reach + 1), "same") > 0
+    assert not found[~near].any()
+
+
+def test_a_motion_that_begins_and_ends_at_rest_stands_where_it_begins_anew():
+    """Velocities and accelerations are zero there and no joint stays: each is left out until it slides for sure."""
+    period, t = 8.0, clock(24.0, RATE)
+    x = 2.0 * np.pi * t / period
+    q = np.column_stack([np.sin(x) ** 3 + c * (1.0 - np.cos(x)) ** 2 for c in (0.3, -0.4, 0.5)])
+    dq = np.gradient(q, 1.0 / RATE, axis=0)
+    found = standing(q + NOISE * np.random.default_rng(1).normal(size=q.shape), RATE)
+    away = np.abs((t + period / 2.0) % period - period / 2.0)
+    inner = (t > 0.5 * period) & (t < 2.5 * period)
+    assert found[inner & (away < 0.05)].all()
+    assert not found[away > BESIDE + SLACK].any()
+    assert not found[np.abs(dq) > 1.5 * SLIDING * dq.std(axis=0)].any()
+
+
+def test_an_arm_that_rests_for_long_does_so_while_one_joint_creeps():
+    q = stuck(24.0, 2.0) * np.array([1.0, -0.7, 1.3])
+    creep = CREEP * np.sin(2.0 * np.pi * clock(24.0, RATE) / 7.0)
+    q[:, 2] += creep
+    assert not standing(q, RATE).any()
+    q[:, 2] += 10.0 * creep  # this one moves, and the two others stand beside it
+    assert standing(q, RATE)[:, :2].any(axis=0).all()
+
+
+@pytest.mark.parametrize(("rate", "seen", "unseen"), [(50.0, 0.16, 0.10), (100.0, 0.08, 0.04), (1000.0, 0.06, 0.04)])
+def test_how_short_a_pause_is_seen_depends_on_the_rate(rate: float, seen: float, unseen: float):
+    assert standing(stuck(24.0, seen, rate), rate).any()
+    assert not standing(stuck(24.0, unseen, rate), rate).any()
+
+
+@pytest.mark.parametrize("cutoff", [2.0, 20.0])
+def test_coarse_positions_on_an_uneven_clock_do_not_stick(cutoff: float):
+    """A spline through rounded positions is smooth where they are stairs, and stands on every step."""
+    rng = np.random.default_rng(3)
+    t = clock(30.0, 500.0) + rng.uniform(-0.3, 0.3, 15000) / 500.0
+    log = recording(t, q=COARSE * np.round(motion(t)[0] / COARSE))
+    assert "sticking" not in codes(one(log, Processing(cutoff=cutoff))[1])
+
+
+def test_noise_of_positions_is_found_whatever_their_clock():
+    rng = np.random.default_rng(5)
+    for spread in (0.0, 0.3):
+        t = clock(30.0, 500.0) + rng.uniform(-spread, spread, 15000) / 500.0
+        q = motion(t)[0]
+        assert np.allclose(position_noise(q + NOISE * rng.normal(size=q.shape), t), NOISE, rtol=FEW)
+        assert np.allclose(position_noise(COARSE * np.round(q / COARSE), t), COARSE / np.sqrt(12.0), rtol=FEW)
+    assert not position_noise(np.zeros((3, 2)), np.arange(3.0)).any()
+
+
+def both(seconds: float, pause: float) -> np.ndarray:
+    """One joint that sticks beside one that never does."""
+    return np.hstack([stuck(seconds, pause), 0.4 * np.sin(2.0 * clock(seconds, RATE))[:, None]])
+
+
+def test_rows_at_standstill_do_not_count_for_their_joint_and_are_named():
+    log = recording(clock(24.0, RATE), q=both(24.0, 0.2))
+    processing = Processing(cutoff=20.0, decimate=100.0)
+    kept, silent = one(log, replace(processing, standstill="keep"))
+    run, findings = one(log, processing)
+    assert codes(silent) == []
+    assert kept.mask[:, 0].sum() == kept.mask[:, 1].sum()
+    assert np.array_equal(run.mask[:, 1], kept.mask[:, 1])
+    lost = kept.mask[:, 0] & ~run.mask[:, 0]
+    assert lost[truly(24.0, 0.2)[run.rows] & kept.mask[:, 0]].all()
+    (finding,) = findings
+    assert (finding.code, finding.severity) == ("sticking", "info")
+    assert f"{log.channels[0]} {lost.sum() / kept.mask[:, 0].sum():.0%}" in finding.evidence
+    assert log.channels[1] not in finding.evidence
+
+
+def test_a_joint_that_mostly_stands_keeps_its_rows_with_a_warning():
+    log = recording(clock(24.0, RATE), q=both(24.0, 0.9))
+    run, findings = one(log, Processing())  # at 5 Hz standstill reaches 0.4 s to each side
+    assert np.array_equal(run.mask[:, 0], run.mask[:, 1])
+    assert [(f.code, f.severity) for f in findings] == [("sticking", "warning")]
+
+
+def test_the_preset_of_the_thesis_leaves_nothing_out():
+    assert THESIS.standstill == "keep"
+
+
+# Sticking in closed loop ---------------------------------------------------------------------------------------
+
+
+def sticking(delay: float = 0.0) -> Simulated:
+    """The small arm with four times its dry friction under feedback that knows none of it, logged at 1 kHz."""
+    friction = Friction(np.array(FRICTION["FV"]), 4.0 * np.array(FRICTION["FS"]))
+    effort = Channel(noise=0.02, delay=delay)
+    options = LabOptions(repetitions=2, controller=Controller(), sensing=Sensing(RATE, Channel(noise=1e-6), effort))
+    return simulate(small_arm(friction=friction), short_plan(1, 8.0), options, seed=1)
+
+
+def told(done: Simulated) -> list[str]:
+    model = DynamicsModel(small_arm().robot, (RigidBody(), Viscous(), Coulomb(0.0)))
+    log = replace(done.recording, joint_names=model.robot.joint_names)
+    found = examine(Evidence(model.robot, log, Reading(), log, (), model, EXPLAINS))
+    return [f.code for f in found if f.severity == "error"]
+
+
+def test_joints_that_stick_are_no_delay_and_a_delay_is_one():
+    done = sticking()
+    assert (done.trace.dq == 0.0).mean(axis=0).max() > 0.01  # they do stick
+    assert told(done) == []
+    assert told(sticking(delay=0.02)) == ["channel-delay"]
+
+
+def test_the_doctor_tells_of_joints_that_stick_as_an_identification_does():
+    done, robot = sticking(), small_arm().robot
+    log = replace(done.recording, joint_names=robot.joint_names)
+    read = interpret(log, Reading(), robot).recording
+    (named,) = (f for f in one(read, Processing())[1] if f.code == "sticking")
+    (finding,) = (f for f in diagnose_recording(robot, log, Reading()) if f.code == "sticking")
+    assert (finding.severity, finding.evidence, finding.remedy) == (named.severity, named.evidence, named.remedy)
+    kept = diagnose_recording(robot, log, Reading(), processing=Processing(standstill="keep"))
+    assert "sticking" not in codes(kept)

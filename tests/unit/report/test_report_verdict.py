@@ -1,0 +1,146 @@
+"""The verdict of a page in words: what weighs most first, lines of a study as code, many sentences folded."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.errors import Finding
+from armid.report.data.page_data import Material, gather
+from armid.report.data.trust import judge
+from armid.report.page import render
+from armid.report.sections.verdict import FIRST
+from armid.runs.run import load_run, save_run
+from armid.study.config import load_study
+from armid.study.identify import identify
+from labs import STUDY, write_recordings, write_study
+from reports import Page, make_run
+
+pytest.importorskip("plotly")
+pytest.importorskip("jinja2")
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory: pytest.TempPathFactory) -> Material:
+    return gather(make_run(tmp_path_factory.mktemp("small")))
+
+
+def test_a_run_without_validation_asks_for_it(material: Material):
+    words = judge(replace(material, validation={**material.validation, "recordings": [], "verdict": "not judged"}))
+    assert any("held-out motion" in each for each in words.doubted) and any(
+        "--validate" in each for each in words.wanted
+    )
+    assert not any("validation" in each for each in words.trusted)
+
+
+def test_bands_that_do_not_hold_are_doubted(material: Material):
+    record = {**material.validation["recordings"][0], "coverage95": [0.5, 0.96, None]}
+    words = judge(replace(material, validation={**material.validation, "recordings": [record]}))
+    (narrow,) = [each for each in words.doubted if "too narrow" in each]
+    assert "joint_1 (50\u00a0%)" in narrow and "joint_2" not in narrow
+
+
+def test_an_error_where_joints_stand_asks_for_no_more_motions(material: Material):
+    (unseen,) = material.of_role("validate")
+    others = [each for each in material.evidence if each is not unseen]
+    speed = unseen.dq.copy()
+    speed[:3] = 0.0
+    wrong = 100.0 * float(max(material.training_rms()))
+    doubted: dict[bool, str] = {}
+    for standing in (True, False):
+        error = np.zeros_like(unseen.predicted)
+        error[: 3 if standing else 50] = wrong
+        predicted = unseen.measured + error
+        record = {**material.validation["recordings"][0], "rms": np.sqrt(np.nanmean(error**2, axis=0)).tolist()}
+        changed = replace(
+            material,
+            evidence=(*others, replace(unseen, dq=speed, predicted=predicted)),
+            validation={**material.validation, "recordings": [record]},
+        )
+        words = judge(changed)
+        doubted[standing] = " ".join(words.doubted)
+        assert any("More and other motions" in each for each in words.wanted) is not standing
+    assert "where joints stand" in doubted[True] and "times that in training" not in doubted[True]
+    assert "where joints stand" not in doubted[False] and "times that in training" in doubted[False]
+
+
+def test_friction_below_zero_is_doubted(material: Material):
+    fit = material.run.estimate.fit
+    values = fit.values.copy()
+    values[fit.names.index("FS_2")] = -50.0
+    changed = replace(material.run, estimate=replace(material.run.estimate, fit=replace(fit, values=values)))
+    words = judge(replace(material, run=changed))
+    assert any("forbids" in each and "FS_2" in each for each in words.doubted)
+    assert not any("forbids" in each for each in judge(material).doubted)
+
+
+def test_warnings_are_passed_on_and_notes_are_not(material: Material):
+    findings = (
+        Finding("a", "warning", "joint_1", "It shook.", "hold it"),
+        Finding("b", "info", "", "By the way.", "never mind"),
+    )
+    changed = replace(material.run, estimate=replace(material.run.estimate, findings=findings))
+    words = judge(replace(material, run=changed))
+    assert "joint_1: It shook." in words.doubted and "Hold it" in words.wanted
+    assert not any("way" in each or "mind" in each for each in (*words.doubted, *words.wanted))
+
+
+def test_a_line_of_a_study_stays_one(material: Material):
+    """Remedies for a study are code, with the table that it belongs to, and no sentence."""
+    findings = (
+        Finding(
+            "a", "warning", "", "Light.", 'physical = { prior = "log-det" }  # in [estimation]: near the description'
+        ),
+        Finding("b", "error", "q", "Turned.", "position_sign = [1, -1]"),
+        Finding("c", "warning", "", "Rests.", "exclude = [[1.0, 2.0]]  # nothing moves there"),
+    )
+    changed = replace(material, run=replace(material.run, estimate=replace(material.run.estimate, findings=findings)))
+    wanted = judge(changed).wanted
+    assert {
+        'In the study: `physical = { prior = "log-det" }` in [estimation]: near the description',
+        "In the study: `position_sign = [1, -1]`",
+        "In the study: `exclude = [[1.0, 2.0]]`: nothing moves there",
+    } <= set(wanted)
+    html = render(changed)
+    assert "<code>position_sign = [1, -1]</code>" in html and "`" not in Page(html).prose
+    doubted = judge(changed).doubted
+    assert doubted.index("q: Turned.") < doubted.index("Light.")  # what contradicts comes before what questions
+
+
+def test_many_sentences_are_folded_and_none_is_lost(material: Material):
+    findings = tuple(Finding("a", "warning", "", f"Doubt {k}.") for k in range(20))
+    changed = replace(material.run, estimate=replace(material.run.estimate, findings=findings))
+    page = Page(render(replace(material, run=changed)))
+    folded = len(judge(replace(material, run=changed)).doubted) - FIRST
+    assert (
+        folded > 10 and f"and {folded} more" in page.prose and page.prose.count("Doubt 19.") == 2
+    )  # provenance, too
+    assert sum(tag == "details" for tag, _ in page.elements) >= 1
+
+
+def test_recordings_of_one_name_are_told_apart(tmp_path: Path):
+    for name in ("train", "check"):
+        (tmp_path / name).mkdir()
+    write_recordings(tmp_path)
+    (tmp_path / "run1.csv").rename(tmp_path / "train" / "run.csv")
+    (tmp_path / "run2.csv").rename(tmp_path / "check" / "run.csv")
+    text = STUDY.replace("run1.csv", "train/run.csv").replace("run2.csv", "check/run.csv")
+    result = identify(load_study(write_study(tmp_path, text)))
+    page = Page(render(gather(load_run(save_run(result, tmp_path / "run")))))
+    assert "Validation: check/run.csv" in page.prose and "Training: train/run.csv" in page.prose
+
+
+def test_a_run_is_shown_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Made with paths relative to one working folder, reported in another."""
+    write_recordings(tmp_path)
+    monkeypatch.chdir(write_study(tmp_path).parent)
+    save_run(identify(load_study("study.toml")), "run")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert gather(load_run("../run")).missing == ()
+    shutil.move(tmp_path / "run2.csv", tmp_path / "elsewhere")  # with all that belongs to it, to another place
+    assert gather(load_run("../run")).missing == ()

@@ -1,0 +1,115 @@
+"""Angles that a description rounded are put back; all others stay."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from armid.maths.spatial import homogeneous, rotation_x, rotation_y, rotation_z, rpy_rotation
+from armid.robot import Frame, Joint, Link, Robot
+from armid.robot.angle_rounding import ROUNDING, rounded, snapped_axis, snapped_rotation
+
+STEPS = [math.radians(15 * k) for k in range(-12, 13)]
+
+
+def rpy_of_urdf(rpy):
+    """Rotation by rounded angles, made without armid's exact angles."""
+    return Rotation.from_euler("xyz", rpy).as_matrix()
+
+
+def one_joint(rpy, axis=(0.0, 0.0, 1.0)) -> Robot:
+    placement = homogeneous(rpy_of_urdf(rpy), [0.1, 0.2, 0.3])
+    joint = Joint("a", "revolute", -1, axis, placement, [-1, 1])
+    return Robot("one", (joint,), (Link("l"),), Frame("tip", 0, np.eye(4)))
+
+
+def test_multiples_of_fifteen_degrees_are_exact():
+    for k, angle in enumerate(STEPS):
+        expected = np.cos(angle), np.sin(angle)
+        np.testing.assert_allclose(rotation_z(angle)[:2, 0], expected, rtol=0, atol=1e-15)
+        if k % 6 == 0:
+            for turn in (rotation_x, rotation_y, rotation_z):
+                assert set(np.abs(turn(angle)).ravel()) == {0.0, 1.0}
+    assert rotation_z(math.pi / 6)[1, 0] == 0.5
+    assert rotation_z(math.radians(60.0))[0, 0] == 0.5
+
+
+def test_angles_near_a_multiple_are_not_taken_for_it():
+    assert rotation_z(1e-14)[1, 0] == 1e-14
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_right_angles_printed_with_four_digits_become_exact(seed):
+    rng = np.random.default_rng(seed)
+    exact = 0.5 * math.pi * rng.integers(-2, 3, 3)
+    result = snapped_rotation(rpy_of_urdf(np.round(exact, 4)))
+    assert set(np.abs(result).ravel()) <= {0.0, 1.0}
+    np.testing.assert_allclose(result, rpy_of_urdf(exact), atol=1e-4)
+
+
+@pytest.mark.parametrize("pitch", [1.5708, -1.5708, math.pi / 2, -math.pi / 2])
+def test_gimbal_lock_keeps_the_one_angle_there_is(pitch):
+    rpy = [0.3, pitch, 0.8]
+    result = snapped_rotation(rpy_of_urdf(rpy))
+    np.testing.assert_allclose(result, rpy_of_urdf([0.3, math.copysign(math.pi / 2, pitch), 0.8]), atol=1e-5)
+    assert abs(result[2, 0]) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_general_rotations_stay_to_the_bit(seed):
+    rotation = Rotation.random(random_state=seed).as_matrix()
+    assert snapped_rotation(rotation) is rotation
+
+
+def test_a_tilt_about_one_axis_stays_and_the_rounded_angles_beside_it_do_not():
+    result = snapped_rotation(rpy_of_urdf([1.5708, 3e-5, 0.31]))
+    np.testing.assert_allclose(result, rpy_rotation([math.pi / 2, 0.0, 0.31]), atol=1e-15)
+
+
+def test_one_angle_alone_may_be_chance():
+    rotation = rpy_of_urdf([1.5708, 0.2, 0.31])
+    assert snapped_rotation(rotation) is rotation
+    axis = np.array([0.6, 0.8, 3e-5])
+    assert snapped_axis(axis) is axis
+
+
+def test_a_deliberate_small_angle_beyond_the_tolerance_stays():
+    rotation = rpy_of_urdf([0.0, 0.0, 1.5 * ROUNDING])
+    np.testing.assert_array_equal(snapped_rotation(rotation), rotation)
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ((0, 0, 1), (0, 0, 1)),
+        ((1e-5, 0, -1), (0, 0, -1)),
+        ((0, 1, 3e-5), (0, 1, 0)),
+        ((-1, 1e-6, 0), (-1, 0, 0)),
+        ((0, 0.866, 0.5), (0, math.sqrt(3) / 2, 0.5)),
+        ((0.7071, 0.7072, 0), (math.sqrt(0.5), math.sqrt(0.5), 0)),
+    ],
+)
+def test_axes_are_snapped(given, meant):
+    given = np.array(given, dtype=float) / np.linalg.norm(given)
+    np.testing.assert_allclose(snapped_axis(given), meant, rtol=0, atol=2e-16)
+
+
+def test_the_finding_names_the_largest_change():
+    robot, finding = rounded(one_joint([3.1416, 0.0, 1.5708]))
+    assert set(np.abs(robot.joints[0].placement[:3, :3]).ravel()) == {0.0, 1.0}
+    assert finding is not None
+    assert (finding.code, finding.severity) == ("description-rounded", "info")
+    assert "at a" in finding.evidence
+    change = float(finding.evidence.split("change is ")[1].split()[0])
+    assert change == pytest.approx(math.hypot(3.1416 - math.pi, 1.5708 - math.pi / 2), rel=0.05)
+    assert robot.findings == (finding,)
+
+
+def test_noise_of_an_exact_description_is_snapped_silently():
+    robot, finding = rounded(one_joint([3.14159265359, 0.0, -1.57079632679], axis=(1e-11, 1.0, 0.0)))
+    assert finding is None
+    assert set(np.abs(robot.joints[0].placement[:3, :3]).ravel()) == {0.0, 1.0}
+    assert robot.joints[0].axis.tolist() == [0.0, 1.0, 0.0]

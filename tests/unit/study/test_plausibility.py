@@ -1,0 +1,137 @@
+"""Remarks: a gravity that is none, a motion that tells little apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Literal
+
+import numpy as np
+
+from armid import DynamicsModel, find_base_parameters, inform, load_robot
+from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
+from armid.estimation.problem import Problem, standard_of
+from armid.excitation.builtin_plans import builtin_plan
+from armid.lab.ideal_recording import thesis_truth
+from armid.model.motion import Motion
+from armid.model.terms import Coulomb, RigidBody, Viscous
+from armid.study.plausibility import excitation_finding, far_finding, gravity_finding, weak_finding
+from armid.values import Array
+from problems import one_run, raw
+
+
+@cache
+def measured() -> tuple[DynamicsModel, Motion, Array]:
+    model = DynamicsModel(load_robot("iiwa14-r820"), (RigidBody(), Viscous(), Coulomb()))
+    motion = builtin_plan("thesis-a1").sample(50.0)
+    return model, motion, model.torque(motion, thesis_truth(model))
+
+
+def test_gravity_of_another_unit_is_remarked():
+    robot = load_robot("ur5e")
+    assert gravity_finding(robot) is None
+    found = gravity_finding(robot.with_gravity((0.0, 0.0, -981.0)))
+    assert found is not None and "981" in found.evidence
+
+
+def test_a_motion_that_tells_little_apart_is_remarked():
+    model, motion, torque = measured()
+    base = find_base_parameters(model)
+    torque = torque + 0.1 * np.random.default_rng(0).normal(size=torque.shape)
+    whole = raw(one_run(motion, torque, 50.0))
+    assert excitation_finding(inform(model, base, whole), model.robot, whole) is None
+    short = raw(one_run(motion[slice(0, 100)], torque[:100], 50.0))  # two seconds from rest
+    found = excitation_finding(inform(model, base, short), model.robot, short)
+    assert found is not None and found.code == "excitation-weak"
+    assert any(name in found.evidence for name in base.names)
+
+
+def weak(
+    seconds: float,
+    prior: Literal["mass", "log-det"] | None,
+    *,
+    slowly: float = 1.0,
+    chosen: bool = False,
+    weight: float | Literal["auto"] = "auto",
+):
+    """Return what is remarked of so many seconds of the motion, with a prior or by plain least squares."""
+    model, motion, _ = measured()
+    part = motion[slice(100, 100 + int(50.0 * seconds))]
+    part = Motion(part.time, slowly * part.q, slowly * part.dq, slowly * part.ddq)
+    torque = model.torque(part, thesis_truth(model))
+    torque = torque + 0.3 * np.random.default_rng(0).normal(size=torque.shape)
+    base = find_base_parameters(model)
+    observations = raw(one_run(part, torque, 50.0, block_rows=50))
+    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    method = WeightedLeastSquares() if prior is None else PhysicallyConsistent(prior=prior, weight=weight)
+    fit = method.estimate(problem)
+    return weak_finding(problem.information, observations, fit, chosen=chosen)
+
+
+def test_enough_motion_is_not_remarked_as_weak():
+    assert weak(20.0, "mass") is None and weak(20.0, "log-det") is None and weak(20.0, None, chosen=True) is None
+
+
+def test_what_refuses_weak_data_by_itself_is_not_remarked():
+    assert weak(3.0, None) is None
+
+
+def test_few_rows_are_remarked_with_what_to_record():
+    """Half a second has 175 rows for 57 parameters, of which three each would be 171."""
+    found = weak(0.4, "mass")
+    assert found is not None and (found.code, found.severity) == ("weak-data", "warning")
+    assert "140 rows are few for 57 parameters" in found.evidence and "base parameters" in found.evidence
+    assert "record 1 s or more instead of 0.4 s" in found.remedy
+
+
+def test_few_blocks_are_remarked_where_stretches_would_have_to_be_left_out():
+    assert (found := weak(3.0, "log-det")) is not None
+    assert "3 blocks of rows" in found.evidence and "the prior's weight" in found.evidence
+    assert "5 are the least" in found.evidence and "record 5 s" in found.remedy
+    given = weak(3.0, "log-det", weight=1.0)
+    assert given is None or "blocks" not in given.evidence  # nothing had to be judged
+    assert (found := weak(3.0, None, chosen=True)) is not None and found.severity == "warning"
+    assert "choose friction" in found.evidence
+    assert "8 are the least" in found.evidence and "record 8 s" in found.remedy
+    assert "rows are few" not in found.evidence
+
+
+def test_a_motion_that_hardly_moves_is_remarked_however_long_it_is():
+    """Twenty seconds within a hundredth of the range: the prior decides, and a longer recording would not help."""
+    found = weak(20.0, "log-det", slowly=0.01)
+    assert found is not None and "of the log-det prior and physics" in found.evidence
+    assert "record" not in found.remedy and "fast and wide" in found.remedy
+
+
+def test_masses_that_nothing_says_are_named_with_the_prior_that_keeps_them():
+    """Torques see no mass of the first link: by the mass prior it is next to none, by log-det the described one."""
+    model, motion, torque = measured()
+    base = find_base_parameters(model)
+    observations = raw(one_run(motion, torque, 50.0, block_rows=50))
+    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    light = far_finding(problem.standard, PhysicallyConsistent(prior="mass").estimate(problem))
+    assert light is not None and "M_1" in light.evidence and 'prior = "log-det"' in light.remedy
+    assert far_finding(problem.standard, PhysicallyConsistent(prior="log-det").estimate(problem)) is None
+    assert far_finding(problem.standard, WeightedLeastSquares().estimate(problem)) is None
+
+
+def test_masses_are_looked_up_by_name_where_friction_has_copies():
+    """Friction of two recordings stands among the standard parameters twice, so places are not those of the model."""
+    model, motion, torque = measured()
+    base = find_base_parameters(model)
+    observations = raw(one_run(motion, torque, 50.0, block_rows=50))
+    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    fit = PhysicallyConsistent(prior="mass").estimate(problem)
+    alone, kept = far_finding(problem.standard, fit), fit.standard
+    assert alone is not None and kept is not None
+    twice = replace(
+        kept,
+        names=("FV_1[1]", *kept.names),
+        units=("N·m·s/rad", *kept.units),
+        status=("identified", *kept.status),
+        values=np.concatenate([[0.7], kept.values]),
+        covariance=np.pad(kept.covariance, ((1, 0), (1, 0))),
+        intervals=np.vstack([[0.6, 0.8], kept.intervals]),
+        resolution=np.concatenate([[1.0], kept.resolution]),
+    )
+    assert far_finding(problem.standard, replace(fit, standard=twice)) == alone

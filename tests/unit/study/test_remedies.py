@@ -1,0 +1,238 @@
+"""Remedies of the doctor: lines of a study that heal what they are for, and say so to whoever has no study."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.errors import Finding, StudyError
+from armid.measurement.log_format import Reading
+from armid.measurement.remedy import BY_HAND, excluding, lines, naming
+from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, parse_study
+from armid.study.diagnosis import diagnose_recording
+from armid.study.remedies import applied, as_option, as_study, at_the_prompt, tables_of
+from healing import TRUE, delay_error, is_right, told_after
+from sick import FAULTS, Case, sound
+
+SEEDS = (51, 54)
+"""A Panda and a UR10e."""
+
+
+def findings(case: Case) -> tuple[Finding, ...]:
+    return diagnose_recording(case.robot, case.recording, case.reading)
+
+
+def of(name: str, case: Case) -> tuple[Finding, ...]:
+    return tuple(finding for finding in findings(case) if finding.code == name)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_remedy_is_a_line_of_a_study_that_heals_or_is_done_by_hand(fault: str, seed: int):
+    """Fault, remedy, healed: whatever is told of a log is no longer told when its remedy is followed."""
+    case = FAULTS[fault](seed)
+    found = findings(case)
+    assert fault in {finding.code for finding in found}
+    assert is_right(case, fault, found)
+    for finding in found:
+        if finding.remedy.startswith(BY_HAND) or (finding.severity == "info" and not finding.remedy):
+            continue
+        assert tables_of(finding.remedy), finding
+        assert finding.code not in told_after(case, finding), finding
+
+
+@pytest.mark.parametrize("fault", sorted(TRUE))
+def test_where_a_fault_has_one_truth_the_remedy_is_it(fault: str):
+    case = FAULTS[fault](SEEDS[0])
+    assert is_right(case, fault, of(fault, case)) and of(fault, case)
+
+
+def exchanged(case: Case, i: int, j: int, *, velocities: bool = True) -> Case:
+    order = np.arange(case.robot.n)
+    order[[i, j]] = j, i
+    dq = case.recording.dq
+    if velocities and dq is not None:
+        dq = dq[:, order]
+    return case.logged(q=case.recording.q[:, order], dq=dq)
+
+
+@pytest.mark.parametrize(("i", "j"), [(4, 5), (1, 3)])
+@pytest.mark.parametrize("velocities", [True, False])
+def test_positions_alone_that_are_exchanged_are_put_back_and_nothing_else(i: int, j: int, velocities: bool):
+    case = exchanged(sound(11), i, j, velocities=velocities)
+    (found,) = [finding for finding in findings(case) if finding.severity == "error"]
+    columns = tomllib.loads(found.remedy)["columns"]
+    assert found.code == "joint-order" and "effort" not in columns
+    assert columns["q"].index(f"q{j + 1}") == i and columns["q"].index(f"q{i + 1}") == j
+    assert ("dq" in columns) == (velocities and case.recording.dq is not None)
+    assert told_after(case, found) == set()
+
+
+def test_an_order_that_no_columns_can_name_is_told_by_hand():
+    case = exchanged(sound(11), 1, 3)
+    found = diagnose_recording(case.robot, replace(case.recording, columns={}), case.reading)
+    assert [f.remedy for f in found if f.code == "joint-order"] == [
+        "rewrite the log with the position channels in the order 1, 4, 3, 2, 5, 6, 7"
+    ]
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_joint_that_counts_the_other_way_is_named(joint: int):
+    case = sound(11)
+    sign = np.ones(7)
+    sign[joint] = -1.0
+    dq = case.recording.dq
+    turned = case.logged(q=case.recording.q * sign, dq=None if dq is None else dq * sign)
+    (found,) = [finding for finding in findings(turned) if finding.severity == "error"]
+    assert found.code == "position-sign" and found.channel == case.robot.joint_names[joint]
+    assert tomllib.loads(found.remedy)["position_sign"] == sign.astype(int).tolist()
+
+
+def test_where_the_last_joint_turns_nothing_but_itself_both_signs_are_said():
+    case = sound(11)
+    sign = np.array([1.0] * 6 + [-1.0])
+    dq = case.recording.dq
+    (found,) = of("torque-sign", case.logged(q=case.recording.q * sign, dq=None if dq is None else dq * sign))
+    assert "position_sign = [1, 1, 1, 1, 1, 1, -1], would explain as much" in found.evidence
+
+
+def test_a_joint_in_degrees_alone_is_named():
+    case = sound(11)
+    q = case.recording.q.copy()
+    q[:, 3] = np.degrees(q[:, 3])
+    (found,) = [f for f in findings(replace(case.logged(q=q, dq=None))) if f.severity == "error"]
+    assert found.code == "degrees" and tomllib.loads(found.remedy)["units"] == ["rad"] * 3 + ["deg"] + ["rad"] * 3
+
+
+def test_degrees_stay_degrees_without_a_torque_and_in_a_short_log():
+    case = sound(11)
+    degrees = case.logged(q=np.degrees(case.recording.q), dq=None)
+    short = slice(0, 60)
+    log = degrees.recording
+    assert log.time is not None and log.effort is not None
+    brief = replace(log, time=log.time[short], q=log.q[short], effort=log.effort[short], valid=True)
+    for each in (replace(log, effort=None), brief):
+        told = {f.code for f in diagnose_recording(case.robot, each, case.reading) if f.severity == "error"}
+        assert "degrees" in told and "motor-side" not in told
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e-6, 1e-9])
+def test_a_clock_that_counts_no_seconds_is_named(unit: float):
+    case = sound(4)
+    assert case.recording.time is not None
+    (found,) = [f for f in findings(case.logged(time=case.recording.time / unit)) if f.severity == "error"]
+    assert found.code == "clock-unit" and tomllib.loads(found.remedy)["time_unit"] == unit
+
+
+def test_a_clock_is_looked_at_where_there_is_no_effort():
+    case = FAULTS["clock-gap"](4)
+    found = diagnose_recording(case.robot, replace(case.recording, effort=None), case.reading)
+    assert "clock-gap" in {f.code for f in found}
+
+
+def test_a_delay_is_told_to_a_fifth_of_a_sample():
+    case = FAULTS["channel-delay"](54)
+    (found,) = of("channel-delay", case)
+    assert delay_error(case, found.remedy) < 0.2
+
+
+# What a reading says already stays said ------------------------------------------------------------------------
+
+
+def test_a_remedy_goes_on_top_of_what_the_reading_says():
+    reading = Reading(exclude=[[1.0, 2.0]], columns={"effort": "i{}"})
+    assert excluding(reading, [(5.00001, 5.5), (1.5, 2.25)]) == "exclude = [[1.0, 2.25], [5.0, 5.5]]"
+    assert naming(reading, {"dq": ""}) == 'columns = { effort = "i{}", dq = "" }'
+    assert lines("in [model]", terms=("viscous",)) == 'terms = ["viscous"]  # in [model]'
+
+
+def test_signs_and_units_are_those_of_the_reading_turned():
+    case = sound(11)
+    assert case.recording.effort is not None
+    read = replace(case.reading, torque_sign=[1, 1, 1, -1, 1, 1, 1])
+    (found,) = [f for f in diagnose_recording(case.robot, case.recording, read) if f.severity == "error"]
+    assert found.remedy == "torque_sign = 1"
+
+
+# Where they belong ---------------------------------------------------------------------------------------------
+
+
+def study() -> Study:
+    return Study(
+        RobotChoice("panda"), ModelChoice(("rigid-body",)), (RecordingChoice("a.csv"), RecordingChoice("b.csv"))
+    )
+
+
+@pytest.mark.parametrize(
+    ("remedy", "table"),
+    [
+        ("torque_sign = -1", "recording"),
+        ("gravity = [0.0, 0.0, 9.81]  # in [robot]", "robot"),
+        ('terms = ["rigid-body", "rotor-inertia"]  # in [model]', "model"),
+        ("saturation = 0.98  # in [processing]", "processing"),
+        ("friction_per_recording = true  # in [estimation]", "estimation"),
+    ],
+)
+def test_keys_find_their_table_and_only_the_recording_concerned_changes(remedy: str, table: str):
+    (home,) = tables_of(remedy)
+    assert home == table
+    after = applied(study(), "b.csv", remedy)
+    changed = after.recordings[1].reading != study().recordings[1].reading
+    assert changed or getattr(after, table) != getattr(study(), table)
+    assert repr(after.recordings[0]) == repr(study().recordings[0])
+
+
+def test_what_is_no_line_of_a_study_is_refused():
+    assert tables_of("record it again") == {}
+    with pytest.raises(StudyError, match="no line of a study"):
+        tables_of("columns = { effort = [column 1] }")
+
+
+@pytest.mark.parametrize(
+    ("remedy", "said"),
+    [
+        ("rate = 50.0  # Hz", "--rate 50"),
+        ("torque_sign = -1", "--torque-sign -1"),
+        ("gravity = [0.0, 0.0, 9.81]  # in [robot]", "--gravity 0 0 9.81"),
+        ('terms = ["rigid-body", "viscous"]  # in [model]', "--terms rigid-body,viscous"),
+        ('units = "deg"', "--units deg"),
+        ('columns = { time = "Zeit [ms]", q = ["a", "b"] }', "--columns 'time=Zeit [ms]' --columns q=a,b"),
+        ('columns = { q = ["a,b", "c"] }', None),
+        ("slow = 0.05", "--slow 0.05"),
+        ("torque_sign = [1, -1]", None),
+        ("joint_offset = [0.1]", None),
+        ("record it again", None),
+    ],
+)
+def test_the_command_line_has_an_option_for_it_or_none(remedy: str, said: str | None):
+    assert as_option(remedy) == said
+
+
+def test_a_whole_study_says_what_no_option_does():
+    hanging = replace(study(), robot=RobotChoice("panda", gravity=(0.0, 0.0, 9.81)))
+    found = parse_study(tomllib.loads(as_study("exclude = [[1.0, 2.0]]", hanging, "a.csv", {"rate": 50.0})))
+    assert found.model.terms == ("rigid-body",)
+    assert found.robot.gravity == (0.0, 0.0, 9.81)
+    assert found.recordings[0].reading.exclude == ((1.0, 2.0),) and found.recordings[0].reading.rate == 50.0
+
+
+@pytest.mark.parametrize(
+    ("remedy", "said"),
+    [
+        ("slow = 0.05", "--slow 0.05; in a study: slow = 0.05"),
+        ("rate = 50.0  # Hz", "in a study: rate = 50.0  # Hz"),  # where the command has no such option
+        ("delay = 0.1", "in a study: delay = 0.1"),
+        ("record it again.", "record it again."),
+        (
+            'They do not count; standstill = "keep" counts them.',
+            'They do not count; --standstill keep (in a study: standstill = "keep") counts them.',
+        ),
+        ("rename with joints = { file name = robot joint }.", "rename with joints = { file name = robot joint }."),
+    ],
+)
+def test_at_the_prompt_options_of_the_command_go_before_keys_of_a_study(remedy: str, said: str):
+    assert at_the_prompt(remedy, ("slow", "standstill")) == said

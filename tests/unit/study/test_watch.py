@@ -1,0 +1,143 @@
+"""The doctor inside an identification: what it finds joins the findings, each once, and the estimate is made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.errors import EstimationError, Finding
+from armid.measurement.log_format import Reading
+from armid.measurement.recording import Recording
+from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
+from armid.study.identify import identify
+from armid.study.recording_labels import labels
+from sick import Case, sound
+
+SEED = 0
+
+
+def findings(
+    case: Case,
+    *more: Recording,
+    reading: Reading | None = None,
+    gravity: tuple[float, float, float] | None = None,
+    train: int = 9,
+    name: str = "run{}.csv",
+) -> list[Finding]:
+    """Errors and warnings of an identification from the case and more recordings, all read alike; so many train."""
+    logs = {name.format(k): log for k, log in enumerate((case.recording, *more))}
+    roles = [("train" if k < train else "validate") for k in range(len(logs))]
+    choices = tuple(RecordingChoice(path, role, reading or Reading()) for path, role in zip(logs, roles, strict=True))
+    robot = RobotChoice(case.robot.name, gravity)
+    result = identify(Study(robot, ModelChoice(), choices), given=logs)
+    return [finding for finding in result.estimate.findings if finding.severity != "info"]
+
+
+def described(seed: int = SEED) -> Case:
+    return sound(seed, name="iiwa14-r820")
+
+
+def errors(found: list[Finding]) -> list[tuple[str, str]]:
+    return [(f.code, f.remedy) for f in found if f.severity == "error"]
+
+
+def test_a_sound_log_has_no_error_and_no_finding_twice():
+    found = findings(described())
+    assert errors(found) == []
+    assert len({(f.code, f.channel) for f in found}) == len(found)
+
+
+def test_a_torque_of_the_other_sign_is_told():
+    case = described()
+    assert case.recording.effort is not None
+    turned = case.logged(effort=-case.recording.effort)
+    assert errors(findings(turned)) == [("torque-sign", "torque_sign = -1")]
+    assert errors(findings(turned, reading=Reading(torque_sign=-1))) == []
+
+
+def test_radians_that_are_read_as_degrees_are_told():
+    assert errors(findings(described(), reading=Reading(units="deg"))) == [("degrees", 'units = "rad"')]
+
+
+def test_what_is_wrong_is_told_even_where_no_estimate_follows():
+    choice = RecordingChoice("run.csv", reading=Reading(units="deg"))
+    never = EstimationChoice("wls", options={"wls": {"iterations": 1}})
+    study = Study(RobotChoice("iiwa14-r820"), ModelChoice(), (choice,), estimation=never)
+    with pytest.raises(EstimationError, match=r"not settle.*\[degrees\] Read as degrees") as stopped:
+        identify(study, given={"run.csv": described().recording})
+    assert stopped.value.remedy == 'units = "rad"'
+
+
+@pytest.mark.parametrize(("share", "code"), [(1 / 100.0, "motor-side"), (1 / 12.0, "current-without-gain")])
+def test_torque_of_motors_and_currents_are_told(share: float, code: str):
+    case = described()
+    assert case.recording.effort is not None
+    assert [c for c, _ in errors(findings(case.logged(effort=share * case.recording.effort)))] == [code]
+
+
+def test_a_hanging_arm_that_is_described_as_upright_is_told():
+    found = errors(findings(described(), gravity=(0.0, 0.0, 9.81)))
+    assert [code for code, _ in found] == ["gravity-direction"] and "-9.81" in found[0][1]
+
+
+def test_what_a_reading_has_wrong_is_told_once_for_all_its_recordings_and_with_the_name_of_one():
+    case, other = described(), described(SEED + 1)
+    assert case.recording.effort is not None and other.recording.effort is not None
+    first = case.logged(effort=-case.recording.effort)
+    second = replace(other.recording, effort=-other.recording.effort, dq=None, sha256="another")
+    (found,) = [f for f in findings(first, second) if f.severity == "error"]
+    assert found.code == "torque-sign" and found.evidence.startswith(("run0.csv: ", "run1.csv: "))
+
+
+def test_what_is_wrong_with_one_log_alone_is_told_with_its_name():
+    case, other = described(), described(SEED + 1)
+    assert other.recording.effort is not None
+    effort = other.recording.effort.copy()
+    stuck = slice(len(effort) // 2, len(effort) // 2 + len(effort) // 8)
+    effort[stuck, 3] = effort[stuck.start, 3]
+    found = findings(case, replace(other.recording, effort=effort, dq=None, sha256="another"))
+    (dead,) = (f for f in found if f.code == "channel-dead")
+    assert dead.evidence.startswith("run1.csv: effort stays") and np.isfinite(len(found))
+
+
+def test_a_recording_that_validates_is_examined_itself_and_told_by_its_name():
+    case, other = described(), described(SEED + 1)
+    assert case.recording.effort is not None and other.recording.effort is not None
+    fine = replace(other.recording, dq=None, sha256="fine")
+    turned = replace(other.recording, effort=-other.recording.effort, dq=None, sha256="turned")
+    days = "day{}/log.csv"
+    (found,) = [f for f in findings(case, fine, turned, train=1, name=days) if f.severity == "error"]
+    assert found.code == "torque-sign" and found.evidence.startswith("day2/log.csv: ")
+    both = replace(case, recording=replace(case.recording, effort=-case.recording.effort, dq=None))
+    (found,) = [f for f in findings(both, turned, fine, train=1) if f.severity == "error"]
+    assert found.evidence.startswith("run0.csv: ") and found.evidence.endswith(" The same on run1.csv.")
+
+
+def test_names_tell_recordings_apart():
+    paths = ("a/log.csv", "b/log.csv", "c.csv", "/a/log.csv")
+    assert labels([RecordingChoice(path) for path in paths[:3]]) == ["a/log.csv", "b/log.csv", "c.csv"]
+    assert labels([RecordingChoice(path) for path in paths[::3]]) == ["a/log.csv", "/a/log.csv"]
+    assert labels([RecordingChoice("c.csv"), RecordingChoice("c.csv", "validate")]) == [
+        "c.csv (train)",
+        "c.csv (validate)",
+    ]
+    assert labels([RecordingChoice("c.csv")]) == [""]
+
+
+def pushed(case: Case, share: float) -> Recording:
+    """The case's recording with a push in it, at a share of its length."""
+    time, log = case.motion.time, case.recording
+    assert log.effort is not None
+    limits = np.array([joint.effort_limit for joint in case.robot.joints])
+    push = np.exp(-0.5 * ((time - share * time[-1]) / 0.25) ** 2)[:, None]
+    return replace(log, effort=log.effort + 0.2 * limits * push, dq=None, sha256=f"pushed at {share}")
+
+
+def test_what_happens_to_each_recording_is_told_of_each():
+    case, other = described(), described(SEED + 1)
+    sound_one = replace(case, recording=replace(case.recording, dq=None))
+    found = findings(sound_one, pushed(case, 0.4), pushed(other, 0.6))
+    told = sorted(f.evidence.split(":")[0] for f in found if f.code == "contact")
+    assert told == ["run1.csv", "run2.csv"]

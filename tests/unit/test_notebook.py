@@ -1,0 +1,180 @@
+"""Values in a notebook: one well-formed table each, with what they hold, and nothing that a name could smuggle in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from armid import find_base_parameters, identify, load_robot, load_run, load_study, save_run
+from armid.excitation.design.objective import Goal
+from armid.excitation.plan import Plan
+from armid.notebook import MOST_ROWS, Shown, Summary, html_of, names_apart, percent, plural, text_of
+from armid.runs.certification import certify_run
+from armid.study.plans.design import Effort, Rules, Wish, design_plan
+from labs import small_model, small_plan, small_recording, write_recordings, write_study
+
+
+class Tags(HTMLParser):
+    """Opened and closed tags, and the text of cells."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.cells: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        assert tag in {"table", "caption", "thead", "tbody", "tr", "th", "td", "p"}
+        self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.cells.append(data)
+
+
+@pytest.fixture(scope="module")
+def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Shown]:
+    folder = tmp_path_factory.mktemp("small")
+    write_recordings(folder)
+    study = write_study(folder).read_text() + '[estimation]\nmethod = "physical"\n'
+    (folder / "study.toml").write_text(study)
+    result = identify(load_study(folder / "study.toml"))
+    run = load_run(save_run(result, folder / "run"))
+    model, motion = small_model(), small_plan(1)
+    goal = Goal(model, find_base_parameters(model), rate=20.0)
+    designed = design_plan(Wish(goal, 6.0, 3), Rules(acceleration=5.0), Effort(None, 1, 0, 1))
+    assert result.estimate.fit.standard is not None
+    return {
+        "Estimate": result.estimate,
+        "Fit": result.estimate.fit,
+        "StandardFit": result.estimate.fit.standard,
+        "Validation": result.validation,
+        "Result": result,
+        "Run": run,
+        "LinkTable": run.links,
+        "Robot": model.robot,
+        "DynamicsModel": model,
+        "BaseParameters": find_base_parameters(model),
+        "Excitation": motion,
+        "Plan": Plan(motion, 3),
+        "Motion": motion.sample(50.0),
+        "Recording": small_recording(1),
+        "Verdict": certify_run(run),
+        "Designed": designed,
+        "Study": load_study(folder / "study.toml"),
+        "Information": result.information,
+    }
+
+
+HOLDS = {
+    "Estimate": "FV_2",
+    "Fit": "FV_2",
+    "StandardFit": "XX_1",
+    "Validation": "run2.csv, RMS",
+    "Result": "run2.csv, RMS",
+    "Run": "physical",
+    "LinkTable": "com x",
+    "Robot": "joint_3",
+    "DynamicsModel": "viscous",
+    "BaseParameters": "ZZR_1",
+    "Excitation": "dq",
+    "Plan": "dq",
+    "Motion": "ddq",
+    "Recording": "effort",
+    "Verdict": "masses of links that have these",
+    "Designed": "velocity",
+    "Study": "run2.csv",
+    "Information": "rows",
+}
+"""A cell of each value's table."""
+
+
+@pytest.mark.parametrize("kind", HOLDS)
+def test_a_value_shows_itself_as_a_table(kind: str, values: dict[str, Shown]):
+    value = values[kind]
+    assert type(value).__name__ == kind
+    summary = value.summary()
+    assert summary.rows and all(len(row) == len(summary.columns) for row in summary.rows)
+    page = Tags(value._repr_html_())
+    assert page.open == [] and HOLDS[kind] in page.cells
+
+
+def test_every_value_that_shows_itself_is_looked_at():
+    assert {kind.__name__ for kind in leaves(Shown)} == set(HOLDS)
+
+
+def leaves(kind: type) -> list[type]:
+    """Classes of a kind of which nothing is derived."""
+    return [leaf for each in kind.__subclasses__() for leaf in (leaves(each) or [each])]
+
+
+@pytest.mark.parametrize("kind", HOLDS)
+def test_a_prompt_shows_ten_lines_of_a_value(kind: str, values: dict[str, Shown]):
+    text = repr(values[kind])
+    assert kind in text.splitlines()[0] and text.count("\n") < 10 and len(text) < 1500
+    assert "array(" not in text and " 1 findings" not in text
+
+
+def test_a_study_shows_what_it_says_beyond_the_defaults(tmp_path: Path):
+    write_recordings(tmp_path)
+    text = write_study(tmp_path).read_text().replace('role = "validate"', 'role = "validate"\nrate = 50.0')
+    text += '[processing]\ncutoff = 3.0\nslow = 0.1\n[estimation]\nmethod = "ridge"\n'
+    (tmp_path / "study.toml").write_text(text)
+    rows = {row[0]: row[1:] for row in load_study(tmp_path / "study.toml").summary().rows}
+    assert rows["arm"] == ("small.urdf", "") and rows["train"] == ("run1.csv", "")
+    assert rows["validate"] == ("run2.csv", "rate = 50.0") and rows["method"] == ("ridge", "")
+    assert rows["processing"] == ("cut-off 3.0 Hz", "slow = 0.1")
+
+
+def test_one_of_a_kind_is_no_plural():
+    assert [plural(count, "joint") for count in (0, 1, 2)] == ["0 joints", "1 joint", "2 joints"]
+    assert "1 row more" in html_of(Summary("long", ("k",), tuple((str(k),) for k in range(MOST_ROWS + 1))))
+
+
+def test_deviations_in_percent_have_no_powers_of_ten():
+    assert [percent(x) for x in (0.0337, 5.12, 99.6, 512.3, 73210.0)] == [
+        "0.034 %", "5.1 %", "100 %", "512 %", "73210 %",
+    ]  # fmt: skip
+    assert percent(float("inf")) == "inf %"
+
+
+def test_long_cells_and_notes_of_one_line_fit_a_prompt():
+    text = text_of("Kind", Summary("title", ("a", "b"), tuple((str(k), "x" * 90) for k in range(9)), "see\nthere"))
+    assert text.splitlines()[0] == "<Kind title" and text.endswith("see there>")
+    assert "… and 3 more" in text and max(map(len, text.splitlines())) < 40
+
+
+def test_names_are_text_and_nothing_else():
+    robot = replace(load_robot("ur5e"), name="<script>alert(1)</script>")
+    assert "<script" not in robot._repr_html_() and "&lt;script&gt;" in robot._repr_html_()
+
+
+def test_long_tables_end_and_say_so():
+    page = html_of(Summary("long", ("k",), tuple((str(k),) for k in range(MOST_ROWS + 3))))
+    assert page.count("<tr>") == MOST_ROWS + 1 and "3 rows more" in page
+
+
+def test_pages_do_not_promise_more(values: dict[str, Shown]):
+    """Values that the first page names show themselves."""
+    text = (Path(__file__).parents[2] / "docs" / "start.md").read_text(encoding="utf-8")
+    assert "a run and its `run.estimate`, robots, models, plans, recordings" in text
+    named = {"Run", "Estimate", "Robot", "DynamicsModel", "Plan", "Recording"}
+    assert named <= {type(value).__name__ for value in values.values()}
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders():
+    assert names_apart(["a/run.csv", "b/run.csv", "b/other.csv"]) == {
+        "a/run.csv": "a/run.csv",
+        "b/run.csv": "b/run.csv",
+        "b/other.csv": "other.csv",
+    }
+    assert names_apart(["/x/a/1/run.csv", "/x/b/1/run.csv", "run.csv", "run.csv"]) == {
+        "/x/a/1/run.csv": "a/1/run.csv",
+        "/x/b/1/run.csv": "b/1/run.csv",
+        "run.csv": "run.csv",
+    }
