@@ -42,16 +42,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.excitation.collision.collision_model import Collision
+from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.distances import floor
-from armid.excitation.design.objective import Goal, information_along
-from armid.excitation.design.sqp import Problem, drawn_together, highest
+from armid.excitation.design.objective import CriterionGoal, information_along
+from armid.excitation.design.sqp import DescentProblem, max_utilisation, shrink_to_feasible
 from armid.excitation.fourier import Excitation, load_plan
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import Robot, load_robot
-from armid.study.plans.design import Designed, Effort, Rules, Wish, design_plan
+from armid.study.plans.design import DesignConstraints, Designed, DesignGoal, SearchBudget, design_plan
 from armid.study.plans.design_files import save_design
 from armid.values import Array
 from flown import ROUNDING, Flight, fly, load_table, load_urdf
@@ -171,13 +171,13 @@ def designed(entry: Entry, asked: Asked) -> Designed:
     """
     robot = load_robot(str(entry.path), locked=dict.fromkeys(entry.locked, 0.0))
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
-    goal = Goal(model, find_base_parameters(model), asked.criterion)
-    rules = Rules(
+    goal = CriterionGoal(model, find_base_parameters(model), asked.criterion)
+    rules = DesignConstraints(
         acceleration=ACCELERATION, jerk=JERK, torque_margin=MARGIN, clearance=entry.clearance,
         surroundings=(floor(entry.floor),),
     )  # fmt: skip
-    wish = Wish(goal, asked.seconds, asked.harmonics, free_start=asked.free, free_centre=asked.free)
-    return design_plan(wish, rules, Effort(None if asked.rounds else 1e-3, 1, 0, asked.rounds))
+    wish = DesignGoal(goal, asked.seconds, asked.harmonics, free_start=asked.free, free_centre=asked.free)
+    return design_plan(wish, rules, SearchBudget(None if asked.rounds else 1e-3, 1, 0, asked.rounds))
 
 
 def flight(entry: Entry, plan: Path) -> Flight:
@@ -190,24 +190,24 @@ def flight(entry: Entry, plan: Path) -> Flight:
     )  # fmt: skip
 
 
-def by_chance(problem: Problem, rng: np.random.Generator) -> float:
+def by_chance(problem: DescentProblem, rng: np.random.Generator) -> float:
     """Sum of variances of uniform coefficients at rest at the start pose, drawn together into every limit."""
     basis, grid = problem.basis, problem.fine
     c = rng.uniform(-1.5, 1.5, (basis.n, 2 * basis.harmonics + 1))
     c[:, -1] = basis.start
-    inside = drawn_together(problem, grid, basis.project(c))
+    inside = shrink_to_feasible(problem, grid, basis.project(c))
     assert inside is not None
     return variances(problem, basis.excitation(inside))
 
 
-def variances(problem: Problem, series: Excitation) -> float:
+def variances(problem: DescentProblem, series: Excitation) -> float:
     """Sum over the base parameters; infinite where the motion does not tell all of them."""
     values = np.linalg.eigvalsh(information_along(problem.goal, series.sample(problem.goal.rate)))
     told = values[0] > np.finfo(float).eps * values[-1]
     return float((1.0 / values).sum()) if told else np.inf
 
 
-def anywhere(found: Designed, rng: np.random.Generator) -> Iterator[Problem]:
+def anywhere(found: Designed, rng: np.random.Generator) -> Iterator[DescentProblem]:
     """The same problem from random start poses in which its limits are kept."""
     problem, limits, collision = found.problem, found.limits, found.collision
     robot = problem.goal.model.robot
@@ -215,11 +215,11 @@ def anywhere(found: Designed, rng: np.random.Generator) -> Iterator[Problem]:
     poses = (rng.uniform(low, high, (AT_ONCE, robot.n)) for _ in range(DRAWS // AT_ONCE))
     for start in (pose for some in poses for pose in some[apart(collision, robot, some)]):
         moved = replace(problem, basis=replace(problem.basis, start=start, free=False))
-        if highest(moved, moved.grid(1), np.zeros(moved.basis.unknowns)) < 1.0:
+        if max_utilisation(moved, moved.grid(1), np.zeros(moved.basis.unknowns)) < 1.0:
             yield moved
 
 
-def apart(collision: Collision | None, robot: Robot, poses: Array) -> NDArray[np.bool_]:
+def apart(collision: CollisionOptions | None, robot: Robot, poses: Array) -> NDArray[np.bool_]:
     """In which poses (N, n) bodies keep apart."""
     assert collision is not None
     return collision.clear(robot, poses)

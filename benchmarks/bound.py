@@ -16,18 +16,18 @@ from itertools import product
 import numpy as np
 
 from armid.estimation.estimators import WeightedLeastSquares
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack, total
 from armid.lab.known_arms import truth_of
 from armid.lab.simulation import true_model
 from armid.maths.linalg import unit_columns
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
-from armid.measurement.processing.options import Processing
-from armid.measurement.processing.pipeline import observe, resolve
+from armid.measurement.processing.options import ProcessingOptions
+from armid.measurement.processing.pipeline import process_recordings, resolve_options
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
 from armid.robot import load_robot
@@ -104,7 +104,7 @@ class Case:
         mask = np.ones((rows, self.model.n), dtype=np.bool_)
         block = (self.motion.time - self.motion.time[0]).astype(np.int64)
         run = ObservedRun(self.motion, self.torque, RATE, 1, 0, mask, block)
-        exact = total(inform(self.model, self.base, Observations((run,), Band())))
+        exact = total(accumulate_information(self.model, self.base, Observations((run,), Band())))
         self.bound = self._deviation(exact)
 
     def _deviation(self, information: Information) -> Array:
@@ -123,23 +123,23 @@ class Case:
         )  # fmt: skip
         return log if encoder else replace(log, dq=self.motion.dq, ddq=self.motion.ddq)
 
-    def errors(self, rng: np.random.Generator, encoder: float, processing: Processing) -> Array:
+    def errors(self, rng: np.random.Generator, encoder: float, processing: ProcessingOptions) -> Array:
         """Error of each parameter over the bound's deviation."""
-        observations, _ = observe([self.recorded(rng, encoder)], processing)
-        information = inform(self.model, self.base, observations)
-        fit = WeightedLeastSquares().estimate(Problem(information))
+        observations, _ = process_recordings([self.recorded(rng, encoder)], processing)
+        information = accumulate_information(self.model, self.base, observations)
+        fit = WeightedLeastSquares().estimate(EstimationProblem(information))
         return (fit.values - self.right) / self.bound
 
 
-def measure(case: Case, encoder: float, runs: int, processing: Processing | None = None) -> Ratio:
+def measure(case: Case, encoder: float, runs: int, processing: ProcessingOptions | None = None) -> Ratio:
     """Estimates from so many recordings with noise of their own, the first resolving what is automatic."""
     errors = []
-    processing = processing or Processing()
+    processing = processing or ProcessingOptions()
     for seed in range(runs):
         errors.append(case.errors(np.random.default_rng(seed), encoder, processing))
     found = np.array(errors)
     own = np.sqrt(np.mean(found**2, axis=1))
-    resolved = resolve(processing, [case.recorded(np.random.default_rng(0), encoder)])
+    resolved = resolve_options(processing, [case.recorded(np.random.default_rng(0), encoder)])
     ratio = float(np.sqrt(np.mean(found**2)))
     bias = float(np.sqrt(np.mean(found.mean(axis=0) ** 2)))
     scatter = float(own.std(ddof=1) / np.sqrt(runs)) if runs > 1 else 0.0

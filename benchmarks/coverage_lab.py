@@ -29,7 +29,7 @@ import numpy as np
 
 from armid import identify
 from armid.errors import ArmidError
-from armid.excitation.design.objective import Goal
+from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
@@ -40,7 +40,7 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, load_choice
-from armid.study.plans.design import Effort, Rules, Wish, design_plan
+from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
 from armid.values import Array, load, save
 
 TABLES = Path(__file__).parents[1] / "tests" / "tables"
@@ -78,15 +78,17 @@ def planned(arm: RobotChoice, lab: Lab, folder: Path, seed: int = 1) -> Excitati
         return load(Excitation, path)
     robot = load_choice(arm)
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
-    goal = Goal(model, find_base_parameters(model), "d-optimal", np.ones(robot.n))
+    goal = CriterionGoal(model, find_base_parameters(model), "d-optimal", np.ones(robot.n))
     given = {(j.name, "velocity"): SPEED for j in robot.joints if not np.isfinite(j.velocity_limit)}
     margin = None if robot.inertial_vector is None else 0.1
-    rules = Rules(given=given, torque_margin=margin)  # pyright: ignore[reportArgumentType]
-    wish = Wish(goal, lab.seconds, lab.harmonics)
+    rules = DesignConstraints(given=given, torque_margin=margin)  # pyright: ignore[reportArgumentType]
+    wish = DesignGoal(goal, lab.seconds, lab.harmonics)
     try:
-        plan = design_plan(wish, rules, Effort(lab.budget, seed, 0)).plan.excitation
+        plan = design_plan(wish, rules, SearchBudget(lab.budget, seed, 0)).plan.excitation
     except ArmidError:  # an arm that cannot be held still in its start pose; the lab's drives have no limit here
-        plan = design_plan(wish, replace(rules, torque_margin=None), Effort(lab.budget, seed, 0)).plan.excitation
+        plan = design_plan(
+            wish, replace(rules, torque_margin=None), SearchBudget(lab.budget, seed, 0)
+        ).plan.excitation
     folder.mkdir(parents=True, exist_ok=True)
     save(plan, path)
     return plan

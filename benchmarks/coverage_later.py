@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 
 from armid import identify
-from armid.lab.known_arms import Truth, truth_of
+from armid.lab.known_arms import KnownArm, truth_of
 from armid.lab.options import LabOptions
 from armid.lab.simulation import simulate, true_model
 from armid.maths.inertia import com_inertia_to_vector, transform
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.measurement.writing import save_recording
@@ -68,7 +68,7 @@ def made(arm: RobotChoice, lab: Lab, seed: int, what: str) -> Recording:
     return load_recording(path)
 
 
-def later(robot: Any, arm: RobotChoice, what: str) -> Truth:
+def later(robot: Any, arm: RobotChoice, what: str) -> KnownArm:
     """The arm as it is in the second log."""
     truth = truth_of(robot)
     if what == "friction":
@@ -91,7 +91,7 @@ def saved(recording: Recording, folder: Path, name: str) -> str:
     return str(save_recording(recording, folder / f"{name}.npz").resolve())
 
 
-def run_of(arm: RobotChoice, path: str, folder: Path, reading: Reading, method: str = "wls") -> Run:
+def run_of(arm: RobotChoice, path: str, folder: Path, reading: LogFormat, method: str = "wls") -> Run:
     """The log identified."""
     study = Study(arm, ModelChoice(), (RecordingChoice(path, reading=reading),))
     return load_run(save_run(identify(replace(study, estimation=EstimationChoice(method))), folder))
@@ -114,7 +114,7 @@ def measure(text: str, lab: Lab, seeds: int) -> dict[str, Any]:
             folder = Path(place)
             first = load_recording(logged(arm, lab, lab.cache / name_of(arm), seed))
             old = saved(first, folder, "old")
-            run = run_of(arm, old, folder / "run", Reading())
+            run = run_of(arm, old, folder / "run", LogFormat())
             friction = saved(made(arm, lab, seed, "friction"), folder, "friction")
             loaded = made(arm, lab, seed, "load")
             again = recalibrate(run, [friction], {})
@@ -129,14 +129,14 @@ def measure(text: str, lab: Lab, seeds: int) -> dict[str, Any]:
             there = find_payload(run, [saved(loaded, folder, "loaded")], {})
             found["payload"].append(held(there.load.intervals, load))
             gains = 1.0 + GAIN * np.random.default_rng(seed).standard_normal(run.robot.n)
-            current = Reading(drive_gain=(1.0,) * run.robot.n, drive_gain_deviation=GAIN)
+            current = LogFormat(drive_gain=(1.0,) * run.robot.n, drive_gain_deviation=GAIN)
             uncertain = run_of(arm, saved(off(first, gains), folder, "cold"), folder / "current", current)
             warm = saved(off(loaded, gains), folder, "currents")
             found["gains, load"].append(held(find_payload(uncertain, [warm], {}).load.intervals, load))
             known = find_payload(uncertain, [warm], {}, mass=float(load[0]))
             assert known.gains is not None
             found["gains"].append(held(known.gains.intervals, gains - 1.0)[known.gains.determined])
-            physical = run_of(arm, old, folder / "physical", Reading(), "physical").estimate.fit
+            physical = run_of(arm, old, folder / "physical", LogFormat(), "physical").estimate.fit
             assert physical.standard is not None
             model, theta = true_model(truth_of(run.robot))
             true = {p.name: value for p, value in zip(model.parameters, theta, strict=True)}

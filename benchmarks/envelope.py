@@ -23,8 +23,8 @@ from armid import kernel
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.certification import certified, fine_grid
 from armid.excitation.design.multistart import search
-from armid.excitation.design.objective import Goal, information_along
-from armid.excitation.design.sqp import Problem
+from armid.excitation.design.objective import CriterionGoal, information_along
+from armid.excitation.design.sqp import DescentProblem
 from armid.excitation.limits.joint_limits import limits_of, motion_channels
 from armid.excitation.series_basis import SeriesBasis
 from armid.lab.ideal_recording import thesis_truth
@@ -41,7 +41,7 @@ RUN = 27.0
 PEAK, FADING, OFFSET = 0.3, 0.05, 0.05
 
 
-def bias(goal: Goal, motion: Motion) -> Array:
+def bias(goal: CriterionGoal, motion: Motion) -> Array:
     """Error of weighted least squares by friction that the model lacks, shape (b,)."""
     source = goal.source
     coulomb = thesis_truth(goal.model)[[p.symbol == "FS" for p in goal.model.parameters]]
@@ -55,12 +55,12 @@ def bias(goal: Goal, motion: Motion) -> Array:
     return np.linalg.solve(information_along(goal, motion), moment)
 
 
-def measured(goal: Goal, motion: Motion) -> tuple[float, float, float]:
+def measured(goal: CriterionGoal, motion: Motion) -> tuple[float, float, float]:
     """RMS deviation and RMS bias of the inertial base parameters, and the condition number."""
     inertial = np.isin(goal.base.kept, goal.model.inertial_columns)
     G = information_along(goal, motion)
     variance = np.diag(np.linalg.inv(G))[inertial]
-    condition = Goal(goal.model, goal.base, "condition")
+    condition = CriterionGoal(goal.model, goal.base, "condition")
     value = math.exp(condition.value(information_along(condition, motion)))
     return math.sqrt(variance.mean()), math.sqrt((bias(goal, motion)[inertial] ** 2).mean()), value
 
@@ -76,13 +76,13 @@ def main() -> None:
     options = parser.parse_args()
     robot = load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
-    goal = Goal(model, find_base_parameters(model), options.criterion, np.array(NOISE), RATE)
+    goal = CriterionGoal(model, find_base_parameters(model), options.criterion, np.array(NOISE), RATE)
     run = builtin_plan("thesis-a1").stretched(RUN)
     limits = limits_of(robot).narrowed(run.sample(1000.0), by_joint=False)
     rows = [{"plan": "the run, 27 s", "cpu_seconds": 0.0} | _row(goal, run.sample(RATE))]
     for seconds in options.seconds:
         basis = SeriesBasis(2.0 * math.pi / seconds, options.harmonics, np.zeros(model.n))
-        problem = Problem(goal, basis, motion_channels(limits), float(np.median(limits.velocity)) / 1.75)
+        problem = DescentProblem(goal, basis, motion_channels(limits), float(np.median(limits.velocity)) / 1.75)
         began = time.process_time()
         found = search(problem, seed=options.seed, budget=None, rounds=options.rounds)
         x, _ = certified(problem, fine_grid(problem), found.best.x)
@@ -98,7 +98,7 @@ def main() -> None:
     sys.stdout.write(json.dumps({"options": vars(options), "rows": rows}) + "\n")
 
 
-def _row(goal: Goal, motion: Motion) -> dict[str, float]:
+def _row(goal: CriterionGoal, motion: Motion) -> dict[str, float]:
     deviation, error, condition = measured(goal, motion)
     return {"deviation": deviation, "bias": error, "condition": condition}
 

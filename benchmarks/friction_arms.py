@@ -29,20 +29,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
-from armid.estimation.crossvalidation import beside, folds
+from armid.estimation.crossvalidation import folds, training_information
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.per_recording import offset_names, separate_by_recording
-from armid.estimation.problem import Problem, standard_of
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.information.accumulate import accumulate_information
 from armid.information.residuals import compare
 from armid.measurement.observations import Observations
-from armid.measurement.processing.pipeline import resolve
+from armid.measurement.processing.pipeline import resolve_options
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.study.config import ModelChoice, build_model, load_choice, load_study
-from armid.study.identify import observe_recordings, read_recording
+from armid.study.identify import process_study_recordings, read_recording
 from armid.values import Array
 
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
@@ -69,14 +69,14 @@ def load(name: str) -> Arm:
     robot = load_choice(study.robot, study.folder)
     choices = {choice.path: replace(choice, part=(0.0, 1.0)) for choice in study.recordings}.values()
     read = [(choice, read_recording(choice, study.folder, robot)[0]) for choice in choices]
-    processing = resolve(study.processing, [recording for _, recording in read])
+    processing = resolve_options(study.processing, [recording for _, recording in read])
     motor = all(c.reading.transmission is not None or c.reading.drive_gain is not None for c in choices)
     coupled = "coupling" in study.model.terms  # which is the arm's
     return Arm(
         name,
         build_model(robot, study.model if coupled else ModelChoice(), motor_side=motor),
         build_model(robot, study.model if coupled else ModelChoice(automatic=True)),
-        observe_recordings(read, processing, robot)[0],
+        process_study_recordings(read, processing, robot)[0],
     )
 
 
@@ -91,12 +91,12 @@ def left_out(arm: Arm, count: int) -> Iterator[tuple[Observations, Observations]
                 for unseen in (False, True)
             )  # pyright: ignore[reportReturnType]
         return
-    information = inform(arm.model, find_base_parameters(arm.model), arm.observations)
+    information = accumulate_information(arm.model, find_base_parameters(arm.model), arm.observations)
     fold = folds(information, count)
     for out in np.unique(fold):
         chosen = fold == out
         yield (
-            _only(arm.observations, ~chosen & ~beside(information, chosen)),
+            _only(arm.observations, ~chosen & ~training_information(information, chosen)),
             _only(arm.observations, chosen),
         )
 
@@ -123,10 +123,10 @@ def judged(
         apart: Whether each recording has its own offsets, of which the mean is taken.
     """
     base = find_base_parameters(model)
-    information = inform(model, base, training)
+    information = accumulate_information(model, base, training)
     if apart:
         information = separate_by_recording(information, np.isin(information.names, offset_names(model)))
-    problem = Problem(information, standard_of(model, base), model, base)
+    problem = EstimationProblem(information, standard_of(model, base), model, base)
     method = WeightedLeastSquares() if weight is None else Ridge(weight=weight)
     return model, torque_parameters(base, method.estimate(problem))
 

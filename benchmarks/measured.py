@@ -26,9 +26,9 @@ import numpy as np
 
 from armid import kernel
 from armid.estimation.estimators import OrdinaryLeastSquares, PhysicallyConsistent
-from armid.estimation.problem import Problem, standard_of
+from armid.estimation.problem import EstimationProblem, standard_of
 from armid.excitation.builtin_plans import builtin_plan
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
 from armid.lab.ideal_recording import thesis_truth
 from armid.measurement.band import Band
@@ -82,7 +82,11 @@ class Arm:
 
     def deviations(self, observations: Observations) -> object:
         """Least squares with standard deviations."""
-        return OrdinaryLeastSquares().estimate(Problem(inform(self.model, self.base, observations))).deviation
+        return (
+            OrdinaryLeastSquares()
+            .estimate(EstimationProblem(accumulate_information(self.model, self.base, observations)))
+            .deviation
+        )
 
 
 def cpu(work: Callable[[], object]) -> float:
@@ -137,8 +141,8 @@ def physical(arm: Arm) -> list[Record]:
     if find_spec("cvxpy") is None:
         print("cvxpy is left out: pip install cvxpy.", file=sys.stderr)
         return []
-    information = inform(arm.model, arm.base, arm.recorded(20_000))
-    problem = Problem(information, standard_of(arm.model, arm.base), arm.model, arm.base)
+    information = accumulate_information(arm.model, arm.base, arm.recorded(20_000))
+    problem = EstimationProblem(information, standard_of(arm.model, arm.base), arm.model, arm.base)
     rows: list[Record] = []
     for prior, solver in CONSISTENT:
         method = PhysicallyConsistent(prior=prior, weight=1.0)
@@ -194,9 +198,9 @@ def memory(arm: Arm, samples: int) -> Record:
     here, there = os.pipe()
     child = os.fork()
     if child == 0:
-        inform(arm.model, arm.base, few)  # brings the libraries' pages back
+        accumulate_information(arm.model, arm.base, few)  # brings the libraries' pages back
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        inform(arm.model, arm.base, observations)
+        accumulate_information(arm.model, arm.base, observations)
         growth = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
         os.write(there, struct.pack("d", growth / 1024.0))
         os._exit(0)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from armid.estimation.prior import LENGTH, MASS, believe
-from armid.estimation.problem import Problem
-from armid.estimation.whitening import weigh
+from armid.estimation.prior import LENGTH, MASS, make_prior
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.whitening import whiten
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 
@@ -18,7 +18,7 @@ __all__ = ["modelled_fit"]
 EPSILON = 1e-6
 
 
-def modelled_fit(problem: Problem, kind: str, solver: str) -> Array:
+def modelled_fit(problem: EstimationProblem, kind: str, solver: str) -> Array:
     """Standard parameters (p,) of real bodies with a prior of weight 1, by cvxpy and a solver of its choice.
 
     Args:
@@ -28,8 +28,8 @@ def modelled_fit(problem: Problem, kind: str, solver: str) -> Array:
     """
     cp: Any = import_module("cvxpy")
     standard = problem.require_standard("physical")
-    weighted = weigh(problem.information)
-    belief = believe(kind, standard, weighted)
+    weighted = whiten(problem.information)
+    belief = make_prior(kind, standard, weighted)
     correlation = weighted.correlation
     theta = cp.Variable(len(standard.names))
     is_link = np.isin(np.arange(len(standard.names)), standard.inertial)

@@ -13,9 +13,9 @@ import time
 
 import numpy as np
 
-from armid.estimation.recursive.recursive_estimate import Memory, begin, fit, update
+from armid.estimation.recursive.recursive_estimate import ForgettingOptions, begin, fit, update
 from armid.excitation.builtin_plans import builtin_plan
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.lab.ideal_recording import thesis_truth
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
@@ -58,9 +58,9 @@ def main() -> int:
         run = ObservedRun(part, torque[k * RATE : (k + 1) * RATE], RATE, 1, 0, mask, one)
         blocks.append(Observations((run,), Band()))
     began = time.process_time()
-    state = begin(inform(model, base, blocks[0]), Memory(MEMORY))
+    state = begin(accumulate_information(model, base, blocks[0]), ForgettingOptions(MEMORY))
     for observations in blocks:
-        state = update(state, inform(model, base, observations), 1.0)
+        state = update(state, accumulate_information(model, base, observations), 1.0)
     fit(state)
     mine = (time.process_time() - began) / motion.samples
     few = slice(0, 4 * RATE)

@@ -20,8 +20,8 @@ from dataclasses import replace
 import numpy as np
 
 from armid.excitation.design.multistart import search
-from armid.excitation.design.objective import Goal, information_along, known_sizes
-from armid.excitation.design.sqp import Problem
+from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
+from armid.excitation.design.sqp import DescentProblem
 from armid.excitation.limits.joint_limits import limits_of, motion_channels
 from armid.excitation.series_basis import SeriesBasis
 from armid.lab.ideal_recording import thesis_truth
@@ -39,14 +39,14 @@ FRICTION_SHARE = 0.05
 """Friction of other arms' joints at rest and at 1 rad/s, over their torque limits."""
 
 
-def goal_of(name: str) -> tuple[Goal, Array]:
+def goal_of(name: str) -> tuple[CriterionGoal, Array]:
     """The arm with viscous and Coulomb friction, and its true base parameters."""
     own = name == "iiwa14-r820"
     robot = load_robot(name, gravity=(0.0, 0.0, 9.81)) if own else load_robot(name)
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
     base = find_base_parameters(model)
     if own:
-        return Goal(model, base, noise=np.array(THESIS_NOISE)), base.values_of(thesis_truth(model))
+        return CriterionGoal(model, base, noise=np.array(THESIS_NOISE)), base.values_of(thesis_truth(model))
     nominal = model.nominal_parameters()
     assert nominal is not None, f"{name} gives no masses"
     effort = np.array([joint.effort_limit for joint in robot.joints])
@@ -54,15 +54,15 @@ def goal_of(name: str) -> tuple[Goal, Array]:
     for k, parameter in enumerate(model.parameters):
         if parameter.symbol in ("FV", "FS"):
             truth[k] = FRICTION_SHARE * effort[robot.joint_index(parameter.joint)]
-    return Goal(model, base, noise=NOISE_SHARE * effort), base.values_of(truth)
+    return CriterionGoal(model, base, noise=NOISE_SHARE * effort), base.values_of(truth)
 
 
-def designed(goal: Goal, harmonics: int, free: bool, seed: int, rounds: int) -> Array:
+def designed(goal: CriterionGoal, harmonics: int, free: bool, seed: int, rounds: int) -> Array:
     """Information of a plan inside the limits of position and velocity."""
     limits = limits_of(goal.model.robot)
     start = np.clip(0.0, limits.lower + 0.1, limits.upper - 0.1)
     basis = SeriesBasis(2.0 * math.pi / SECONDS, harmonics, start, free=free, literal=not free)
-    problem = Problem(goal, basis, motion_channels(limits), float(np.median(limits.velocity)) / 1.75)
+    problem = DescentProblem(goal, basis, motion_channels(limits), float(np.median(limits.velocity)) / 1.75)
     best = search(problem, seed=seed, budget=None, rounds=rounds).best
     return information_along(goal, basis.excitation(best.x).sample(goal.rate))
 

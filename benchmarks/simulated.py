@@ -14,14 +14,14 @@ import numpy as np
 
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.bootstrap import bootstrap
-from armid.estimation.uncertainty.covariance import choose, cover
+from armid.estimation.uncertainty.covariance import choose_covariance_kind, estimate_covariance
 from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, residual_moments
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.estimation.uncertainty.whiteness import even, flat
 from armid.excitation.builtin_plans import builtin_plan
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
 from armid.information.filtering import in_band
 from armid.information.regressor_rows import all_rows
@@ -140,7 +140,9 @@ class Simulation:
         self.motion = self.plan.sample(case.rate, case.periods)
         self.step = 1 if case.band.is_open else round(case.rate / case.rows)
         first = self.observed(case.noise(np.random.default_rng((seed, 1)), case.periods))
-        self.problem = Problem(inform(self.model, self.base, first), None, self.model, self.base, first)
+        self.problem = EstimationProblem(
+            accumulate_information(self.model, self.base, first), None, self.model, self.base, first
+        )
         fit = WeightedLeastSquares().estimate(self.problem)
         self.fit, self.weights = fit, fit.weights
         self.rows = len(first.runs[0].rows)
@@ -165,15 +167,15 @@ class Simulation:
     def real_path(self, drawn: Array) -> Fit:
         """The fit, from the samples, as a study makes it."""
         observations = self.observed(drawn)
-        information = inform(self.model, self.base, observations)
-        problem = Problem(information, None, self.model, self.base, observations)
-        return cover(WeightedLeastSquares().estimate(problem), problem)
+        information = accumulate_information(self.model, self.base, observations)
+        problem = EstimationProblem(information, None, self.model, self.base, observations)
+        return estimate_covariance(WeightedLeastSquares().estimate(problem), problem)
 
     def bootstrapped(self, drawn: Array, seed: int) -> Array:
         """Half widths by drawing blocks of about a second."""
         seconds = round(self.case.seconds) * self.case.periods
-        information = inform(self.model, self.base, self.observed(drawn, blocks=seconds))
-        fit = WeightedLeastSquares().estimate(Problem(information))
+        information = accumulate_information(self.model, self.base, self.observed(drawn, blocks=seconds))
+        fit = WeightedLeastSquares().estimate(EstimationProblem(information))
         return 1.96 * bootstrap(fit, information, draws=BOOTSTRAP_DRAWS, seed=seed).std(axis=0)
 
     def run(self, drawn: Array) -> Outcome:
@@ -196,7 +198,7 @@ class Simulation:
         white = min(1.0, 2.0 * min(flat(self.noise_model, moments, squares, rows), in_time))
         within = np.stack([squares - (mean**2).sum(axis=0), rows - len(mean)])
         repeated = self._repeated(scatter.noise, within, rows)
-        chosen = choose(white, K - 1 if K > 1 else None, repeated)[0]
+        chosen = choose_covariance_kind(white, K - 1 if K > 1 else None, repeated)[0]
         half["chosen"] = half["textbook" if chosen == "white" else chosen]
         covariance = {"white": inverse, "spectral": scatter.covariance}.get(chosen)
         if covariance is None:

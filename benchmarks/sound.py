@@ -32,14 +32,14 @@ from armid.errors import ArmidError, Finding
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
-from armid.lab.sensors import Channel, Sensing
+from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
 from armid.lab.true_motion import inverse_dynamics
-from armid.measurement.log_format import Reading
-from armid.measurement.robot_convention import interpret
+from armid.measurement.log_format import LogFormat
+from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import Robot, load_robot
 from armid.study.config import ModelChoice, RecordingChoice, build_model
-from armid.study.diagnosis import diagnose_recording, watch
+from armid.study.diagnosis import diagnose_recording, run_checks
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = "example_robot_data/cmeel.prefix/share/example-robot-data/robots"
@@ -170,14 +170,16 @@ def examined(name: str, robot: Robot, mode: Literal["inverse-dynamics", "closed-
     """One log, as the doctor sees it alone and inside an identification."""
     effort = np.array([joint.effort_limit for joint in robot.joints])
     noise = NOISE * min((limit for limit in effort if 0.0 < limit < np.inf), default=60.0)
-    sensing = Sensing(rate=RATE, effort=Channel(noise=noise))
+    sensing = Sensing(rate=RATE, effort=SensorChannel(noise=noise))
     options = LabOptions(mode=mode, repetitions=REPETITIONS, sensing=sensing)
     log = simulate(truth_of(robot), motion(robot, seed), options, seed=seed).recording
     began = time.process_time()
-    found = diagnose_recording(robot, log, Reading())
+    found = diagnose_recording(robot, log, LogFormat())
     seconds = time.process_time() - began
-    choice = RecordingChoice(f"{name}.csv", reading=Reading())
-    inside = watch(build_model(robot, ModelChoice()), [(choice, interpret(log, Reading(), robot).recording)])
+    choice = RecordingChoice(f"{name}.csv", reading=LogFormat())
+    inside = run_checks(
+        build_model(robot, ModelChoice()), [(choice, to_robot_convention(log, LogFormat(), robot).recording)]
+    )
     return Told(name, robot.n, mode, seed, found, tuple(inside), seconds)
 
 

@@ -32,8 +32,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armid.excitation.design.multistart import random_start
-from armid.excitation.design.objective import Goal, Objective
-from armid.excitation.design.sqp import STAGES, Problem, descend, drawn_together
+from armid.excitation.design.objective import CriterionGoal, Objective
+from armid.excitation.design.sqp import STAGES, DescentProblem, descend, shrink_to_feasible
 from armid.excitation.limits.joint_limits import limits_of, motion_channels
 from armid.excitation.series_basis import SeriesBasis
 from armid.excitation.start_pose import usual_pose
@@ -82,7 +82,7 @@ def arms() -> list[Robot]:
     return found
 
 
-def problem_of(goal: Goal, seconds: float, harmonics: int) -> Problem:
+def problem_of(goal: CriterionGoal, seconds: float, harmonics: int) -> DescentProblem:
     """Limits of the motion itself."""
     robot = goal.model.robot
     given: dict[tuple[str, str], float | tuple[float, float]] = {}
@@ -93,23 +93,23 @@ def problem_of(goal: Goal, seconds: float, harmonics: int) -> Problem:
             given[joint.name, "position"] = (-math.pi, math.pi)
     limits = limits_of(robot, given, acceleration=ACCELERATION)
     basis = SeriesBasis(2.0 * math.pi / seconds, harmonics, usual_pose(limits), literal=False)
-    return Problem(goal, basis, motion_channels(limits), float(np.median(limits.velocity)) / 1.75)
+    return DescentProblem(goal, basis, motion_channels(limits), float(np.median(limits.velocity)) / 1.75)
 
 
-def designed(problem: Problem, descents: int) -> Array:
+def designed(problem: DescentProblem, descents: int) -> Array:
     """The best of a few short descents."""
     stages = tuple(replace(stage, iterations=count) for stage, count in zip(STAGES, ITERATIONS, strict=False))
     best: tuple[float, Array] | None = None
     for seed in range(descents):
         x = random_start(problem, problem.fine, np.random.default_rng(seed))
-        inside = drawn_together(problem, problem.fine, descend(problem, x, stages))
+        inside = shrink_to_feasible(problem, problem.fine, descend(problem, x, stages))
         if inside is not None and (best is None or problem.fine.value(inside) < best[0]):
             best = (problem.fine.value(inside), inside)
     assert best is not None
     return best[1]
 
 
-def judged(problem: Problem, x: Array, prediction: Array) -> tuple[float, float, float]:
+def judged(problem: DescentProblem, x: Array, prediction: Array) -> tuple[float, float, float]:
     """Condition number, deviations of parameters and of predicted torque, root mean squares."""
     grid = Objective(problem.goal, problem.basis, round(100.0 * problem.basis.period))
     G = grid.information(x)
@@ -122,7 +122,7 @@ def judged(problem: Problem, x: Array, prediction: Array) -> tuple[float, float,
     )
 
 
-def unseen(goal: Goal) -> Array:
+def unseen(goal: CriterionGoal) -> Array:
     """Information of twelve random motions, one row's worth, shape (b, b)."""
     problem = problem_of(goal, 10.0, 5)
     grid = Objective(goal, problem.basis, 200)
@@ -137,7 +137,7 @@ def study(robots: list[Robot], descents: int) -> list[Outcome]:
     for robot in robots:
         began = time.process_time()
         model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
-        plain = Goal(model, find_base_parameters(model))
+        plain = CriterionGoal(model, find_base_parameters(model))
         prediction = unseen(plain)
         for criterion in CRITERIA:
             for seconds, harmonics in SHAPES:

@@ -52,8 +52,8 @@ def commands() -> str:
 def study_keys() -> str:
     """Every key of a study, options of terms and methods included, one table a dataclass."""
     from armid.estimation.estimators import ESTIMATORS
-    from armid.measurement.log_format import Reading
-    from armid.measurement.processing.options import Processing
+    from armid.measurement.log_format import LogFormat
+    from armid.measurement.processing.options import ProcessingOptions
     from armid.model.terms import TERMS
     from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice
 
@@ -61,8 +61,8 @@ def study_keys() -> str:
     lines += table("[model]", ModelChoice, without=("shapes", "automatic"))
     for name, term in TERMS.items():
         lines += table(f"[model.{name}]", term)
-    lines += table("[[recording]]", RecordingChoice, Reading, without=("reading",))
-    lines += table("[processing]", Processing)
+    lines += table("[[recording]]", RecordingChoice, LogFormat, without=("reading",))
+    lines += table("[processing]", ProcessingOptions)
     lines += table("[estimation]", EstimationChoice, without=("options",))
     for name, method in ESTIMATORS.items():
         lines += table(f"[estimation.{name}]", method)

@@ -12,17 +12,17 @@ if TYPE_CHECKING:
     from armid.errors import ArmidError
     from armid.estimation.estimate import Estimate
     from armid.estimation.estimators import WeightedLeastSquares
-    from armid.estimation.problem import Problem
-    from armid.estimation.uncertainty.covariance import cover
+    from armid.estimation.problem import EstimationProblem
+    from armid.estimation.uncertainty.covariance import estimate_covariance
     from armid.excitation.fourier import Excitation
-    from armid.information.accumulate import inform
+    from armid.information.accumulate import accumulate_information
     from armid.information.information import Information
-    from armid.measurement.log_format import Reading
-    from armid.measurement.processing.options import Processing
-    from armid.measurement.processing.pipeline import observe
+    from armid.measurement.log_format import LogFormat
+    from armid.measurement.processing.options import ProcessingOptions
+    from armid.measurement.processing.pipeline import process_recordings
     from armid.measurement.readers import load_recording
     from armid.measurement.recording import Recording
-    from armid.measurement.robot_convention import interpret
+    from armid.measurement.robot_convention import to_robot_convention
     from armid.model.base_parameters import BaseParameters, find_base_parameters
     from armid.model.dynamics import DynamicsModel
     from armid.model.motion import Motion
@@ -39,23 +39,23 @@ _HOMES = {
     "Excitation": "excitation.fourier",
     "Information": "information.information",
     "Motion": "model.motion",
-    "Problem": "estimation.problem",
-    "Processing": "measurement.processing.options",
-    "Reading": "measurement.log_format",
+    "EstimationProblem": "estimation.problem",
+    "ProcessingOptions": "measurement.processing.options",
+    "LogFormat": "measurement.log_format",
     "Recording": "measurement.recording",
     "Robot": "robot",
     "Study": "study.config",
     "WeightedLeastSquares": "estimation.estimators",
-    "cover": "estimation.uncertainty.covariance",
+    "estimate_covariance": "estimation.uncertainty.covariance",
     "find_base_parameters": "model.base_parameters",
     "identify": "study.identify",
-    "inform": "information.accumulate",
-    "interpret": "measurement.robot_convention",
+    "accumulate_information": "information.accumulate",
+    "to_robot_convention": "measurement.robot_convention",
     "load_recording": "measurement.readers",
     "load_robot": "robot",
     "load_run": "runs.run",
     "load_study": "study.config",
-    "observe": "measurement.processing.pipeline",
+    "process_recordings": "measurement.processing.pipeline",
     "save_run": "runs.run",
 }
 
@@ -64,27 +64,27 @@ __all__ = [
     "BaseParameters",
     "DynamicsModel",
     "Estimate",
+    "EstimationProblem",
     "Excitation",
     "Information",
+    "LogFormat",
     "Motion",
-    "Problem",
-    "Processing",
-    "Reading",
+    "ProcessingOptions",
     "Recording",
     "Robot",
     "Study",
     "WeightedLeastSquares",
-    "cover",
+    "accumulate_information",
+    "estimate_covariance",
     "find_base_parameters",
     "identify",
-    "inform",
-    "interpret",
     "load_recording",
     "load_robot",
     "load_run",
     "load_study",
-    "observe",
+    "process_recordings",
     "save_run",
+    "to_robot_convention",
 ]
 
 

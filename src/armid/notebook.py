@@ -1,6 +1,7 @@
 """Display of values: they say what their table holds, and here it becomes HTML or a few lines of text.
 
-Any value takes part by deriving from `Shown` and giving a `summary`. Text is escaped; nothing is fetched or executed.
+Any value takes part by deriving from `Displayed` and giving a `summary`. Text is escaped; nothing is fetched or
+executed.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Shown", "Summary", "html_of", "names_apart", "percent", "plural", "spans", "text_of"]
+__all__ = ["Displayed", "Summary", "html_of", "names_apart", "percent", "plural", "spans", "text_of"]
 
 MOST_ROWS = 200
 """Rows that are shown; a notebook becomes slow with more, and nobody reads them."""
@@ -43,7 +44,7 @@ class Summary:
     note: str = ""
 
 
-class Shown:
+class Displayed:
     """A value that a notebook shows as a table, and a prompt as the first lines of it.
 
     A dataclass of this kind is declared with `repr=False`, so that it keeps the text from here.

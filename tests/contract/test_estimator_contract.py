@@ -11,8 +11,8 @@ import armid.estimation.estimators
 from armid.errors import EstimationError
 from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem, standard_of
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, stack
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -62,15 +62,15 @@ def truth(model: DynamicsModel) -> np.ndarray:
 
 def problem_of(
     model: DynamicsModel, base: BaseParameters, truth: np.ndarray, noise: float, moving: bool = True, times: int = 1
-) -> Problem:
+) -> EstimationProblem:
     """A recording, or the same one several times."""
     motion = lively_motion(np.random.default_rng(5), model.n, RATE, SECONDS)
     if not moving:
         motion = Motion(motion.time, motion.q, np.zeros_like(motion.q), np.zeros_like(motion.q))
     torque = model.torque(motion, truth) + noise * np.random.default_rng(6).normal(size=motion.q.shape)
     observations = raw(*[one_run(motion, torque, RATE)] * times)
-    information = inform(model, base, observations)
-    return Problem(information, standard_of(model, base), model, base, observations)
+    information = accumulate_information(model, base, observations)
+    return EstimationProblem(information, standard_of(model, base), model, base, observations)
 
 
 def bytes_of(information: Information) -> list[bytes]:

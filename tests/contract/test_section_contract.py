@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from armid.report.comparison import COMPARISON
-from armid.report.data.page_data import Material, gather, records_of
+from armid.report.data.page_data import PageData, gather, records_of
 from armid.report.page import assemble
 from armid.report.preflight_page import PREFLIGHT
 from armid.report.section import Section
@@ -22,7 +22,7 @@ SHARED = {"page", "macros", "chapter"}
 
 
 @pytest.fixture(scope="module")
-def materials(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Material]:
+def materials(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PageData]:
     """A run with its recordings, and the same run when they are gone."""
     folder = tmp_path_factory.mktemp("report")
     run = make_run(folder)
@@ -39,7 +39,7 @@ def test_every_template_belongs_to_a_section():
 
 @section
 @pytest.mark.parametrize("which", ["whole", "records only"])
-def test_a_section_renders(name: str, which: str, materials: dict[str, Material]):
+def test_a_section_renders(name: str, which: str, materials: dict[str, PageData]):
     found = SECTIONS[name](materials[which])
     if found is None:
         return
@@ -54,14 +54,14 @@ def test_a_section_renders(name: str, which: str, materials: dict[str, Material]
             assert f"plot-{plot.key}" in page.identities and plot.traces and plot.caption
 
 
-def test_sections_with_nothing_to_show_leave_themselves_out(materials: dict[str, Material]):
+def test_sections_with_nothing_to_show_leave_themselves_out(materials: dict[str, PageData]):
     left_out = {name for name, show in SECTIONS.items() if show(materials["records only"]) is None}
     assert {"residuals", "consistency"} <= left_out
     assert not {"verdict", "torque", "friction", "parameters", "provenance"} & left_out
     assert {"links", "methods"} <= left_out  # base parameters alone, and nobody compared methods
 
 
-def test_keys_are_unique_over_the_page(materials: dict[str, Material]):
+def test_keys_are_unique_over_the_page(materials: dict[str, PageData]):
     shown: list[Section] = [found for show in SECTIONS.values() if (found := show(materials["whole"])) is not None]
     keys = [plot.key for each in shown for _, plots in each.plots for plot in plots]
     keys += [table.key for each in shown for table in each.tables]

@@ -11,8 +11,8 @@ import pytest
 import armid.model.terms
 from armid.errors import ArmidError
 from armid.information import accumulate, filtering
-from armid.information.accumulate import inform
-from armid.information.hysteresis_states import remember
+from armid.information.accumulate import accumulate_information
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.maths.signals import edge_samples, low_pass
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations
@@ -197,8 +197,8 @@ def test_streamed_in_pieces(name: str, band: str, short_arm: Robot, monkeypatch:
         monkeypatch.setattr(module, "CHUNK", sizes[0])
         if sizes[1]:
             monkeypatch.setattr(module, "SEGMENT", sizes[1])
-    information = inform(model, base, Observations((run,), BANDS[band]))
-    counted = remember(model, run, BANDS[band]).mask
+    information = accumulate_information(model, base, Observations((run,), BANDS[band]))
+    counted = with_hysteresis_states(model, run, BANDS[band]).mask
     rows = (
         dense((model, base, torque), run)[run.rows]
         if band == "open"

@@ -626,7 +626,11 @@ def test_ctrl_c_leaves_nothing_behind(armid: Armid, small: Path, tmp_path: Path,
     def stopped(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    for where in ("armid.study.identify.inform", "armid.study.identify.validate", "armid.runs.run.replace_file"):
+    for where in (
+        "armid.study.identify.accumulate_information",
+        "armid.study.identify.validate",
+        "armid.runs.run.replace_file",
+    ):
         with monkeypatch.context() as patch:
             patch.setattr(where, stopped)
             done = armid("identify", small / "study.toml", "--out", "run")

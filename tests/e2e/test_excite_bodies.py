@@ -14,7 +14,7 @@ import pytest
 
 from armid.cli.main import main
 from armid.cli.motion import excite_request
-from armid.excitation.collision.closest_approach import Approach
+from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.fourier import load_plan
 from armid.robot import load_robot
 from armid.robot.kinematics import forward_kinematics
@@ -166,7 +166,7 @@ def test_a_plan_that_touches_is_no_plan(arm, tmp_path, capsys, monkeypatch):
 
     def touching(*arguments, **options):
         made = design(*arguments, **options)
-        report = replace(made.preflight, approaches=(Approach("base - hand", -0.006, 2.2, 0.02),))
+        report = replace(made.preflight, approaches=(ClosestApproach("base - hand", -0.006, 2.2, 0.02),))
         return replace(made, preflight=report)
 
     monkeypatch.setattr(excite_request, "design_plan", touching)

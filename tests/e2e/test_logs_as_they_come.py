@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from armid.cli.main import main
-from armid.excitation.formats import FORMATS, Track
+from armid.excitation.formats import FORMATS, SampledMotion
 from armid.excitation.fourier import save_plan
 from armid.measurement.recording import Recording
 from labs import small_model, small_plan, small_recording, write_arm, write_recording
@@ -101,7 +101,7 @@ def plan(tmp_path: Path) -> Path:
     folder = tmp_path / "plans"
     save_plan(small_plan(4), folder / "plan.json")
     for form in FORMATS.values():
-        track = Track("small", JOINTS, (False,) * 3, small_plan(4).sample(form.RATE))
+        track = SampledMotion("small", JOINTS, (False,) * 3, small_plan(4).sample(form.RATE))
         if not form.problem(track):
             (folder / f"plan{form.SUFFIX}").write_bytes(form.write(track))
     return folder

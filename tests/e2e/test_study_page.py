@@ -8,8 +8,8 @@ import tomllib
 from pathlib import Path
 
 from armid.estimation.estimators import PhysicallyConsistent
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
 from armid.study.config import EstimationChoice, RecordingChoice, RobotChoice, build_estimator, parse_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "study.md"
@@ -21,7 +21,7 @@ def test_the_study_on_the_page_is_understood_and_complete():
     assert len(study.recordings) == 2
     whole = re.sub(r"^# (?=\w+ = )", "", text, flags=re.MULTILINE)
     written = set(re.findall(r"^(\w+) = ", whole, re.MULTILINE))
-    for kind in (RobotChoice, RecordingChoice, Reading, Processing, EstimationChoice):
+    for kind in (RobotChoice, RecordingChoice, LogFormat, ProcessingOptions, EstimationChoice):
         assert {field.name for field in dataclasses.fields(kind)} - {"reading", "options"} <= written
 
 

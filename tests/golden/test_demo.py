@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from armid.measurement.processing.options import Processing
+from armid.measurement.processing.options import ProcessingOptions
 from armid.study.demo import Demo, demo_study, run_demo, thesis_processing
 
 SEEDS = [1, 2, 3, 4, 5]
@@ -23,7 +23,7 @@ BIASED_SEEDS = [1, 2, *(pytest.param(seed, marks=pytest.mark.long) for seed in (
 def demo(processing: str, edges: str, seed: int) -> Demo:
     if processing == "thesis":
         return run_demo(demo_study(thesis_processing(edges), "ols"), seed=seed)
-    return run_demo(demo_study(Processing(edges=edges, average=edges == "periodic")), seed=seed)  # pyright: ignore
+    return run_demo(demo_study(ProcessingOptions(edges=edges, average=edges == "periodic")), seed=seed)  # pyright: ignore
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -44,7 +44,7 @@ def test_the_one_sided_filter_of_the_thesis_is_biased_as_known(seed: int):
 
 def test_the_plain_demo_is_the_default_with_periodic_edges():
     study = demo_study()
-    assert study.processing == Processing(edges="periodic", average=True)
+    assert study.processing == ProcessingOptions(edges="periodic", average=True)
     assert (study.estimation.method, study.robot.gravity) == ("wls", (0.0, 0.0, 9.81))
 
 

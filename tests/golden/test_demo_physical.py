@@ -16,7 +16,7 @@ import pytest
 from armid.estimation.consistency.cones import EPSILON
 from armid.estimation.estimators import Estimator, LogCholesky, PhysicallyConsistent, ThesisNLP
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem, standard_of
+from armid.estimation.problem import EstimationProblem, standard_of
 from armid.study.demo import Demo, demo_study, run_demo, thesis_processing
 
 
@@ -27,7 +27,7 @@ def demo(biased: bool) -> Demo:
 
 def fit_of(estimator: Estimator, biased: bool) -> Fit:
     result = demo(biased).result
-    problem = Problem(result.information, standard_of(result.model, result.estimate.base))
+    problem = EstimationProblem(result.information, standard_of(result.model, result.estimate.base))
     return estimator.estimate(problem)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid.lab.options import LabOptions
-from armid.measurement.processing.options import Processing
+from armid.measurement.processing.options import ProcessingOptions
 from armid.robot import load_robot
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import Result, identify
@@ -46,7 +46,9 @@ def test_sticking_biases_no_parameter_and_is_no_delay(tmp_path: Path, record_pro
         )
     path = tmp_path / "1" / "recording.npz"
     terms = ModelChoice(("rigid-body", "viscous", "coulomb"), {"coulomb": {"width": 0.0}})
-    study = Study(RobotChoice("iiwa14-r820", gravity=HANGING), terms, (RecordingChoice(str(path)),), Processing())
+    study = Study(
+        RobotChoice("iiwa14-r820", gravity=HANGING), terms, (RecordingChoice(str(path)),), ProcessingOptions()
+    )
     result = identify(study)
     held, error = covered(result, tmp_path / "1")
     record_property("covered", held)

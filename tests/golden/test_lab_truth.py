@@ -11,8 +11,8 @@ import pytest
 from armid.lab.controller import Controller
 from armid.lab.options import LabOptions
 from armid.lab.sensors import Sensing
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
 from armid.robot import load_robot
 from armid.runs.rollout import load_feedback, roll_out_run
 from armid.runs.run import load_run, save_run
@@ -32,7 +32,7 @@ def test_the_iiwa_is_identified_in_closed_loop_and_moves_as_it_did(tmp_path: Pat
     options = LabOptions(repetitions=2, controller=Controller(friction=1.0), sensing=Sensing(1000.0))
     for name in ("thesis-a1", "thesis-a2"):
         simulate_to(tmp_path / name, robot, the_plan(name, SECONDS), options, kind="npz")
-    reading = Reading(period=SECONDS, start=0.0)
+    reading = LogFormat(period=SECONDS, start=0.0)
     recordings = [
         RecordingChoice(str(tmp_path / name / "recording.npz"), role, reading)
         for name, role in (("thesis-a1", "train"), ("thesis-a2", "validate"))
@@ -41,7 +41,7 @@ def test_the_iiwa_is_identified_in_closed_loop_and_moves_as_it_did(tmp_path: Pat
         RobotChoice("iiwa14-r820", gravity=HANGING),
         ModelChoice(("rigid-body", "viscous", "coulomb"), {"coulomb": {"width": 0.0}}),
         tuple(recordings),  # pyright: ignore[reportArgumentType]
-        Processing(edges="periodic"),
+        ProcessingOptions(edges="periodic"),
         EstimationChoice("physical"),
     )
     run = load_run(save_run(identify(study), tmp_path / "run"))

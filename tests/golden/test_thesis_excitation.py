@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from armid.excitation.fourier import load_plan
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.information import stack, total
 from armid.maths.linalg import condition, scaled_condition
 from armid.model.base_parameters import find_base_parameters
@@ -86,7 +86,9 @@ def test_condition_numbers(arms, gravity, seconds, plain, scaled):
 def test_condition_numbers_in_full_from_the_factors_alone(arms, gravity, seconds):
     arm = arms[gravity]
     motion = plan("a1").stretched(seconds).sample(RATE)
-    A, _ = stack(total(inform(arm.model, arm.base, raw(one_run(motion, np.zeros_like(motion.q), RATE)))))
+    A, _ = stack(
+        total(accumulate_information(arm.model, arm.base, raw(one_run(motion, np.zeros_like(motion.q), RATE))))
+    )
     expected = TRUTH["cond"][f"T{seconds:.0f}_g{gravity[2]:g}"]
     # The reference's geometry is off by the same rounded π; its numbers agree to eight digits.
     assert condition(A) == pytest.approx(expected["raw"], rel=1e-6)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from armid.excitation.design.criteria import CRITERIA
-from armid.excitation.design.objective import Goal, Objective
-from armid.excitation.limits.constraints import Amplitudes, Coefficients, Range, States, soft_maximum
+from armid.excitation.design.objective import CriterionGoal, Objective
+from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, RangeLimit, States, soft_maximum
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.limits.workspace import Workspace
 from armid.excitation.series_basis import SeriesBasis
@@ -31,7 +31,7 @@ def goal(request):
     base = find_base_parameters(model)
     rng = np.random.default_rng(3)
     prior, prediction = (A @ A.T for A in rng.normal(size=(2, base.count, base.count)))
-    return Goal(model, base, "prediction", rng.uniform(0.2, 1.0, model.n), 50.0, 2, 0.1 * prior, prediction)
+    return CriterionGoal(model, base, "prediction", rng.uniform(0.2, 1.0, model.n), 50.0, 2, 0.1 * prior, prediction)
 
 
 def basis_of(goal, *, free=False, literal=True):
@@ -48,7 +48,7 @@ def slope(function, x, d):
 @pytest.mark.parametrize("free", [False, True])
 def test_criterion(goal, criterion, free):
     sizes = np.random.default_rng(7).uniform(0.5, 2.0, goal.base.count)
-    own = Goal(goal.model, goal.base, criterion, goal.noise, 50.0, 2, goal.prior, goal.prediction, sizes)
+    own = CriterionGoal(goal.model, goal.base, criterion, goal.noise, 50.0, 2, goal.prior, goal.prediction, sizes)
     basis = basis_of(goal, free=free)
     objective = Objective(own, basis, SAMPLES, width=0.2, sharpness=12.0)
     rng = np.random.default_rng(1)
@@ -67,13 +67,13 @@ def channels(goal, basis):
     limits = rng.uniform(1.0, 2.0, n)
     normals = rng.normal(size=(3, 3))
     return {
-        "position": Range("position", 0, every, names, 0.1 * limits, limits),
-        "velocity": Range("velocity", 1, some, (names[0], names[-1]), np.zeros(2), limits[:2]),
-        "acceleration": Range("acceleration", 2, every, names, np.zeros(n), limits),
-        "jerk": Range("jerk", 3, every, names, np.zeros(n), limits),
-        "amplitude of position": Amplitudes("position", 0, every, names, limits),
-        "amplitude of velocity": Amplitudes("velocity", 1, some, (names[0], names[-1]), limits[:2]),
-        "coefficients": Coefficients(
+        "position": RangeLimit("position", 0, every, names, 0.1 * limits, limits),
+        "velocity": RangeLimit("velocity", 1, some, (names[0], names[-1]), np.zeros(2), limits[:2]),
+        "acceleration": RangeLimit("acceleration", 2, every, names, np.zeros(n), limits),
+        "jerk": RangeLimit("jerk", 3, every, names, np.zeros(n), limits),
+        "amplitude of position": AmplitudeLimit("position", 0, every, names, limits),
+        "amplitude of velocity": AmplitudeLimit("velocity", 1, some, (names[0], names[-1]), limits[:2]),
+        "coefficients": CoefficientLimit(
             "coefficients", some, tuple(names[0] for _ in range(4 * L)), rng.uniform(1.0, 2.0, (2, L))
         ),
         "torque": Torque("torque", every, names, rng.normal(size=goal.base.count), 3.0 * limits),
@@ -113,7 +113,7 @@ def test_law_that_couples_joints():
     """A coordinate of two joints, through the laws' own derivatives."""
     robot = load_robot("ur5e")
     model = DynamicsModel(robot, (RigidBody(), Coupling({"wrist_1_joint": 1.0, "wrist_2_joint": -0.5})))
-    goal = Goal(model, find_base_parameters(model))
+    goal = CriterionGoal(model, find_base_parameters(model))
     basis = SeriesBasis(1.1, 4, np.zeros(6))
     objective = Objective(goal, basis, SAMPLES, width=0.2, sharpness=8.0)
     rng = np.random.default_rng(4)

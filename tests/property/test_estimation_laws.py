@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem
-from armid.estimation.uncertainty.covariance import FEWEST_BLOCKS, cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.uncertainty.covariance import FEWEST_BLOCKS, estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, JointFactors, merge, select, total
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -54,7 +54,7 @@ def random_information(seed: int, noise: float) -> tuple[Arm, Information]:
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     motion, torque = recorded(arm, int(rng.integers(2**31)), seconds=10.0, noise=noise, rate=50.0)
-    return arm, inform(arm[0], arm[1], raw(one_run(motion, torque, 50.0)))
+    return arm, accumulate_information(arm[0], arm[1], raw(one_run(motion, torque, 50.0)))
 
 
 def weighed(information: Information, factor: Array) -> Information:
@@ -83,7 +83,7 @@ def assert_close(a: Fit, b: Fit, tolerance: float) -> None:
 @given(seed=SEEDS)
 def test_noise_free_data_give_the_truth_back(method: Method, seed: int):
     (_, _, truth), information = random_information(seed, noise=0.0)
-    fit = method.estimate(Problem(information))
+    fit = method.estimate(EstimationProblem(information))
     assert np.linalg.norm(fit.values - truth) <= EXACT * np.linalg.norm(truth)
 
 
@@ -92,7 +92,7 @@ def test_noise_free_data_give_the_truth_back(method: Method, seed: int):
 def test_weights_settle_on_data_that_were_only_rounded(seed: int, digits: int):
     """Exact torques in so many digits: residuals not far above the rounding of the solution."""
     (_, _, truth), information = random_information(seed, noise=10.0**-digits)
-    fit = WLS.estimate(Problem(information))
+    fit = WLS.estimate(EstimationProblem(information))
     assert np.linalg.norm(fit.values - truth) <= 10.0 ** (4 - digits) * np.linalg.norm(truth)
 
 
@@ -101,13 +101,16 @@ def test_weights_settle_on_data_that_were_only_rounded(seed: int, digits: int):
 @given(seed=SEEDS)
 def test_merging_in_any_order_and_chunking_is_one_estimate(method: Method, seed: int):
     _, information = random_information(seed, noise=0.2)
-    expected = method.estimate(Problem(information))
+    expected = method.estimate(EstimationProblem(information))
     rng = np.random.default_rng(seed)
     order = rng.permutation(information.blocks)
     cuts = np.sort(rng.choice(np.arange(1, information.blocks), FEWEST_BLOCKS - 2, replace=False))
     chunks = [total(select(information, part)) for part in np.split(order, cuts)]
-    expected = cover(expected, information)
-    shuffled, chunked = (cover(method.estimate(Problem(x)), x) for x in (select(information, order), merge(chunks)))
+    expected = estimate_covariance(expected, information)
+    shuffled, chunked = (
+        estimate_covariance(method.estimate(EstimationProblem(x)), x)
+        for x in (select(information, order), merge(chunks))
+    )
     tolerance = MERGED * EPS * expected.condition if method is OLS else SETTLED
     assert_close(shuffled, expected, tolerance)
     assert_close(chunked, expected, tolerance)
@@ -122,7 +125,10 @@ def test_weighted_estimates_do_not_know_the_scale_of_a_joint(seed: int):
     """Measured with a gain that differs from joint to joint, on both sides, the estimate is the same."""
     (model, _, _), information = random_information(seed, noise=0.2)
     factor = 10.0 ** np.random.default_rng(seed).uniform(-2.0, 2.0, model.n)
-    plain, scaled = WLS.estimate(Problem(information)), WLS.estimate(Problem(weighed(information, factor)))
+    plain, scaled = (
+        WLS.estimate(EstimationProblem(information)),
+        WLS.estimate(EstimationProblem(weighed(information, factor))),
+    )
     assert_close(scaled, plain, SETTLED)
     np.testing.assert_allclose(scaled.residual_rms, factor * plain.residual_rms, rtol=SETTLED)
 
@@ -132,7 +138,10 @@ def test_weighted_estimates_do_not_know_the_scale_of_a_joint(seed: int):
 @given(seed=SEEDS, unit=st.floats(1e-3, 1e3))
 def test_the_unit_of_torque_does_not_matter(method: Method, seed: int, unit: float):
     _, information = random_information(seed, noise=0.2)
-    plain, other = method.estimate(Problem(information)), method.estimate(Problem(measured_in(information, unit)))
+    plain, other = (
+        method.estimate(EstimationProblem(information)),
+        method.estimate(EstimationProblem(measured_in(information, unit))),
+    )
     np.testing.assert_allclose(other.values * unit, plain.values, rtol=0, atol=SETTLED * np.abs(plain.values).max())
     np.testing.assert_allclose(other.relative_deviation, plain.relative_deviation, rtol=1e-4)
     assert (other.poorly_identified == plain.poorly_identified).mean() > 0.9  # but for ties at the mark
@@ -145,7 +154,7 @@ def test_the_unit_of_torque_does_not_matter(method: Method, seed: int, unit: flo
 def test_residuals_are_what_the_estimate_leaves(method: Method, seed: int):
     """Rows, residuals and the degrees of freedom that the parameters spend."""
     (model, base, truth), information = random_information(seed, noise=0.3)
-    fit = method.estimate(Problem(information))
+    fit = method.estimate(EstimationProblem(information))
     squares = (fit.residual_rms**2 * fit.rows).sum()
     assert squares == pytest.approx(0.09 * (fit.rows.sum() - base.count), rel=0.2)  # 1000 rows and more
     assert fit.rows.tolist() == [500] * model.n

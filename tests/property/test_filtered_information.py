@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.information import filtering
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.information import select
 from armid.maths.signals import low_pass, periodic_filter, zero_phase
 from armid.measurement.band import Band
@@ -50,7 +50,7 @@ def test_every_column_passes_the_same_filter_as_the_torque(arm, band, step, offs
     model, base, _ = arm
     motion, torque = recorded(arm, 20, seconds=10.0, rate=200.0)
     run = one_run(motion, torque, 200.0, step=step, offset=offset, block_rows=20)
-    information = inform(model, base, Observations((run,), band))
+    information = accumulate_information(model, base, Observations((run,), band))
     assert information.made_by.endswith(" qr")
     rows = filtered(arm, run, band)
     assert_says(information, rows)
@@ -69,7 +69,7 @@ def test_segments_do_not_matter(arm, band, step, offset, sizes, monkeypatch):
     run = replace(run, mask=mask)
     monkeypatch.setattr(filtering, "SEGMENT", sizes[0])
     monkeypatch.setattr(filtering, "CHUNK", sizes[1])
-    information = inform(model, base, Observations((run,), band))
+    information = accumulate_information(model, base, Observations((run,), band))
     assert_says(information, filtered(arm, run, band) * mask[:, :, None], SETTLED)
     assert np.array_equal(information.rows.sum(axis=0), mask.sum(axis=0))
 
@@ -81,7 +81,7 @@ def test_filtered_noise_free_data_give_the_truth_back(arm, band, step, offset):
     model, base, truth = arm
     motion, torque = recorded(arm, 22, seconds=10.0, rate=200.0, noise=0.0)
     run = one_run(motion, torque, 200.0, step=step, offset=offset)
-    estimate = solved(inform(model, base, Observations((run,), band)))
+    estimate = solved(accumulate_information(model, base, Observations((run,), band)))
     assert np.linalg.norm(estimate - truth) <= 1e-9 * np.linalg.norm(truth)
 
 
@@ -99,7 +99,7 @@ def test_intermediate_rates_are_not_felt(arm, step, edges):
         mask[: 500 // step] = mask[-500 // step :] = False
     sharp = low_pass("butterworth", 4, 4.0, 1000.0)
     through = (periodic_filter if edges == "periodic" else zero_phase)(sharp, dense(arm, run))[::step]
-    information = inform(model, base, Observations((replace(run, mask=mask),), band))
+    information = accumulate_information(model, base, Observations((replace(run, mask=mask),), band))
     assert_says(information, through * mask[:, :, None], NOT_FELT)
 
 
@@ -114,7 +114,7 @@ def test_a_filtered_torque_alone_is_biased(arm):
         sharp = low_pass("butterworth", 4, 3.0, RATE)
         through = periodic_filter(sharp, torque) if edges == "periodic" else zero_phase(sharp, torque)
         rows[:, :, -1] = through[::2]
-        information = inform(model, base, Observations((run,), band))
+        information = accumulate_information(model, base, Observations((run,), band))
         assert_says(information, rows)
         assert np.linalg.norm(solved(information) - truth) > 1e-3 * np.linalg.norm(truth)
 
@@ -126,7 +126,7 @@ def test_rows_that_do_not_follow_each_other_are_never_filtered(arm):
     states = Motion.of_states(motion.q[shuffled], motion.dq[shuffled], motion.ddq[shuffled])
     run = replace(one_run(states, torque[shuffled], RATE, step=3), consecutive=False)
     for band in (Band("butterworth", 4.0), Band("fir", 4.0, columns=False)):
-        assert_says(inform(model, base, Observations((run,), band)), dense(arm, run)[::3])
+        assert_says(accumulate_information(model, base, Observations((run,), band)), dense(arm, run)[::3])
 
 
 def test_filtered_and_unfiltered_runs_together(arm):
@@ -134,5 +134,5 @@ def test_filtered_and_unfiltered_runs_together(arm):
     band = Band("butterworth", 4.0, 4, "pad")
     smooth = one_run(*recorded(arm, 26), RATE)
     loose = replace(one_run(*recorded(arm, 27), RATE), consecutive=False)
-    information = inform(model, base, Observations((smooth, loose), band))
+    information = accumulate_information(model, base, Observations((smooth, loose), band))
     assert_says(information, np.concatenate([filtered(arm, smooth, band), dense(arm, loose)]))

@@ -7,9 +7,9 @@ import pytest
 
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators import Ridge
-from armid.estimation.friction.selection import Ladder, choose_friction
-from armid.estimation.problem import Problem, standard_of
-from armid.information.accumulate import inform
+from armid.estimation.friction.selection import FrictionSelection, choose_friction
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.information.accumulate import accumulate_information
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -92,7 +92,7 @@ class Arm:
 def unseen_error(model: DynamicsModel, weight: float, training: Observations, other: Observations) -> Array:
     """RMS (n,) on other motion where joints move, the first seconds aside: no model knows its memory there."""
     base = find_base_parameters(model)
-    problem = Problem(inform(model, base, training), standard_of(model, base), model, base)
+    problem = EstimationProblem(accumulate_information(model, base, training), standard_of(model, base), model, base)
     theta = torque_parameters(base, Ridge(weight=weight).estimate(problem))
     (run,) = other.runs
     residual = (run.torque - model.torque(run.motion, theta))[300:]
@@ -100,7 +100,7 @@ def unseen_error(model: DynamicsModel, weight: float, training: Observations, ot
     return np.sqrt(np.sum(residual**2 * moving, axis=0) / moving.sum(axis=0))
 
 
-def climbed(arm: Arm, seed: int) -> tuple[Ladder, Observations]:
+def climbed(arm: Arm, seed: int) -> tuple[FrictionSelection, Observations]:
     training = arm.recorded(1000 + seed)
     return choose_friction(arm.plain, training), training
 
@@ -135,7 +135,7 @@ def test_what_was_chosen_is_a_model_like_any_other():
     ladder, training = climbed(arm, 4)
     assert ladder.model.terms == (*PLAIN, *ladder.added)
     base = find_base_parameters(ladder.model)
-    assert inform(ladder.model, base, training).count == base.count
+    assert accumulate_information(ladder.model, base, training).count == base.count
     chosen = {(e.joint, e.candidate.split()[0]) for e in ladder.evidence if e.chosen}
     assert ("joint_1", "hysteresis") in chosen and ("joint_1", "ripple") in chosen
     assert all(e.ratio < 1.0 and e.deviation >= 0.0 for e in ladder.evidence if e.chosen)

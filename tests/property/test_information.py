@@ -10,7 +10,7 @@ import pytest
 from armid import values
 from armid.errors import ArmidError
 from armid.information import accumulate
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, merge, select, stack, total
 from armid.maths.linalg import condition, scaled_condition
 from armid.measurement.band import Band
@@ -39,7 +39,7 @@ def arm():
 def test_noise_free_data_give_the_truth_back(arm):
     model, base, truth = arm
     motion, torque = recorded(arm, 1, noise=0.0)
-    information = inform(model, base, raw(one_run(motion, torque, RATE)))
+    information = accumulate_information(model, base, raw(one_run(motion, torque, RATE)))
     assert information.names == base.names
     assert information.rows.sum(axis=0).tolist() == [motion.samples] * model.n
     for weights in (None, np.array([1.0, 3.0, 0.1, 10.0])):
@@ -50,7 +50,7 @@ def test_information_is_that_of_the_dense_rows(arm):
     model, base, _ = arm
     motion, torque = recorded(arm, 2)
     run = one_run(motion, torque, RATE, block_rows=130)
-    information = inform(model, base, raw(run))
+    information = accumulate_information(model, base, raw(run))
     rows = dense(arm, run)
     assert information.blocks == 10
     assert_says(information, rows)
@@ -63,7 +63,7 @@ def test_open_bands_keep_the_rows_of_the_output_grid(arm, step, offset):
     model, base, _ = arm
     motion, torque = recorded(arm, 3)
     run = one_run(motion, torque, RATE, step=step, offset=offset, block_rows=7)
-    assert_says(inform(model, base, raw(run)), dense(arm, run)[offset::step])
+    assert_says(accumulate_information(model, base, raw(run)), dense(arm, run)[offset::step])
 
 
 @pytest.mark.parametrize("by_gram", [False, True])
@@ -74,9 +74,9 @@ def test_chunks_and_threads_do_not_matter(arm, monkeypatch, chunk, by_gram):
     motion, torque = recorded(arm, 4, seconds=8.0)
     run = one_run(motion, torque, RATE, block_rows=150)
     monkeypatch.setattr(accumulate, "GRAM_ROWS", 0 if by_gram else 10**9)
-    plain = inform(model, base, raw(run))
+    plain = accumulate_information(model, base, raw(run))
     monkeypatch.setattr(accumulate, "CHUNK", chunk)
-    pieced = inform(model, base, raw(run), threads=3)
+    pieced = accumulate_information(model, base, raw(run), threads=3)
     assert np.array_equal(plain.rows, pieced.rows)
     assert plain.made_by == pieced.made_by
     rows = dense(arm, run)
@@ -89,14 +89,14 @@ def test_chunks_and_threads_do_not_matter(arm, monkeypatch, chunk, by_gram):
 def test_merge_in_any_order_and_chunking(arm):
     model, base, _ = arm
     motion, torque = recorded(arm, 5, seconds=20.0)
-    whole = inform(model, base, raw(one_run(motion, torque, RATE, block_rows=motion.samples)))
+    whole = accumulate_information(model, base, raw(one_run(motion, torque, RATE, block_rows=motion.samples)))
     expected = solved(whole)
     limit = REORDERED * EPSILON * condition(stack(whole)[0]) * np.linalg.norm(expected)
     rng = np.random.default_rng(0)
     for pieces in (2, 5, 40):
         cuts = np.sort(rng.choice(np.arange(1, motion.samples), pieces - 1, replace=False))
         parts = [
-            inform(model, base, raw(one_run(motion[slice(a, b)], torque[a:b], RATE, block_rows=11)))
+            accumulate_information(model, base, raw(one_run(motion[slice(a, b)], torque[a:b], RATE, block_rows=11)))
             for a, b in zip([0, *cuts], [*cuts, motion.samples], strict=True)
         ]
         shuffled = [parts[k] for k in rng.permutation(pieces)]
@@ -114,7 +114,7 @@ def test_merge_in_any_order_and_chunking(arm):
 
 def test_merge_is_associative_to_the_bit(arm):
     model, base, _ = arm
-    a, b, c = (inform(model, base, raw(one_run(*recorded(arm, seed), RATE))) for seed in (1, 2, 3))
+    a, b, c = (accumulate_information(model, base, raw(one_run(*recorded(arm, seed), RATE))) for seed in (1, 2, 3))
     left, right = merge([merge([a, b]), c]), merge([a, merge([b, c])])
     for x, y in zip(left.joints, right.joints, strict=True):
         assert np.array_equal(x.R, y.R)
@@ -124,9 +124,9 @@ def test_merge_is_associative_to_the_bit(arm):
 def test_information_about_other_parameters_is_not_merged(arm):
     model, base, _ = arm
     motion, torque = recorded(arm, 6)
-    mine = inform(model, base, raw(one_run(motion, torque, RATE)))
+    mine = accumulate_information(model, base, raw(one_run(motion, torque, RATE)))
     other = DynamicsModel(model.robot, (RigidBody(), Viscous(), Coulomb(width=0.1)))
-    its = inform(other, find_base_parameters(other), raw(one_run(motion, torque, RATE)))
+    its = accumulate_information(other, find_base_parameters(other), raw(one_run(motion, torque, RATE)))
     with pytest.raises(ArmidError, match="same base parameters"):
         merge([mine, its])
     with pytest.raises(ArmidError, match="no information"):
@@ -137,7 +137,7 @@ def test_select_takes_blocks_also_twice(arm):
     model, base, _ = arm
     motion, torque = recorded(arm, 7)
     run = one_run(motion, torque, RATE, block_rows=100)
-    information = inform(model, base, raw(run))
+    information = accumulate_information(model, base, raw(run))
     rows = dense(arm, run)
     drawn = np.array([3, 3, 0, 11])
     again = select(information, drawn)
@@ -152,7 +152,7 @@ def test_several_runs_keep_their_names(arm):
     runs = [one_run(*recorded(arm, seed), RATE, block_rows=400) for seed in (8, 9, 10)]
     runs[2] = replace(runs[2], recording=1)
     told = []
-    information = inform(model, base, raw(*runs), progress=lambda done, of: told.append((done, of)))
+    information = accumulate_information(model, base, raw(*runs), progress=lambda done, of: told.append((done, of)))
     assert information.run.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
     assert information.recording.tolist() == [0] * 6 + [1] * 3
     assert_says(information, np.concatenate([dense(arm, run) for run in runs]))
@@ -167,7 +167,7 @@ def test_masked_rows_do_not_count(arm):
     mask = np.random.default_rng(0).random(run.mask.shape) < 0.7
     mask[:130] = False
     run = replace(run, mask=mask)
-    information = inform(model, base, raw(run))
+    information = accumulate_information(model, base, raw(run))
     assert_says(information, dense(arm, run)[1::2] * mask[:, :, None])
     assert np.array_equal(information.rows.sum(axis=0), mask.sum(axis=0))
     assert not information.rows[:2].any()
@@ -178,12 +178,12 @@ def test_nothing_to_inform_of_is_refused(arm):
     motion, torque = recorded(arm, 12)
     run = one_run(motion, torque, RATE)
     with pytest.raises(ArmidError, match="No row"):
-        inform(model, base, raw(replace(run, mask=np.zeros_like(run.mask))))
+        accumulate_information(model, base, raw(replace(run, mask=np.zeros_like(run.mask))))
     with pytest.raises(ArmidError, match="No row"):
-        inform(model, base, raw())
+        accumulate_information(model, base, raw())
     narrow = Motion(motion.time, motion.q[:, :3], motion.dq[:, :3], motion.ddq[:, :3])
     with pytest.raises(ArmidError, match="3 joints"):
-        inform(model, base, raw(one_run(narrow, torque[:, :3], RATE)))
+        accumulate_information(model, base, raw(one_run(narrow, torque[:, :3], RATE)))
 
 
 def test_one_row(arm):
@@ -191,7 +191,7 @@ def test_one_row(arm):
     motion, torque = recorded(arm, 13)
     run = one_run(motion[slice(5, 6)], torque[5:6], RATE)
     for band in (Band(), Band("butterworth", 5.0), Band("fir", 5.0, 4, "periodic")):
-        information = inform(model, base, Observations((run,), band))
+        information = accumulate_information(model, base, Observations((run,), band))
         assert information.rows.tolist() == [[1] * model.n]
 
 
@@ -208,10 +208,10 @@ def test_products_are_kept_where_they_are_exact(arm, eager, monkeypatch):
     model, base, _ = arm
     motion, torque = recorded(arm, 14)
     run = one_run(motion, torque, RATE, block_rows=25)
-    quick = inform(model, base, raw(run))
+    quick = accumulate_information(model, base, raw(run))
     assert quick.made_by.endswith(" products")
     monkeypatch.setattr(accumulate, "GRAM_ROWS", 10**9)
-    careful = inform(model, base, raw(run))
+    careful = accumulate_information(model, base, raw(run))
     assert careful.made_by.endswith(" qr")
     assert_says(quick, dense(arm, run))
     for weights in (None, np.array([1.0, 3.0, 0.1, 10.0])):
@@ -227,7 +227,7 @@ def test_products_are_dropped_for_noise_free_data(arm, eager):
     """Their residual would be the root of rounding."""
     model, base, truth = arm
     motion, torque = recorded(arm, 15, noise=0.0)
-    information = inform(model, base, raw(one_run(motion, torque, RATE)))
+    information = accumulate_information(model, base, raw(one_run(motion, torque, RATE)))
     assert information.made_by.endswith(" qr")
     assert np.linalg.norm(solved(information) - truth) <= 1e-11 * np.linalg.norm(truth)
 
@@ -238,7 +238,7 @@ def test_products_are_dropped_for_poor_data(arm, eager):
     shrunk = np.array([1.0, 1e-3, 1.0, 1e-3])
     poor = Motion(motion.time, motion.q * shrunk, motion.dq * shrunk, motion.ddq * shrunk)
     torque = model.regressor(poor)[:, :, base.kept] @ truth + torque * 1e-3
-    information = inform(model, base, raw(one_run(poor, torque, RATE)))
+    information = accumulate_information(model, base, raw(one_run(poor, torque, RATE)))
     assert scaled_condition(stack(total(information))[0]) > accumulate.GRAM_CONDITION
     assert information.made_by.endswith(" qr")
 
@@ -249,7 +249,7 @@ def test_products_are_dropped_where_they_cannot_even_see_the_condition(arm, eage
     motion, torque = recorded(arm, 17)
     moving = np.array([1.0, 0.0, 1.0, 1.0])
     still = Motion(motion.time, motion.q * moving, motion.dq * moving, motion.ddq * moving)
-    information = inform(model, base, raw(one_run(still, torque, RATE)))
+    information = accumulate_information(model, base, raw(one_run(still, torque, RATE)))
     assert information.made_by.endswith(" qr")
 
 
@@ -258,7 +258,7 @@ def test_products_are_dropped_where_they_cannot_even_see_the_condition(arm, eage
 
 def test_saved_and_loaded(arm, tmp_path):
     model, base, _ = arm
-    information = inform(model, base, raw(one_run(*recorded(arm, 28), RATE)))
+    information = accumulate_information(model, base, raw(one_run(*recorded(arm, 28), RATE)))
     loaded = values.load(Information, values.save(information, tmp_path / "information.npz"))
     assert loaded.names == information.names
     assert loaded.made_by == information.made_by

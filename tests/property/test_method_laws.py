@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armid.estimation.crossvalidation import beside, folds, held_out_squares, split
+from armid.estimation.crossvalidation import folds, held_out_squares, split, training_information
 from armid.estimation.estimators import EssentialParameters, Ridge, RobustLeastSquares, WeightedLeastSquares
-from armid.estimation.problem import Problem, standard_of
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.information.accumulate import accumulate_information
 from armid.information.information import select
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
@@ -47,7 +47,7 @@ METHODS = pytest.mark.parametrize(
 )
 
 
-def random_problem(seed: int, noise: float) -> tuple[Arm, Problem]:
+def random_problem(seed: int, noise: float) -> tuple[Arm, EstimationProblem]:
     """Two to five joints, any or special geometry, all common terms."""
     rng = np.random.default_rng(seed)
     make = random_tree if rng.random() < 0.5 else structured_tree
@@ -59,12 +59,14 @@ def random_problem(seed: int, noise: float) -> tuple[Arm, Problem]:
     return arm, problem_of(arm, raw(one_run(motion, torque, RATE)))
 
 
-def problem_of(arm: Arm, observations: Observations) -> Problem:
+def problem_of(arm: Arm, observations: Observations) -> EstimationProblem:
     model, base, _ = arm
-    return Problem(inform(model, base, observations), standard_of(model, base), model, base, observations)
+    return EstimationProblem(
+        accumulate_information(model, base, observations), standard_of(model, base), model, base, observations
+    )
 
 
-def with_torque(problem: Problem, arm: Arm, change: Array) -> Problem:
+def with_torque(problem: EstimationProblem, arm: Arm, change: Array) -> EstimationProblem:
     """The problem had the torque been larger by a change (N, n)."""
     assert problem.observations is not None
     (run,) = problem.observations.runs
@@ -141,6 +143,6 @@ def test_folds_make_the_whole(seed: int, count: int):
     squares = np.sum([held_out_squares(part.held_out, truth) for part in parts], axis=0)
     np.testing.assert_allclose(squares, held_out_squares(information, truth), rtol=1e-9)
     for k, part in enumerate(parts):
-        trains = (fold != k) & ~beside(information, fold == k)
+        trains = (fold != k) & ~training_information(information, fold == k)
         rest = held_out_squares(select(information, trains), truth)
         np.testing.assert_allclose(held_out_squares(part.training, truth), rest, rtol=1e-9)

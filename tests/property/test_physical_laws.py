@@ -10,11 +10,11 @@ import pytest
 
 from armid.errors import UnsolvedError
 from armid.estimation.consistency.cones import EPSILON
-from armid.estimation.consistency.consistent_fit import Bodies, Program
+from armid.estimation.consistency.consistent_fit import BodyConstraints, ConsistentProgram
 from armid.estimation.estimators import PhysicallyConsistent
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem, standard_of
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.information.accumulate import accumulate_information
 from armid.maths.inertia import pseudo_inertia
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -33,7 +33,7 @@ GAP = 1e-6
 """Largest duality gap of a solution, over the size of the objective."""
 
 
-def random_problem(seed: int, joints: int) -> Problem:
+def random_problem(seed: int, joints: int) -> EstimationProblem:
     """An arm with a wrong description and a recording that may be short, weak, noisy or of another sign."""
     rng = np.random.default_rng(seed)
     tree = structured_tree(rng, joints, prismatic=0.1 * rng.integers(2), branching=0.2 * rng.integers(2))
@@ -56,10 +56,10 @@ def random_problem(seed: int, joints: int) -> Problem:
     nominal = np.zeros(len(truth))
     nominal[model.inertial_columns] = random_inertial(rng, joints).ravel()
     standard = replace(standard_of(model, base), nominal=nominal)
-    return Problem(inform(model, base, observations), standard, model, base)
+    return EstimationProblem(accumulate_information(model, base, observations), standard, model, base)
 
 
-def whole_problem(noise: float, sign: float) -> Problem:
+def whole_problem(noise: float, sign: float) -> EstimationProblem:
     """Three joints in lively motion, described as they are, with a torque that may have another sign."""
     rng = np.random.default_rng(3)
     model = DynamicsModel(robot_of(structured_tree(rng, 3)), (RigidBody(), Viscous(), Coulomb(width=0.02)))
@@ -72,10 +72,12 @@ def whole_problem(noise: float, sign: float) -> Problem:
     nominal = np.zeros(len(truth))
     nominal[model.inertial_columns] = truth[model.inertial_columns]
     standard = replace(standard_of(model, base), nominal=nominal)
-    return Problem(inform(model, base, raw(one_run(motion, torque, RATE, block_rows=25))), standard, model, base)
+    return EstimationProblem(
+        accumulate_information(model, base, raw(one_run(motion, torque, RATE, block_rows=25))), standard, model, base
+    )
 
 
-def assert_physical(problem: Problem, kind: str) -> Fit:
+def assert_physical(problem: EstimationProblem, kind: str) -> Fit:
     """The answer is one, by what can be computed from it alone."""
     fit = PhysicallyConsistent(prior=kind, weight=1.0).estimate(problem)  # pyright: ignore[reportArgumentType]
     standard, found = problem.standard, fit.standard
@@ -133,22 +135,22 @@ def test_what_is_said_of_raised_noise_is_true_whatever_made_the_search_fail(
     monkeypatch: pytest.MonkeyPatch, sign: float, severity: str
 ):
     """A search that fails for reasons of its own is no evidence that no body explains the data."""
-    solve, failures = Program.solve, iter([True])
+    solve, failures = ConsistentProgram.solve, iter([True])
 
-    def once(*args: Any, **options: Any) -> Bodies:
+    def once(*args: Any, **options: Any) -> BodyConstraints:
         if next(failures, False):
             raise UnsolvedError("The search stumbled.")
         return solve(*args, **options)
 
-    monkeypatch.setattr(Program, "solve", once)
+    monkeypatch.setattr(ConsistentProgram, "solve", once)
     assert raised_noise(assert_physical(whole_problem(1e-3, sign), "mass")) == [severity]
 
 
 def test_a_search_that_never_ends_is_refused_with_what_to_do(monkeypatch: pytest.MonkeyPatch):
-    def never(*_: Any, **__: Any) -> Bodies:
+    def never(*_: Any, **__: Any) -> BodyConstraints:
         raise UnsolvedError("The search stumbled.")
 
-    monkeypatch.setattr(Program, "solve", never)
+    monkeypatch.setattr(ConsistentProgram, "solve", never)
     with pytest.raises(UnsolvedError) as caught:
         assert_physical(whole_problem(1e-3, 1.0), "mass")
     assert "0.1 of the torque" in caught.value.problem and "sign" in caught.value.remedy

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.measurement.processing.pipeline import Processing, process, resolve
+from armid.measurement.processing.pipeline import ProcessingOptions, process_recording, resolve_options
 from armid.measurement.processing.resampling import jitter, stretches
 from armid.measurement.recording import Recording
 
@@ -41,21 +41,21 @@ def test_the_panda_log_jitters_and_is_one_run(shared_data: Path):
     log = read(shared_data, PANDA, 7, "tau")
     steps = np.diff(log.time)
     assert (steps.min(), steps.max()) == pytest.approx((0.0007, 0.0088), abs=1e-4)
-    runs, findings = process(log, Processing())
+    runs, findings = process_recording(log, ProcessingOptions())
     # The longest step is shorter than a tenth of a period of 5 Hz: bridged, and said so.
     assert len(runs) == 1 and runs[0].rate == 1000.0 and runs[0].step == 40
     assert [finding.code for finding in findings] == ["clock-jitter"]
     assert "0.0007 to 0.00881 s" in findings[0].evidence
     # Without a filter the same two steps are gaps.
-    runs, findings = process(log, Processing(family="none"))
+    runs, findings = process_recording(log, ProcessingOptions(family="none"))
     assert len(runs) == 3 and [finding.code for finding in findings].count("clock-gap") == 2
 
 
 def test_velocities_from_positions_agree_with_the_arm_better_on_its_clock_than_on_an_even_one(shared_data: Path):
     for name, joints, effort in ((UR10E, 6, "i"), ("kinova_gen3_raptor/traj_1.parquet", 7, "tau")):
         log = read(shared_data, name, joints, effort)
-        filtered = Processing(derivatives="filter")
-        (run,), _ = process(log, filtered)
+        filtered = ProcessingOptions(derivatives="filter")
+        (run,), _ = process_recording(log, filtered)
         even = Recording(
             time=None,
             rate=(log.samples - 1) / float(log.time[-1] - log.time[0]),
@@ -63,7 +63,7 @@ def test_velocities_from_positions_agree_with_the_arm_better_on_its_clock_than_o
             effort=log.effort,
             source=name,
         )
-        (other,), _ = process(even, filtered)
+        (other,), _ = process_recording(even, filtered)
         measured = np.column_stack([np.interp(run.motion.time, log.time, v) for v in log.dq.T])
         inner = slice(100, -100)
         on_clock = np.sqrt(np.mean((run.motion.dq - measured)[inner] ** 2))
@@ -77,7 +77,7 @@ def test_the_ur10e_log_jitters_between_2_and_16_ms(shared_data: Path):
     steps = np.diff(log.time)
     assert (steps.min(), steps.max()) == pytest.approx((0.002, 0.016), abs=1e-4)
     assert jitter(log.time) > 0.3
-    runs, findings = process(log, Processing())
+    runs, findings = process_recording(log, ProcessingOptions())
     assert len(runs) == 1 and runs[0].rate == 100.0
     assert [finding.code for finding in findings] == ["clock-jitter"]
 
@@ -87,7 +87,7 @@ def test_the_gap_of_the_gen3_splits_its_run(shared_data: Path):
     pieces, findings = stretches(log, None)
     assert [piece.samples for piece in pieces] == [28, 1332]
     assert [finding.code for finding in findings] == ["clock-gap"] and "0.16 s" in findings[0].evidence
-    runs, findings = process(log, Processing(family="none"))
+    runs, findings = process_recording(log, ProcessingOptions(family="none"))
     # The 0.28 s before the gap are shorter than what is trimmed.
     assert len(runs) == 1 and {finding.code for finding in findings} == {"clock-gap", "clock-jitter", "run-short"}
     # Recorded derivatives and no filter: the samples themselves.
@@ -108,4 +108,4 @@ def test_the_automatic_cutoff_suits_arms_fast_and_slow(
         log = Recording(time=table["t"].to_numpy(), q=q, effort=q, source=name)
     else:
         log = read(shared_data, name, joints, effort)
-    assert low < float(resolve(Processing(cutoff="auto"), [log]).cutoff) < high
+    assert low < float(resolve_options(ProcessingOptions(cutoff="auto"), [log]).cutoff) < high

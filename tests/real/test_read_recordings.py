@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
-from armid.measurement.robot_convention import interpret
+from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
 
 pytestmark = pytest.mark.real
@@ -17,9 +17,9 @@ GEAR = np.diag([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
 GEAR[5, 4] = 32.0
 GAINS = np.array([14.87, 13.26, 11.13, 10.62, 11.03, 11.47])
 FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
-CURRENT = Reading(drive_gain=GAINS, drive_gain_deviation=0.1)
-OPPOSITE = Reading(torque_sign=-1)
-TX40 = Reading(
+CURRENT = LogFormat(drive_gain=GAINS, drive_gain_deviation=0.1)
+OPPOSITE = LogFormat(torque_sign=-1)
+TX40 = LogFormat(
     columns={"q": "qm{}", "effort": "taum{}"},
     transmission=GEAR,
     joint_offset=np.array([0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0]),
@@ -29,17 +29,17 @@ LOOSE = 0.15
 """Joint 6 of the Gen3 goes 0.11 rad beyond the limit that its URDF states; nothing else leaves its limits."""
 
 RUNS = {
-    "franka_panda_gaz/exciting_first70": ("panda.urdf", Reading()),
+    "franka_panda_gaz/exciting_first70": ("panda.urdf", LogFormat()),
     "kinova_gen3_raptor/traj_1": ("kinova.urdf", OPPOSITE),
     "kinova_gen3_raptor/traj_3": ("kinova.urdf", OPPOSITE),
     "kinova_gen3_raptor/traj_5": ("kinova.urdf", OPPOSITE),
-    "kuka_iiwa14_lasa/samples_2000": ("iiwa14.urdf", Reading(torque_sign=-1, rate=50.0)),
+    "kuka_iiwa14_lasa/samples_2000": ("iiwa14.urdf", LogFormat(torque_sign=-1, rate=50.0)),
     "kuka_lbr_med7/measurements": ("med7dock.urdf", OPPOSITE),
     "kuka_lbr_med7/measurements_with_ext_tau_1_dgr": ("med7dock.urdf", OPPOSITE),
-    "kuka_lwr4plus/measurements_1": ("kuka_lwr4.urdf", Reading()),
-    "kuka_lwr4plus/measurements_3": ("kuka_lwr4.urdf", Reading()),
+    "kuka_lwr4plus/measurements_1": ("kuka_lwr4.urdf", LogFormat()),
+    "kuka_lwr4plus/measurements_3": ("kuka_lwr4.urdf", LogFormat()),
     "staubli_tx40/first70": ("tx40_mdh_modified.urdf", TX40),
-    "ur10_unisa/ur10_exciting_trajectory": ("ur10_robot.urdf", Reading()),
+    "ur10_unisa/ur10_exciting_trajectory": ("ur10_robot.urdf", LogFormat()),
     "ur10e_innopolis/ur-20_02_06-20sec_5harm": ("ur10e.urdf", CURRENT),
     "ur10e_innopolis/ur-20_02_10-30sec_12harm": ("ur10e.urdf", CURRENT),
     "ur10e_innopolis/ur-20_02_12-40sec_12harm": ("ur10e.urdf", CURRENT),
@@ -57,7 +57,7 @@ def read(shared_data, run, reading=None):
     path = shared_data / f"{run}.parquet"
     robot = load_robot(path.parent / urdf, locked=FINGERS if "panda" in urdf else [])
     reading = reading or usual
-    return interpret(load_recording(path, reading), reading, robot), robot
+    return to_robot_convention(load_recording(path, reading), reading, robot), robot
 
 
 def test_no_recording_is_left_out(shared_data):
@@ -120,14 +120,14 @@ def test_the_iiwa_has_no_clock_and_its_rate_is_told(shared_data):
         read(shared_data, "kuka_iiwa14_lasa/samples_2000", OPPOSITE)
     assert "imply 50 Hz" in caught.value.remedy
     with pytest.raises(RecordingError, match="imply 50 Hz, rate says 100 Hz"):
-        read(shared_data, "kuka_iiwa14_lasa/samples_2000", Reading(rate=100.0))
+        read(shared_data, "kuka_iiwa14_lasa/samples_2000", LogFormat(rate=100.0))
 
 
 def test_currents_without_gains_and_motors_taken_for_joints_are_refused(shared_data):
     with pytest.raises(RecordingError, match="current-without-gain"):
-        read(shared_data, "ur10e_innopolis/ur-20_02_06-20sec_5harm", Reading())
+        read(shared_data, "ur10e_innopolis/ur-20_02_06-20sec_5harm", LogFormat())
     with pytest.raises(RecordingError, match="far outside its limits") as caught:
-        read(shared_data, "staubli_tx40/first70", Reading(columns=TX40.columns))
+        read(shared_data, "staubli_tx40/first70", LogFormat(columns=TX40.columns))
     assert "transmission" in caught.value.remedy
 
 

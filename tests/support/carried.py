@@ -10,9 +10,9 @@ import numpy as np
 
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem
-from armid.estimation.uncertainty.covariance import cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information
 from armid.maths.inertia import com_inertia_to_vector
 from armid.model.base_parameters import BaseParameters, find_base_parameters
@@ -102,10 +102,10 @@ def carrying(
     torque = torque / (1.0 + np.asarray(correction))
     if noise is not None:
         torque = torque + NOISE * noise.normal(size=torque.shape)
-    information = inform(model, base, raw(one_run(along, torque, RATE, block_rows=BLOCK)))
+    information = accumulate_information(model, base, raw(one_run(along, torque, RATE, block_rows=BLOCK)))
     return Carrying(information, base.values_of(theta))
 
 
 def known(information: Information) -> Fit:
     """The estimate of the arm without a load."""
-    return cover(WeightedLeastSquares().estimate(Problem(information)), information)
+    return estimate_covariance(WeightedLeastSquares().estimate(EstimationProblem(information)), information)

@@ -8,9 +8,9 @@ import numpy as np
 
 from armid.estimation.estimate import Estimate
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
-from armid.estimation.problem import Problem, standard_of
-from armid.estimation.uncertainty.covariance import cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody, Viscous
@@ -36,7 +36,7 @@ def model(text: str = CRANE) -> DynamicsModel:
     return DynamicsModel(read(text, source="small", locked={}, tip=None), (RigidBody(), Viscous()))
 
 
-def problem(text: str = CRANE, seed: int = 0, noise: float = 0.3) -> Problem:
+def problem(text: str = CRANE, seed: int = 0, noise: float = 0.3) -> EstimationProblem:
     arm = model(text)
     base, theta = find_base_parameters(arm), arm.nominal_parameters()
     assert theta is not None
@@ -45,11 +45,11 @@ def problem(text: str = CRANE, seed: int = 0, noise: float = 0.3) -> Problem:
     motion = lively_motion(np.random.default_rng(1), arm.n, RATE, 12.0)
     torque = arm.torque(motion, theta) + noise * np.random.default_rng(seed).normal(size=(motion.samples, arm.n))
     samples = raw(one_run(motion, torque, RATE))
-    return Problem(inform(arm, base, samples), standard_of(arm, base), arm, base, samples)
+    return EstimationProblem(accumulate_information(arm, base, samples), standard_of(arm, base), arm, base, samples)
 
 
-def estimate(data: Problem, *, bodies: bool = True) -> Estimate:
+def estimate(data: EstimationProblem, *, bodies: bool = True) -> Estimate:
     assert data.model is not None and data.base is not None
     estimator = PhysicallyConsistent(prior="none") if bodies else WeightedLeastSquares()
-    fit = cover(estimator.estimate(data), data)
+    fit = estimate_covariance(estimator.estimate(data), data)
     return Estimate(data.model.robot.name, estimator.name, (), data.base, fit)

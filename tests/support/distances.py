@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.excitation.collision.distances import Clearance
-from armid.excitation.design.objective import Goal, Objective
+from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraints import States
 from armid.excitation.series_basis import SeriesBasis
 from armid.model.base_parameters import find_base_parameters
@@ -46,7 +46,7 @@ def slopes_wrong(robot: Robot, start: Array, clearance: Clearance, size: float) 
     """
     model = DynamicsModel(robot, (RigidBody(),))
     basis = SeriesBasis(1.0, 4, start)
-    objective = Objective(Goal(model, find_base_parameters(model)), basis, 40)
+    objective = Objective(CriterionGoal(model, find_base_parameters(model)), basis, 40)
     rng = np.random.default_rng(1)
     x, d = size * rng.normal(size=basis.unknowns), rng.normal(size=basis.unknowns)
     at = {k: States(objective, x + k * STEP * d) for k in (-2, -1, 0, 1, 2)}

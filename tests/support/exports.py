@@ -13,8 +13,8 @@ from armid.estimation.fit import Fit
 from armid.estimation.problem import bare_standard
 from armid.estimation.standard_fit import PriorUse, Proof, StandardFit
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
@@ -166,4 +166,4 @@ def run_with(
     choice = {"description": str(description), "gravity": gravity, "locked": locked, "tip": None}
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "study.json").write_text(json.dumps({"robot": choice, "folder": ".", "recordings": []}))
-    return Run(str(folder), model.robot, model, estimate, Processing(), Reading(), ())
+    return Run(str(folder), model.robot, model, estimate, ProcessingOptions(), LogFormat(), ())

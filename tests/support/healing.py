@@ -10,11 +10,11 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding
 from armid.measurement.columns.lookup import assemble, select
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import BY_HAND
-from armid.measurement.robot_convention import interpret
+from armid.measurement.robot_convention import to_robot_convention
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.diagnosis import diagnose_recording
 from armid.study.remedies import applied
@@ -49,7 +49,7 @@ def healed(case: Case, remedy: str) -> tuple[Case, ModelChoice, float | None]:
     return again, study.model, study.processing.saturation
 
 
-def read_again(log: Recording, reading: Reading) -> Recording:
+def read_again(log: Recording, reading: LogFormat) -> Recording:
     """Return what a reader makes of a table of the log."""
     table = {} if log.time is None else {"t": log.time}
     for name, pattern in PATTERNS.items():
@@ -65,7 +65,7 @@ def told_after(case: Case, finding: Finding) -> set[str]:
     again, choice, saturation = healed(case, finding.remedy)
     model = build_model(again.robot, choice) if choice.terms else None
     found = diagnose_recording(
-        again.robot, again.recording, again.reading, model, processing=Processing(saturation=saturation)
+        again.robot, again.recording, again.reading, model, processing=ProcessingOptions(saturation=saturation)
     )
     return {f.code for f in found if f.severity != "info"}
 
@@ -89,7 +89,7 @@ def _same(case: Case, remedy: str, *, q: float = EXACT) -> bool:
         return False
     try:
         again, _, _ = healed(case, remedy)
-        log = interpret(again.recording, again.reading, again.robot).recording
+        log = to_robot_convention(again.recording, again.reading, again.robot).recording
     except ArmidError:
         return False
     assert log.effort is not None

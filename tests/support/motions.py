@@ -6,7 +6,7 @@ import numpy as np
 
 from armid.errors import Finding
 from armid.measurement.observations import ObservedRun
-from armid.measurement.processing.pipeline import Processing, process
+from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
 from armid.measurement.recording import Recording
 
 PERIOD = 10.0
@@ -35,9 +35,9 @@ def clock(seconds: float, rate: float = 100.0) -> np.ndarray:
     return np.arange(round(seconds * rate)) / rate
 
 
-def one(log: Recording, processing: Processing, **more: object) -> tuple[ObservedRun, tuple[Finding, ...]]:
+def one(log: Recording, processing: ProcessingOptions, **more: object) -> tuple[ObservedRun, tuple[Finding, ...]]:
     """The only run of a recording, and the findings."""
-    runs, findings = process(log, processing, **more)  # pyright: ignore[reportArgumentType]
+    runs, findings = process_recording(log, processing, **more)  # pyright: ignore[reportArgumentType]
     assert len(runs) == 1
     return runs[0], findings
 

@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem
-from armid.estimation.uncertainty.covariance import cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
@@ -55,7 +55,7 @@ def coloured(
     return z[500:] * levels
 
 
-def problem(motion: Motion, noise: Array, block: Array, band: Band | None = None, step: int = 1) -> Problem:
+def problem(motion: Motion, noise: Array, block: Array, band: Band | None = None, step: int = 1) -> EstimationProblem:
     """A problem with its samples, from one run."""
     model, base, truth = arm()
     torque = model.regressor(motion)[:, :, base.kept] @ truth + noise
@@ -63,27 +63,27 @@ def problem(motion: Motion, noise: Array, block: Array, band: Band | None = None
     mask = np.ones((rows, 2), dtype=bool)
     run = ObservedRun(motion, torque, RATE, step, 0, mask, np.asarray(block, dtype=np.int64)[:rows])
     observations = Observations((run,), band or Band())
-    return Problem(inform(model, base, observations), None, model, base, observations)
+    return EstimationProblem(accumulate_information(model, base, observations), None, model, base, observations)
 
 
 def seconds_of(motion: Motion) -> Array:
     return np.arange(motion.samples) // int(RATE)
 
 
-def repeated(seed: int, count: int, memory: float = 0.1) -> Problem:
+def repeated(seed: int, count: int, memory: float = 0.1) -> EstimationProblem:
     motion = moved(8.0, count)
     noise = coloured(np.random.default_rng(seed), motion.samples, memory)
     return problem(motion, noise, np.repeat(np.arange(count), motion.samples // count))
 
 
-def once(seed: int, seconds: float = 20.0, memory: float = 0.1, **kinds: object) -> Problem:
+def once(seed: int, seconds: float = 20.0, memory: float = 0.1, **kinds: object) -> EstimationProblem:
     motion = moved(seconds)
     noise = coloured(np.random.default_rng(seed), motion.samples, memory)
     return problem(motion, noise, seconds_of(motion), **kinds)  # pyright: ignore[reportArgumentType]
 
 
-def covered(given: Problem, method: OrdinaryLeastSquares | WeightedLeastSquares = WLS) -> Fit:
-    return cover(method.estimate(given), given)
+def covered(given: EstimationProblem, method: OrdinaryLeastSquares | WeightedLeastSquares = WLS) -> Fit:
+    return estimate_covariance(method.estimate(given), given)
 
 
 def inside(fit: Fit) -> Array:
@@ -91,7 +91,7 @@ def inside(fit: Fit) -> Array:
     return (ends[:, 0] <= truth) & (truth <= ends[:, 1])
 
 
-def dense(given: Problem) -> tuple[Array, Array]:
+def dense(given: EstimationProblem) -> tuple[Array, Array]:
     """Columns (N, n, b) and torque (N, n) of an unfiltered problem."""
     model, base, _ = arm()
     assert given.observations is not None

@@ -9,25 +9,25 @@ import numpy as np
 
 from armid.excitation.fourier import Excitation
 from armid.lab.friction import Friction
-from armid.lab.known_arms import Truth
+from armid.lab.known_arms import KnownArm
 from armid.lab.options import LabOptions
-from armid.lab.sensors import Channel, Sensing
+from armid.lab.sensors import Sensing, SensorChannel
 from labs import FRICTION, PERIOD, small_model, small_plan
 
-EXACT = Sensing(100.0, Channel(), Channel())
+EXACT = Sensing(100.0, SensorChannel(), SensorChannel())
 """Sensors that say what is."""
 
 
-def small_arm(**changes: Any) -> Truth:
+def small_arm(**changes: Any) -> KnownArm:
     """The small arm with its own plain friction."""
     robot = small_model().robot
     inertial = robot.inertial_vector
     assert inertial is not None
     friction = Friction(np.array(FRICTION["FV"]), np.array(FRICTION["FS"]))
-    return replace(Truth(robot, inertial, friction, np.zeros(3)), **changes)
+    return replace(KnownArm(robot, inertial, friction, np.zeros(3)), **changes)
 
 
-def smooth_arm(**changes: Any) -> Truth:
+def smooth_arm(**changes: Any) -> KnownArm:
     """The small arm without friction."""
     return small_arm(friction=Friction.none(3), **changes)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
 
 RNG = np.random.default_rng(7)
@@ -200,5 +200,5 @@ def assert_same(recording, *, t=T, dq=DQ, tau=TAU, ddq=None):
 
 def refused(words, path, **reading):
     with pytest.raises(RecordingError, match=words) as caught:
-        load_recording(path, Reading(**reading))
+        load_recording(path, LogFormat(**reading))
     return caught.value

@@ -13,7 +13,7 @@ from armid.excitation.fourier import Excitation
 from armid.lab.ideal_recording import Sensors, record
 from armid.maths.inertia import com_inertia_to_vector, vector_to_com_inertia
 from armid.maths.signals import butterworth, zero_phase
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
@@ -55,7 +55,7 @@ class Case:
 
     robot: Robot
     recording: Recording
-    reading: Reading
+    reading: LogFormat
     motion: Motion
     torque: Array
     model: DynamicsModel
@@ -157,7 +157,7 @@ def sound(
         consecutive=None,
     )
     log = replace(log, columns=columns_of(log))
-    reading = Reading(period=excitation.period, start=0.0) if rng.random() < 0.5 else Reading()
+    reading = LogFormat(period=excitation.period, start=0.0) if rng.random() < 0.5 else LogFormat()
     return Case(robot, log, reading, motion, torque, model, theta)
 
 
@@ -330,7 +330,7 @@ def rows_not_consecutive(seed: int) -> Case:
         case.logged(
             time=None, q=log.q[order], dq=case.motion.dq[order], ddq=case.motion.ddq[order], effort=log.effort[order]
         ),
-        reading=Reading(rate=float(1.0 / case.motion.time[1])),
+        reading=LogFormat(rate=float(1.0 / case.motion.time[1])),
     )
 
 
@@ -420,7 +420,7 @@ def period_misaligned(seed: int) -> Case:
     index[samples:] -= late
     assert log.effort is not None
     changed = case.logged(q=log.q[index], dq=None if log.dq is None else log.dq[index], effort=log.effort[index])
-    return replace(changed, reading=Reading(period=period, start=0.0), truth={"late": late / rate})
+    return replace(changed, reading=LogFormat(period=period, start=0.0), truth={"late": late / rate})
 
 
 def _period(case: Case) -> float:

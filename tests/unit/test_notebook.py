@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from armid import find_base_parameters, identify, load_robot, load_run, load_study, save_run
-from armid.excitation.design.objective import Goal
+from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.plan import Plan
-from armid.notebook import MOST_ROWS, Shown, Summary, html_of, names_apart, percent, plural, text_of
+from armid.notebook import MOST_ROWS, Displayed, Summary, html_of, names_apart, percent, plural, text_of
 from armid.runs.certification import certify_run
-from armid.study.plans.design import Effort, Rules, Wish, design_plan
+from armid.study.plans.design import DesignConstraints, DesignGoal, SearchBudget, design_plan
 from labs import small_model, small_plan, small_recording, write_recordings, write_study
 
 
@@ -38,7 +38,7 @@ class Tags(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Shown]:
+def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Displayed]:
     folder = tmp_path_factory.mktemp("small")
     write_recordings(folder)
     study = write_study(folder).read_text() + '[estimation]\nmethod = "physical"\n'
@@ -46,8 +46,8 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Shown]:
     result = identify(load_study(folder / "study.toml"))
     run = load_run(save_run(result, folder / "run"))
     model, motion = small_model(), small_plan(1)
-    goal = Goal(model, find_base_parameters(model), rate=20.0)
-    designed = design_plan(Wish(goal, 6.0, 3), Rules(acceleration=5.0), Effort(None, 1, 0, 1))
+    goal = CriterionGoal(model, find_base_parameters(model), rate=20.0)
+    designed = design_plan(DesignGoal(goal, 6.0, 3), DesignConstraints(acceleration=5.0), SearchBudget(None, 1, 0, 1))
     assert result.estimate.fit.standard is not None
     return {
         "Estimate": result.estimate,
@@ -95,7 +95,7 @@ HOLDS = {
 
 
 @pytest.mark.parametrize("kind", HOLDS)
-def test_a_value_shows_itself_as_a_table(kind: str, values: dict[str, Shown]):
+def test_a_value_shows_itself_as_a_table(kind: str, values: dict[str, Displayed]):
     value = values[kind]
     assert type(value).__name__ == kind
     summary = value.summary()
@@ -105,7 +105,7 @@ def test_a_value_shows_itself_as_a_table(kind: str, values: dict[str, Shown]):
 
 
 def test_every_value_that_shows_itself_is_looked_at():
-    assert {kind.__name__ for kind in leaves(Shown)} == set(HOLDS)
+    assert {kind.__name__ for kind in leaves(Displayed)} == set(HOLDS)
 
 
 def leaves(kind: type) -> list[type]:
@@ -114,7 +114,7 @@ def leaves(kind: type) -> list[type]:
 
 
 @pytest.mark.parametrize("kind", HOLDS)
-def test_a_prompt_shows_ten_lines_of_a_value(kind: str, values: dict[str, Shown]):
+def test_a_prompt_shows_ten_lines_of_a_value(kind: str, values: dict[str, Displayed]):
     text = repr(values[kind])
     assert kind in text.splitlines()[0] and text.count("\n") < 10 and len(text) < 1500
     assert "array(" not in text and " 1 findings" not in text
@@ -159,7 +159,7 @@ def test_long_tables_end_and_say_so():
     assert page.count("<tr>") == MOST_ROWS + 1 and "3 rows more" in page
 
 
-def test_pages_do_not_promise_more(values: dict[str, Shown]):
+def test_pages_do_not_promise_more(values: dict[str, Displayed]):
     """Values that the first page names show themselves."""
     text = (Path(__file__).parents[2] / "docs" / "start.md").read_text(encoding="utf-8")
     assert "a run and its `run.estimate`, robots, models, plans, recordings" in text

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armid.estimation.consistency.consistent_fit import Program
+from armid.estimation.consistency.consistent_fit import ConsistentProgram
 from armid.estimation.consistency.constraints import Requirements
 from armid.estimation.estimators.log_cholesky import LogCholesky
-from armid.estimation.prior import LENGTH, MASS, believe
-from armid.estimation.problem import Problem, Standard, standard_of
-from armid.estimation.whitening import Weighted, weigh
-from armid.information.accumulate import inform
+from armid.estimation.prior import LENGTH, MASS, make_prior
+from armid.estimation.problem import EstimationProblem, StandardParameters, standard_of
+from armid.estimation.whitening import WhitenedSystem, whiten
+from armid.information.accumulate import accumulate_information
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, RotorInertia, Viscous
@@ -33,7 +33,7 @@ SYMBOLS = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
 
 
 @pytest.fixture(scope="module")
-def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
+def problem(tmp_path_factory: pytest.TempPathFactory) -> EstimationProblem:
     path = tmp_path_factory.mktemp("arm") / "small.urdf"
     path.write_text(URDF)
     robot = load_robot(path)
@@ -45,7 +45,9 @@ def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
     truth[model.law_columns] = np.resize([1.0, 0.05, 0.0], len(model.law_columns))  # some at their bounds
     motion = lively_motion(np.random.default_rng(1), robot.n, RATE, 10.0)
     torque = model.torque(motion, truth) + NOISE * np.random.default_rng(2).normal(size=motion.q.shape)
-    return Problem(inform(model, base, raw(one_run(motion, torque, RATE))), standard_of(model, base))
+    return EstimationProblem(
+        accumulate_information(model, base, raw(one_run(motion, torque, RATE))), standard_of(model, base)
+    )
 
 
 def pseudo(theta: Any, at: dict[str, int]) -> Any:
@@ -60,10 +62,10 @@ def pseudo(theta: Any, at: dict[str, int]) -> Any:
     return cp.bmat(rows)
 
 
-def written_again(standard: Standard, weighted: Weighted, kind: str, weight: float) -> Any:
+def written_again(standard: StandardParameters, weighted: WhitenedSystem, kind: str, weight: float) -> Any:
     """The same program in cvxpy."""
     theta = cp.Variable(len(standard.names))
-    belief = believe(kind, standard, weighted)
+    belief = make_prior(kind, standard, weighted)
     cost = 0.5 * cp.sum_squares(weighted.rows @ (standard.regrouping @ theta - weighted.values))
     kept = [theta[k] >= 0.0 for k in np.flatnonzero(standard.nonnegative)]
     if kind == "euclidean":
@@ -95,13 +97,13 @@ def written_again(standard: Standard, weighted: Weighted, kind: str, weight: flo
     ("kind", "weight", "solver"),
     [("mass", 1.0, "SCS"), ("mass", 1.0, "CVXOPT"), ("euclidean", 3.0, "SCS"), ("log-det", 0.3, "CLARABEL")],
 )
-def test_objectives_agree(problem: Problem, kind: str, weight: float, solver: str):
+def test_objectives_agree(problem: EstimationProblem, kind: str, weight: float, solver: str):
     if solver not in cp.installed_solvers():
         pytest.skip(f"cvxpy has no {solver} here")
     standard = problem.require_standard("physical")
-    weighted = weigh(problem.information)
-    belief = believe(kind, standard, weighted)
-    ours = Program(standard, Requirements(EPSILON), kind, belief).solve(
+    weighted = whiten(problem.information)
+    belief = make_prior(kind, standard, weighted)
+    ours = ConsistentProgram(standard, Requirements(EPSILON), kind, belief).solve(
         weighted.rows, weighted.rows @ weighted.values, weight
     )
     again = written_again(standard, weighted, kind, weight)
@@ -111,12 +113,12 @@ def test_objectives_agree(problem: Problem, kind: str, weight: float, solver: st
     assert ours.objective == pytest.approx(again.value, rel=SAME)
 
 
-def test_a_search_without_cones_ends_at_the_same_objective(problem: Problem):
+def test_a_search_without_cones_ends_at_the_same_objective(problem: EstimationProblem):
     """Log-Cholesky factors against the cone, which asks for a little more than they do: eigenvalues above zero."""
     standard = problem.require_standard("physical")
-    weighted = weigh(problem.information)
-    belief = believe("mass", standard, weighted)
-    program = Program(standard, Requirements(1e-9), "mass", belief, weighted.correlation)
+    weighted = whiten(problem.information)
+    belief = make_prior("mass", standard, weighted)
+    program = ConsistentProgram(standard, Requirements(1e-9), "mass", belief, weighted.correlation)
     convex = program.solve(weighted.rows, weighted.rows @ weighted.values, 1.0).objective
     fit = LogCholesky().estimate(problem)
     (said,) = [finding.evidence for finding in fit.findings if finding.code == "local-search"]

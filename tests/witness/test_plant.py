@@ -13,9 +13,9 @@ from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import Excitation
 from armid.lab.controller import Controller, Drive
 from armid.lab.friction import Friction
-from armid.lab.known_arms import EFFECTS, Truth, truth_of, with_effects
+from armid.lab.known_arms import EFFECTS, KnownArm, truth_of, with_effects
 from armid.lab.plant import Plant, stable_rate, write_mjcf
-from armid.lab.true_motion import Trace, closed_loop
+from armid.lab.true_motion import TrueMotion, closed_loop
 from armid.robot import load_robot
 from armid.robot.robot import InertialParameters
 from plants import short_plan, small_arm, smooth_arm
@@ -66,7 +66,7 @@ def test_acceleration_of_the_plant_is_that_of_the_kernel(seed: int):
     """On trees, where MuJoCo's joints stand in another order than the robot's."""
     rng = np.random.default_rng(seed)
     robot = robot_of(random_tree(rng, 6, branching=0.5))
-    truth = Truth(robot, random_inertial(rng, 6), Friction.none(6), rng.uniform(0.0, 1.0, 6))
+    truth = KnownArm(robot, random_inertial(rng, 6), Friction.none(6), rng.uniform(0.0, 1.0, 6))
     plant = Plant(truth, 1e-3, rng.normal(size=6), np.zeros(6))
     effort = rng.normal(size=6)
     for _ in range(20):
@@ -77,7 +77,7 @@ def test_acceleration_of_the_plant_is_that_of_the_kernel(seed: int):
         np.testing.assert_allclose(expected, effort, atol=TOLERANCE * (1.0 + np.abs(plant.at_ddq).max()))
 
 
-def energy(truth: Truth, q, dq) -> np.ndarray:
+def energy(truth: KnownArm, q, dq) -> np.ndarray:
     """Kinetic and potential energy [J] of links and rigid rotors."""
     kinetic = 0.5 * np.einsum("ni,nij,nj->n", dq, kernel.mass_matrix(truth.robot.tree, truth.inertial, q), dq)
     kinetic += 0.5 * (truth.rotor * dq**2).sum(axis=1)
@@ -159,7 +159,7 @@ def test_built_in_truths_are_bodies_that_follow_their_plan(name: str):
 def test_every_effect_changes_the_motion():
     plan, plain = short_plan().stretched(6.0), small_arm()
 
-    def moved(truth: Truth) -> Trace:
+    def moved(truth: KnownArm) -> TrueMotion:
         """Its first second."""
         brief = Excitation(2.0 * np.pi, plan.a[:, :1], plan.b[:, :1], plan.offset)
         rate = max(2000.0, 500.0 * np.ceil(stable_rate(truth, plan.at([0.0]).q) / 500.0 + 1.0))

@@ -27,11 +27,11 @@ from armid.values import Array
 
 __all__ = [
     "error_console",
-    "meshes_told",
     "output_console",
     "print_error",
     "print_findings",
     "print_methods",
+    "print_missing_meshes",
     "print_verdict",
     "progress",
     "validation_table",
@@ -116,7 +116,7 @@ def progress(*, quiet: bool = False) -> Generator[Tell]:
 
 
 @contextmanager
-def meshes_told(*, quiet: bool = False) -> Generator[None]:
+def print_missing_meshes(*, quiet: bool = False) -> Generator[None]:
     """Say on standard error which mesh is read, where that takes longer than `PATIENCE` and somebody watches."""
     from armid.excitation.collision.coal import telling_of_meshes
 

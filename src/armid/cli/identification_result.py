@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from armid.cli.commands.report import PAGE
 from armid.cli.console import output_console, print_verdict, validation_table
-from armid.cli.parameter_tables import estimate_table, folded_line, ladder_table, print_links, status_line
+from armid.cli.parameter_tables import estimate_table, folded_line, friction_selection_table, print_links, status_line
 from armid.estimation.link_properties import link_table
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
     units = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training, units))
     if result.ladder is not None:
-        console.print(ladder_table(result.ladder, result.robot))
+        console.print(friction_selection_table(result.ladder, result.robot))
         console.print(_method_said(result))
     if verbose:
         console.print(estimate_table(estimate, result.robot.joint_names))

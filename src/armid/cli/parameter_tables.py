@@ -11,14 +11,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from armid.estimation.estimate import Estimate
-from armid.estimation.friction.selection import Ladder
-from armid.estimation.link_properties import QUANTITIES, LinkBody, LinkTable
+from armid.estimation.friction.selection import FrictionSelection
+from armid.estimation.link_properties import QUANTITIES, LinkProperties, LinkTable
 from armid.estimation.standard_fit import StandardFit
-from armid.model.parameter_counts import by_joint, counted
+from armid.model.parameter_counts import by_joint, count_text
 from armid.model.term_descriptions import friction_of_joint
 from armid.robot.robot import Robot
 
-__all__ = ["estimate_table", "folded_line", "ladder_table", "print_links", "status_line"]
+__all__ = ["estimate_table", "folded_line", "friction_selection_table", "print_links", "status_line"]
 
 FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
 
@@ -46,7 +46,7 @@ def folded_line(estimate: Estimate) -> str:
     names = estimate.fit.names
     poor = int(estimate.fit.poorly_identified.sum())
     known = f"; relative standard deviation of {poor} more than ten times the smallest" if poor else ""
-    return f"{len(names)} base parameters, {counted(names)}, by {estimate.method}{known}"
+    return f"{len(names)} base parameters, {count_text(names)}, by {estimate.method}{known}"
 
 
 def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
@@ -54,7 +54,7 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
     fit, ends = estimate.fit, estimate.intervals
     decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
     table = Table(
-        title=f"{estimate.robot}: {len(fit.names)} base parameters ({counted(fit.names)}), {estimate.method}",
+        title=f"{estimate.robot}: {len(fit.names)} base parameters ({count_text(fit.names)}), {estimate.method}",
         caption="σ %: relative standard deviation. * over ten times the smallest: poorly identified, or near zero",
         header_style="bold",
     )
@@ -138,7 +138,7 @@ def _links_note(table: LinkTable) -> str:
     return "\n".join(lines)
 
 
-def _digits(body: LinkBody) -> list[int]:
+def _digits(body: LinkProperties) -> list[int]:
     """Decimals of each quantity, three digits of the largest of its kind, the same for estimate and description."""
     result = [0] * 10
     for kind in ((0,), (1, 2, 3), tuple(range(4, 10))):
@@ -163,7 +163,7 @@ def status_line(standard: StandardFit) -> str:
     return f"of {len(standard.names)} standard parameters {counts}; prior: {PRIORS[prior.kind]}{weight}"
 
 
-def ladder_table(ladder: Ladder, robot: Robot) -> Table:
+def friction_selection_table(ladder: FrictionSelection, robot: Robot) -> Table:
     """Friction that was chosen for each joint, one law a line, and what it gains on motion that was left out."""
     table = Table(title="Friction chosen by held-out stretches of the training motion", header_style="bold")
     table.add_column("#", justify="right")

@@ -10,7 +10,7 @@ import typer
 from armid.errors import ArmidError
 
 if TYPE_CHECKING:
-    from armid.measurement.log_format import Reading
+    from armid.measurement.log_format import LogFormat
 
 __all__ = ["Columns", "Data", "Rate", "TimeUnit", "TorqueSign", "Units", "changed_reading", "columns_given", "given"]
 
@@ -49,7 +49,7 @@ def given(
 
 
 def changed_reading(
-    reading: Reading, rate: float | None, torque_sign: int | None, columns: list[str] | None
+    reading: LogFormat, rate: float | None, torque_sign: int | None, columns: list[str] | None
 ) -> dict[str, Any]:
     """Return what the command line says of reading beyond a run's; columns that it does not name stay the run's."""
     said = given(columns, rate, torque_sign)

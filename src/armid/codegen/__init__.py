@@ -12,12 +12,21 @@ from numpy.typing import ArrayLike
 from armid.codegen.functions import PROGRAMS, make_programs
 from armid.codegen.languages import LANGUAGES
 from armid.codegen.program import Argument, Program
-from armid.codegen.source import Source, make_source
+from armid.codegen.source import FunctionSource, make_source
 from armid.errors import OutputError, did_you_mean
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 
-__all__ = ["LANGUAGES", "PROGRAMS", "Argument", "Program", "Source", "generate", "make_programs", "make_source"]
+__all__ = [
+    "LANGUAGES",
+    "PROGRAMS",
+    "Argument",
+    "FunctionSource",
+    "Program",
+    "generate",
+    "make_programs",
+    "make_source",
+]
 
 
 def generate(

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from armid.codegen.graph import Graph, Scalar
 from armid.codegen.program import Argument, Program
-from armid.codegen.source import Source
+from armid.codegen.source import FunctionSource
 from armid.model.dynamics import Parameter
 from armid.model.terms import RigidBody
 
@@ -21,7 +21,7 @@ ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 
 
-def thesis_order(source: Source) -> list[int]:
+def thesis_order(source: FunctionSource) -> list[int]:
     """Positions of the standard parameters in the order of the thesis."""
 
     def place(k: int) -> tuple[int, int, int]:
@@ -32,7 +32,7 @@ def thesis_order(source: Source) -> list[int]:
     return sorted(range(len(source.model.parameters)), key=place)
 
 
-def thesis_programs(source: Source) -> list[tuple[Program, list[str]]]:
+def thesis_programs(source: FunctionSource) -> list[tuple[Program, list[str]]]:
     """The four functions, each with lines that name its elements; fewer where regressors are not wanted."""
     order = thesis_order(source)
     rank = {column: k for k, column in enumerate(order)}
@@ -61,7 +61,7 @@ def _reordered(program: Program, name: str, columns: list[int]) -> Program:
     return replace(program, name=name, entries=entries)
 
 
-def _pi(source: Source, order: list[int]) -> Program:
+def _pi(source: FunctionSource, order: list[int]) -> Program:
     """π(μ): the standard parameters of mass, centre of mass, inertia about it, and the rest as it is."""
     parameters = [source.model.parameters[k] for k in order]
     mu = Graph().symbols("mu", len(order))
@@ -82,7 +82,7 @@ def _about_origin(start: int, mu: list[Scalar]) -> Mapping[int, Scalar]:
     return dict(enumerate([*values, zz + (mx * x + my * y)], start))
 
 
-def _pi_b(source: Source, order: list[int], rows: list[int]) -> Program:
+def _pi_b(source: FunctionSource, order: list[int], rows: list[int]) -> Program:
     """π_b(π): the regrouping."""
     pi = Graph().symbols("pi_", len(order))
     entries: dict[int, Scalar] = {}

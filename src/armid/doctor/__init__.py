@@ -35,13 +35,13 @@ from armid.doctor.checks.signals import (
     velocity_mismatch,
 )
 from armid.doctor.effects import EFFECTS
-from armid.doctor.evidence import Evidence, Explain
+from armid.doctor.evidence import Explain, LogEvidence
 from armid.doctor.remedy_trial import needs_reason
 from armid.errors import Finding
 
-__all__ = ["CHECKS", "EFFECTS", "EXPLAINS", "FOLLOW", "SEVERITIES", "Evidence", "examine"]
+__all__ = ["CHECKS", "EFFECTS", "EXPLAINS", "FOLLOW", "SEVERITIES", "LogEvidence", "examine"]
 
-Check = Callable[[Evidence], list[Finding]]
+Check = Callable[[LogEvidence], list[Finding]]
 
 CHECKS: dict[str, Check] = {
     "reading-findings": reading_findings.check,
@@ -107,7 +107,7 @@ def _with_reason(finding: Finding) -> Finding:
     return replace(finding, evidence=finding.evidence + reason) if reason else finding
 
 
-def examine(evidence: Evidence, checks: Collection[str] = tuple(CHECKS)) -> tuple[Finding, ...]:
+def examine(evidence: LogEvidence, checks: Collection[str] = tuple(CHECKS)) -> tuple[Finding, ...]:
     """All findings of some checks on a log, errors first, each said once."""
     found = [_with_reason(f) for name, check in CHECKS.items() if name in checks for f in check(evidence)]
     known = {code for f in found if f.severity != "info" for code in FOLLOW.get(f.code, ())}

@@ -13,16 +13,16 @@ from armid.maths.sampling import automatic_cutoff
 from armid.maths.signals import decimate, decimation_filter
 from armid.measurement.band import Band
 from armid.measurement.observations import ObservedRun
-from armid.measurement.processing.differentiation import movement
-from armid.measurement.processing.options import Processing
+from armid.measurement.processing.differentiation import differentiate
+from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.output_grid import moving, run_of, separate_rows
-from armid.measurement.processing.resampling import Stretch, evened, stretches
+from armid.measurement.processing.resampling import Stretch, resample_uniform, stretches
 from armid.measurement.processing.standstill import position_noise, standing
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["Thin", "thin"]
+__all__ = ["DownsampledLog", "downsample"]
 
 CUTOFFS = (2.0, 6.0)
 """Limits of the band that is looked at [Hz]: faults of a log show where the motion is, not above it."""
@@ -46,7 +46,7 @@ LONGEST = 60.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Thin:
+class DownsampledLog:
     """A recording at a moderate rate.
 
     Attributes:
@@ -61,7 +61,7 @@ class Thin:
     cutoff: float
     rate: float
 
-    def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> Thin:
+    def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> DownsampledLog:
         """The same log with its channels in another order; rows count where both channels of a joint do."""
 
         def changed(run: ObservedRun) -> ObservedRun:
@@ -76,7 +76,7 @@ class Thin:
         """Tell which rows count, shape (M, n)."""
         return np.concatenate([run.mask for run in self.runs])
 
-    def coarse(self) -> Thin:
+    def coarse(self) -> DownsampledLog:
         """Some rows alone, their torque filtered and their columns not: quick, to compare geometries."""
         every = max(1, sum(len(run.rows) for run in self.runs) // COARSE)
 
@@ -90,7 +90,7 @@ class Thin:
 
         return replace(self, runs=tuple(changed(run) for run in self.runs), band=Band())
 
-    def moved(self, offset: Array) -> Thin:
+    def moved(self, offset: Array) -> DownsampledLog:
         """The same log with positions offset (n,) [rad or m]."""
 
         def changed(run: ObservedRun) -> ObservedRun:
@@ -99,7 +99,7 @@ class Thin:
 
         return replace(self, runs=tuple(changed(run) for run in self.runs))
 
-    def scaled(self, motion: Array) -> Thin:
+    def scaled(self, motion: Array) -> DownsampledLog:
         """The same log with the motion of each joint multiplied (n,)."""
 
         def changed(run: ObservedRun) -> ObservedRun:
@@ -109,7 +109,7 @@ class Thin:
         return replace(self, runs=tuple(changed(run) for run in self.runs))
 
 
-def thin(recording: Recording, cutoff: float | None = None) -> Thin:
+def downsample(recording: Recording, cutoff: float | None = None) -> DownsampledLog:
     """Reduce a recording in the robot's terms to a moderate rate.
 
     Args:
@@ -125,18 +125,20 @@ def thin(recording: Recording, cutoff: float | None = None) -> Thin:
         kept = {name: None if x is None else x[few] for name, x in values.items()}
         whole = replace(recording, time=None, rate=1.0, number=None, **kept)
         piece = stretches(whole, None)[0][0]
-        processing = Processing(family="none", derivatives="given")
-        run = separate_rows(piece, movement(piece, processing, given=True), processing)
-        return Thin((run,), Band(), 1.0, 1.0)
+        processing = ProcessingOptions(family="none", derivatives="given")
+        run = separate_rows(piece, differentiate(piece, processing, given=True), processing)
+        return DownsampledLog((run,), Band(), 1.0, 1.0)
     pieces, _ = stretches(recording, CUTOFFS[0])
     noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
     longest = max(pieces, key=lambda piece: piece.samples)
     rate = longest.rate
-    even = [evened(piece, None, 0.0, each=False) for piece in pieces]
+    even = [resample_uniform(piece, None, 0.0, each=False) for piece in pieces]
     if cutoff is None:
-        cutoff = min(max(automatic_cutoff(evened(longest, None, 0.0, each=False).q, rate), CUTOFFS[0]), CUTOFFS[1])
+        cutoff = min(
+            max(automatic_cutoff(resample_uniform(longest, None, 0.0, each=False).q, rate), CUTOFFS[0]), CUTOFFS[1]
+        )
     cutoff = min(cutoff, 0.1 * rate)
-    processing = Processing(cutoff=cutoff, decimate=ROWS_RATE * cutoff, derivatives="central", trim=0.25)
+    processing = ProcessingOptions(cutoff=cutoff, decimate=ROWS_RATE * cutoff, derivatives="central", trim=0.25)
     runs: list[ObservedRun] = []
     still: list[NDArray[np.bool_]] = []
     for piece in _ends(even):
@@ -144,12 +146,12 @@ def thin(recording: Recording, cutoff: float | None = None) -> Thin:
         few = _decimated(piece, step)
         if few.samples < 10 * int(few.rate / cutoff):
             continue
-        run = run_of(few, movement(few, processing, given=False), processing)
+        run = run_of(few, differentiate(few, processing, given=False), processing)
         if run is not None:
             runs.append(run)
             still.append(_any_near(standing(piece.q, piece.rate, noise), step))
     runs, _ = moving(runs, still, processing)
-    return Thin(tuple(runs), processing.band, cutoff, rate)
+    return DownsampledLog(tuple(runs), processing.band, cutoff, rate)
 
 
 def _ends(pieces: Sequence[Stretch]) -> list[Stretch]:

@@ -8,21 +8,21 @@ from functools import cached_property
 
 import numpy as np
 
-from armid.doctor.downsample import thin
-from armid.doctor.explanation import Explanation, State
-from armid.doctor.remedy_trial import BY_ERROR_ALONE, Trial, try_out
+from armid.doctor.downsample import downsample
+from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.remedy_trial import BY_ERROR_ALONE, RemedyTrial, try_out
 from armid.doctor.stuck_channels import stuck_stretches, without_stuck
 from armid.errors import Finding
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
 from armid.robot import Robot
 
-__all__ = ["Evidence", "Explain"]
+__all__ = ["Explain", "LogEvidence"]
 
-Explain = Callable[[State], Explanation | None]
+Explain = Callable[[LogState], Explanation | None]
 
 ROUNDS = 3
 """Faults that are looked for on top of each other in what the model explains."""
@@ -36,7 +36,7 @@ WIDTH = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class LogEvidence:
     """A log and what is known of it.
 
     Attributes:
@@ -52,7 +52,7 @@ class Evidence:
 
     robot: Robot
     raw: Recording
-    reading: Reading
+    reading: LogFormat
     recording: Recording | None
     noted: tuple[Finding, ...] = ()
     model: DynamicsModel | None = None
@@ -60,11 +60,11 @@ class Evidence:
     saturation: float | None = None
 
     @cached_property
-    def state(self) -> State | None:
+    def state(self) -> LogState | None:
         """The log beside a model with friction, offsets and rotors; `None` where it holds too little."""
         if self.recording is None or self.recording.effort is None or self.robot.n == 0:
             return None
-        log = thin(self.counted)
+        log = downsample(self.counted)
         if not log.runs:
             return None
         own = () if self.model is None else self.model.terms
@@ -72,7 +72,7 @@ class Evidence:
         usual = (RigidBody(), Viscous(), Coulomb(width=WIDTH), Offset(), RotorInertia())
         plain = tuple(term for term in own if term.name == "coupling" or term.name in {u.name for u in usual})
         model = DynamicsModel(self.robot, plain + tuple(term for term in usual if term.name not in names))
-        state = State(model, find_base_parameters(model), log)
+        state = LogState(model, find_base_parameters(model), log)
         counted = state.rows.mask.sum(axis=0)
         enough = all(rows > ROWS * len(own) for rows, own in zip(counted, state.rows.parameters, strict=True))
         return state if enough else None
@@ -97,13 +97,13 @@ class Evidence:
         return tuple(each for _, each in self._contest)
 
     @cached_property
-    def _contest(self) -> tuple[tuple[State, Explanation], ...]:
+    def _contest(self) -> tuple[tuple[LogState, Explanation], ...]:
         """Return what the log was taken for before each explanation, and the explanation.
 
         Where the log does not confirm the strongest, it is not told; but what it takes out is no other fault's.
         """
         state, codes = self.state, set[str]()
-        found: list[tuple[State, Explanation]] = []
+        found: list[tuple[LogState, Explanation]] = []
         for _ in range(ROUNDS):
             if state is None:
                 break
@@ -118,12 +118,12 @@ class Evidence:
             state = best.after
         return tuple(found)
 
-    def _holds(self, before: State, each: Explanation) -> bool:
+    def _holds(self, before: LogState, each: Explanation) -> bool:
         """Tell whether left-out motion bears an explanation out, or at least does not contradict it."""
         trial = self._trial(before, each.after)
         return trial.helps if each.code in BY_ERROR_ALONE else not trial.harms
 
-    def _trial(self, before: State, after: State) -> Trial:
+    def _trial(self, before: LogState, after: LogState) -> RemedyTrial:
         """Errors on left-out motion, each computed once."""
         key = id(before), id(after)
         if key not in self._trials:
@@ -131,11 +131,11 @@ class Evidence:
         return self._trials[key]
 
     @cached_property
-    def _trials(self) -> dict[tuple[int, int], Trial]:
+    def _trials(self) -> dict[tuple[int, int], RemedyTrial]:
         return {}
 
     @cached_property
-    def understood(self) -> State | None:
+    def understood(self) -> LogState | None:
         """The log as it is understood once its faults are taken out."""
         return self.explanations[-1].after if self.explanations else self.state
 
@@ -157,6 +157,6 @@ class Evidence:
             return 1.0 / step if step > 0.0 else 1.0
         return recording.rate or 1.0
 
-    def without(self, *codes: str) -> Evidence:
+    def without(self, *codes: str) -> LogEvidence:
         """The same log, some of what was noted left out."""
         return replace(self, noted=tuple(finding for finding in self.noted if finding.code not in codes))

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid import kernel
-from armid.doctor.downsample import Thin
-from armid.doctor.quick_fit import Fit, Rows, make_rows, solve
+from armid.doctor.downsample import DownsampledLog
+from armid.doctor.quick_fit import QuickFit, QuickRows, make_rows, solve
 from armid.information.column_source import ColumnSource, column_source
 from armid.information.filtering import in_band
 from armid.measurement.observations import ObservedRun
@@ -22,9 +22,9 @@ from armid.model.motion import Motion
 from armid.values import Array
 
 if TYPE_CHECKING:
-    from armid.doctor.evidence import Evidence
+    from armid.doctor.evidence import LogEvidence
 
-__all__ = ["OWN", "Explanation", "Nominal", "State"]
+__all__ = ["OWN", "DescriptionComparison", "Explanation", "LogState"]
 
 OWN = ("FV", "FS", "FO", "IA")
 """Symbols of what a joint has for itself, whatever it carries."""
@@ -34,7 +34,7 @@ POSES = 40
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Nominal:
+class DescriptionComparison:
     """Measured torque beside the description's, joint by joint, friction and offset of each taken out.
 
     Attributes:
@@ -49,7 +49,7 @@ class Nominal:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class LogState:
     """A log as it is understood, and the model that it is compared with.
 
     Attributes:
@@ -60,7 +60,7 @@ class State:
 
     model: DynamicsModel
     base: BaseParameters
-    log: Thin
+    log: DownsampledLog
 
     @cached_property
     def source(self) -> ColumnSource:
@@ -68,24 +68,24 @@ class State:
         return column_source(self.model, self.base)
 
     @cached_property
-    def rows(self) -> Rows:
+    def rows(self) -> QuickRows:
         """Columns and torque in the band."""
         return make_rows(self.source, self.log)
 
-    def with_torque(self, factor: Array) -> State:
+    def with_torque(self, factor: Array) -> LogState:
         """The same with each joint's torque multiplied (n,): columns stay, and are not made again."""
         runs = tuple(replace(run, torque=run.torque * factor) for run in self.log.runs)
         after = self.on(replace(self.log, runs=runs))
         after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor)
         return after
 
-    def on(self, log: Thin) -> State:
+    def on(self, log: DownsampledLog) -> LogState:
         """The same model beside another log."""
-        after = State(self.model, self.base, log)
+        after = LogState(self.model, self.base, log)
         after.__dict__["source"] = self.source  # where `cached_property` keeps it
         return after
 
-    def without(self, left_out: NDArray[np.bool_]) -> State:
+    def without(self, left_out: NDArray[np.bool_]) -> LogState:
         """The same with some rows not counted, shape (M,)."""
         ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
         kept = np.split(~left_out, ends)
@@ -97,12 +97,12 @@ class State:
         return after
 
     @cached_property
-    def fit(self) -> Fit:
+    def fit(self) -> QuickFit:
         """All joints with one set of parameters."""
         return solve(self.rows)
 
     @cached_property
-    def own_fits(self) -> tuple[Fit, ...]:
+    def own_fits(self) -> tuple[QuickFit, ...]:
         """Each joint with parameters of its own."""
         return tuple(solve(self._own(j)) for j in range(self.rows.n))
 
@@ -116,7 +116,7 @@ class State:
         alone = np.array([fit.sigma[0] for fit in self.own_fits])
         return self.fit.cost - float(np.mean(np.log(alone)))
 
-    def _own(self, j: int) -> Rows:
+    def _own(self, j: int) -> QuickRows:
         rows, count = self.rows, len(self.rows.parameters[j])
         return replace(
             rows,
@@ -189,7 +189,7 @@ class State:
         return self.rows.columns[j][mine].T
 
     @cached_property
-    def nominal(self) -> Nominal | None:
+    def nominal(self) -> DescriptionComparison | None:
         """The description's torque beside the measured one; `None` where it has no inertias."""
         theta = self.model.nominal_parameters()
         if theta is None:
@@ -205,7 +205,7 @@ class State:
             size[j] = np.sqrt(power / max(len(x), 1))
             if power > 0.0 and (y @ y) > 0.0:
                 scale[j], correlation[j] = x @ y / power, x @ y / np.sqrt(power * (y @ y))
-        return Nominal(scale, correlation, size)
+        return DescriptionComparison(scale, correlation, size)
 
     @cached_property
     def dissipation(self) -> Array:
@@ -237,7 +237,7 @@ class State:
         return z
 
 
-def _certainty(direction: Array, fit: Fit) -> float:
+def _certainty(direction: Array, fit: QuickFit) -> float:
     """A linear function of the estimate in its standard deviations."""
     spread = float(np.sqrt(max(direction @ fit.covariance @ direction, 0.0)))
     return float(direction @ fit.values) / spread if spread > 0.0 else 0.0
@@ -263,6 +263,6 @@ class Explanation:
     severity: Literal["error", "warning", "info"]
     channel: str
     evidence: str
-    remedy: Callable[[Evidence], str]
-    after: State
-    confirmed: Callable[[Evidence], bool] | None = None
+    remedy: Callable[[LogEvidence], str]
+    after: LogState
+    confirmed: Callable[[LogEvidence], bool] | None = None

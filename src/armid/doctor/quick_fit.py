@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.downsample import Thin
+from armid.doctor.downsample import DownsampledLog
 from armid.information.column_source import ColumnSource
 from armid.information.regressor_rows import all_rows
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["Fit", "Rows", "cost_of", "make_rows", "products", "solve", "solved", "tables"]
+__all__ = ["QuickFit", "QuickRows", "cost_of", "make_rows", "products", "solve", "solved", "tables"]
 
 PASSES = 4
 """Rounds of weighting each joint by its residual; two are enough but for joints that the first round misjudges."""
@@ -41,7 +41,7 @@ MEMORY_SECONDS = 1.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Rows:
+class QuickRows:
     """Columns and torque in the band, M rows.
 
     Attributes:
@@ -71,7 +71,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Fit:
+class QuickFit:
     """Weighted least squares on rows.
 
     Attributes:
@@ -99,7 +99,7 @@ class Fit:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
-def make_rows(source: ColumnSource, log: Thin) -> Rows:
+def make_rows(source: ColumnSource, log: DownsampledLog) -> QuickRows:
     """Columns and torque of a thin log in its band."""
     parts = [all_rows(source, run, log.band) for run in log.runs]
     x = np.concatenate(parts, axis=1)
@@ -112,7 +112,7 @@ def make_rows(source: ColumnSource, log: Thin) -> Rows:
         np.concatenate([run.motion.dq[rows] for run, rows in pick]),
         np.concatenate([run.motion.ddq[rows] for run, rows in pick]),
     )
-    return Rows(
+    return QuickRows(
         tuple(x[offset[j] : offset[j + 1] - 1] for j in range(n)),
         source.layout.parameters,
         len(source.names),
@@ -124,7 +124,7 @@ def make_rows(source: ColumnSource, log: Thin) -> Rows:
     )
 
 
-def solve(rows: Rows, extra: Array | None = None) -> Fit:
+def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
     """Weighted least squares, each joint by its own residual.
 
     Args:
@@ -166,15 +166,15 @@ def solve(rows: Rows, extra: Array | None = None) -> Fit:
     memory = np.array([_memory(residual[:, j], rows.rate) for j in range(rows.n)])
     weight = 1.0 / (sigma * np.sqrt(memory))[joint]
     inverse = np.linalg.pinv(A / scale * weight[:, None], rcond=1e-9)
-    return Fit(x, (inverse @ inverse.T) / np.outer(scale, scale), sigma, residual, memory)
+    return QuickFit(x, (inverse @ inverse.T) / np.outer(scale, scale), sigma, residual, memory)
 
 
-def products(rows: Rows, extra: Array | None = None) -> tuple[Array, ...]:
+def products(rows: QuickRows, extra: Array | None = None) -> tuple[Array, ...]:
     """For each joint products of its columns, extra ones (e, M, n) and torque, square of k + e + 1 rows."""
     return tuple(table @ table.T for table in tables(rows, extra))
 
 
-def tables(rows: Rows, extra: Array | None = None, mask: NDArray[np.bool_] | None = None) -> Iterator[Array]:
+def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] | None = None) -> Iterator[Array]:
     """For each joint its columns, extra ones (e, M, n) and torque, (k + e + 1, M), zero where rows do not count."""
     more = np.zeros((0, *rows.torque.shape)) if extra is None else extra
     counts = rows.mask if mask is None else mask
@@ -182,7 +182,7 @@ def tables(rows: Rows, extra: Array | None = None, mask: NDArray[np.bool_] | Non
         yield np.vstack([own, more[:, :, j], rows.torque[:, j]]) * counts[:, j]
 
 
-def cost_of(rows: Rows, pairs: Sequence[Array], sign: Array | None = None) -> float:
+def cost_of(rows: QuickRows, pairs: Sequence[Array], sign: Array | None = None) -> float:
     """Return what `solve(rows).cost` is, from products alone, in a tenth of the time.
 
     Args:
@@ -194,7 +194,11 @@ def cost_of(rows: Rows, pairs: Sequence[Array], sign: Array | None = None) -> fl
 
 
 def solved(
-    rows: Rows, pairs: Sequence[Array], counted: NDArray[np.int64], sign: Array | None = None, ridge: float = RIDGE
+    rows: QuickRows,
+    pairs: Sequence[Array],
+    counted: NDArray[np.int64],
+    sign: Array | None = None,
+    ridge: float = RIDGE,
 ) -> tuple[Array, Array]:
     """Parameters (b,) and residual of each joint (n,) from products alone.
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.quick_fit import Rows, solved, tables
+from armid.doctor.quick_fit import QuickRows, solved, tables
 from armid.measurement.remedy import BY_HAND
 
-__all__ = ["BY_ERROR_ALONE", "UNTRIED", "Trial", "left_out", "needs_reason", "try_out"]
+__all__ = ["BY_ERROR_ALONE", "UNTRIED", "RemedyTrial", "left_out", "needs_reason", "try_out"]
 
 FOLDS = 5
 """Parts of a log, each left out once."""
@@ -54,7 +54,7 @@ gravity also show in friction, inertias and weights."""
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class RemedyTrial:
     """Error on left-out motion over its torque, as a logarithm: the mean over the joints.
 
     Attributes:
@@ -82,7 +82,7 @@ class Trial:
         return f"On left-out motion the error is {told}."
 
 
-def try_out(before: Rows, after: Rows) -> Trial:
+def try_out(before: QuickRows, after: QuickRows) -> RemedyTrial:
     """Errors with and without a remedy, on the rows that count with both.
 
     Rows that a remedy leaves out are fitted to without it, and judged in neither.
@@ -92,10 +92,10 @@ def try_out(before: Rows, after: Rows) -> Trial:
         after: With the remedy.
     """
     same = before.mask.shape == after.mask.shape
-    return Trial(left_out(before, after.mask if same else None), left_out(after))
+    return RemedyTrial(left_out(before, after.mask if same else None), left_out(after))
 
 
-def left_out(rows: Rows, judged: NDArray[np.bool_] | None = None) -> float:
+def left_out(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> float:
     """Error on rows that a model was not fitted to, over their torque: mean over the joints, as a logarithm.
 
     Args:

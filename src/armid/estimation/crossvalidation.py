@@ -26,13 +26,13 @@ from armid.values import Array
 __all__ = [
     "FOLDS",
     "Fold",
-    "beside",
-    "can_be_cut",
+    "can_cross_validate",
     "folds",
     "held_out_error",
     "held_out_squares",
     "one_standard_error",
     "split",
+    "training_information",
 ]
 
 FOLDS = 5
@@ -91,7 +91,7 @@ def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]
     parts = [total(select(information, fold == k)) for k in numbers]
     result: list[Fold] = []
     for k, out in enumerate(parts):
-        near = beside(information, fold == numbers[k])
+        near = training_information(information, fold == numbers[k])
         rest: list[Information] = []
         for number, part in zip(numbers, parts, strict=True):
             kept = (fold == number) & ~near
@@ -104,7 +104,7 @@ def split(information: Information, fold: NDArray[np.int64]) -> tuple[Fold, ...]
     return tuple(result)
 
 
-def beside(information: Information, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def training_information(information: Information, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Blocks beside the chosen ones in the same run, which know of them through the filter and the pose.
 
     Args:
@@ -159,7 +159,7 @@ def one_standard_error(errors: Array) -> int:
     return best
 
 
-def can_be_cut(information: Information, count: int = FOLDS) -> bool:
+def can_cross_validate(information: Information, count: int = FOLDS) -> bool:
     """Tell whether recordings with parameters of their own are long enough to leave a part of each out.
 
     Args:
@@ -194,7 +194,7 @@ def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArra
         return False
     seen = information.rows[recording].any(axis=0)
     for k in range(parts):
-        left = recording & (fold != k) & ~beside(information, fold == k)
+        left = recording & (fold != k) & ~training_information(information, fold == k)
         if (seen & ~information.rows[left].any(axis=0)).any():
             return False
     return True

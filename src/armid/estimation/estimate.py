@@ -13,7 +13,7 @@ from armid.errors import Finding
 from armid.estimation.fit import Fit
 from armid.estimation.standard_fit import StandardFit, Status
 from armid.model.base_parameters import BaseParameters
-from armid.notebook import Shown, Summary, percent, plural
+from armid.notebook import Displayed, Summary, percent, plural
 from armid.values import Array
 
 __all__ = ["Estimate", "Status", "TermUse", "averaged", "standard_parameters", "torque_parameters"]
@@ -40,7 +40,7 @@ class TermUse:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Estimate(Shown):
+class Estimate(Displayed):
     """Base parameters of an arm with intervals.
 
     Attributes:

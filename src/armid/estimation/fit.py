@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from armid.errors import Finding
 from armid.estimation.standard_fit import StandardFit
 from armid.information.information import Information
-from armid.notebook import Shown, Summary, percent
+from armid.notebook import Displayed, Summary, percent
 from armid.values import Array, array
 
 __all__ = ["POORLY_IDENTIFIED", "CovarianceReport", "Fit"]
@@ -47,7 +47,7 @@ class CovarianceReport:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Fit(Shown):
+class Fit(Displayed):
     """An estimate of b parameters from the rows of n joints.
 
     Attributes:

@@ -18,10 +18,10 @@ from armid.estimation.estimate import Estimate
 from armid.estimation.standard_fit import StandardFit
 from armid.maths.inertia import INERTIA_INDEX, about_com, about_com_slope
 from armid.model.dynamics import DynamicsModel
-from armid.notebook import Shown, Summary, plural
+from armid.notebook import Displayed, Summary, plural
 from armid.values import Array, array
 
-__all__ = ["ENTERING", "QUANTITIES", "UNITS", "LinkBody", "LinkTable", "link_record", "link_table"]
+__all__ = ["ENTERING", "QUANTITIES", "UNITS", "LinkProperties", "LinkTable", "link_record", "link_table"]
 
 QUANTITIES = ("mass", "com x", "com y", "com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """What describes a body: mass, centre of mass, and the inertia about that, all with the axes of the link frame."""
@@ -50,7 +50,7 @@ ENTERING: NDArray[np.bool_] = _entering()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class LinkBody:
+class LinkProperties:
     """A link's body, old and new, each as `QUANTITIES` in the link frame.
 
     Attributes:
@@ -76,7 +76,7 @@ class LinkBody:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class LinkTable(Shown):
+class LinkTable(Displayed):
     """Bodies of all links, in the order of the joints that move them.
 
     Attributes:
@@ -88,7 +88,7 @@ class LinkTable(Shown):
 
     robot: str
     method: str
-    links: tuple[LinkBody, ...]
+    links: tuple[LinkProperties, ...]
     note: str = ""
 
     def summary(self) -> Summary:
@@ -115,16 +115,16 @@ def link_table(model: DynamicsModel, estimate: Estimate) -> LinkTable:
     if not model.has_rigid_bodies:
         return LinkTable(estimate.robot, estimate.method, (), "the model has no rigid bodies")
     columns = model.inertial_columns.reshape(-1, 10)
-    bodies: list[LinkBody] = []
+    bodies: list[LinkProperties] = []
     for link, joint, own in zip(robot.links, robot.joints, columns, strict=True):
         said = np.full(10, np.nan) if link.inertial is None else about_com(link.inertial.vector)
         if fit is None:
             nothing = np.full((10, 2), np.nan)
             reasons = ("base parameters only",) * 10
-            bodies.append(LinkBody(link.name, joint.name, said, nothing[:, 0], nothing, reasons))
+            bodies.append(LinkProperties(link.name, joint.name, said, nothing[:, 0], nothing, reasons))
             continue
         index = [fit.names.index(model.parameters[k].name) for k in own]
-        bodies.append(LinkBody(link.name, joint.name, said, *_estimated(fit, index)))
+        bodies.append(LinkProperties(link.name, joint.name, said, *_estimated(fit, index)))
     note = "" if fit is not None else f"{NO_BODIES.format(method=estimate.method)}; {REMEDY}."
     return LinkTable(estimate.robot, estimate.method, tuple(bodies), note)
 

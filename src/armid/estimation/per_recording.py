@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.problem import Standard
+from armid.estimation.problem import StandardParameters
 from armid.information.information import Information, JointFactors
 from armid.kernel import factor_columns
 from armid.model.base_parameters import BaseParameters
@@ -96,7 +96,9 @@ def contrasted(information: Information, names: Collection[str]) -> Information:
     return replace(information, names=(*information.names, *names_of), joints=tuple(joints))
 
 
-def standard_per_recording(standard: Standard, base: BaseParameters | None, information: Information) -> Standard:
+def standard_per_recording(
+    standard: StandardParameters, base: BaseParameters | None, information: Information
+) -> StandardParameters:
     """The standard parameters behind information that was separated by recording.
 
     A standard parameter has copies where it shows in copied base parameters only. One that also has a part in a
@@ -123,7 +125,7 @@ def standard_per_recording(standard: Standard, base: BaseParameters | None, info
     regrouping = standard.regrouping[row][:, which] * ((number == 0) | (number == copy[:, None]))
     place = {int(k): at for at, (k, c) in enumerate(source) if c == 0}
     names = [standard.names[k] + (f"[{c}]" if c else "") for k, c in source]
-    return Standard(
+    return StandardParameters(
         tuple(names),
         tuple(standard.units[k] for k in which),
         regrouping,

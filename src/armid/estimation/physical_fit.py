@@ -13,25 +13,25 @@ from armid.estimation.consistency.cones import smallest_eigenvalues
 from armid.estimation.consistency.constraints import Requirements, at_mass_limit
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit import Fit
-from armid.estimation.prior import Belief, carried
-from armid.estimation.problem import Standard
+from armid.estimation.prior import Prior, project_covariance
+from armid.estimation.problem import StandardParameters
 from armid.estimation.standard_fit import (
     IDENTIFIED,
     PriorUse,
     Proof,
     StandardFit,
-    lift,
+    map_to_standard,
     shares,
     stated,
     status_of,
 )
 from armid.estimation.uncertainty.covariance import scale_covariance
-from armid.estimation.whitening import Weighted
+from armid.estimation.whitening import WhitenedSystem
 from armid.information.information import stack
 from armid.maths.linalg import condition, inverse_of, scaled_condition
 from armid.values import Array
 
-__all__ = ["Outcome"]
+__all__ = ["PhysicalFit"]
 
 PRICE = 0.05
 """Residual cost of consistency from which on something is said: noise alone makes it far less than a hundredth."""
@@ -51,7 +51,7 @@ PHYSICAL = -1e-9
 """Smallest eigenvalue of a pseudo-inertia that rounding leaves [kg and kg·m²]."""
 
 
-class Outcome:
+class PhysicalFit:
     """An estimate of standard parameters, however it was found.
 
     Args:
@@ -67,9 +67,9 @@ class Outcome:
 
     def __init__(
         self,
-        standard: Standard,
-        weighted: Weighted,
-        belief: Belief,
+        standard: StandardParameters,
+        weighted: WhitenedSystem,
+        belief: Prior,
         prior: PriorUse,
         values: Array,
         gap: float,
@@ -132,7 +132,7 @@ class Outcome:
         whole = self.basis.shape[0] == self.basis.shape[1]
         if not (self.inside or self.told or len(self.weighted.unseen)) and whole:
             return None
-        covariance = carried(self.narrow, self.standard.regrouping @ self.basis)
+        covariance = project_covariance(self.narrow, self.standard.regrouping @ self.basis)
         if whole:
             return inverse_of(covariance)
         # What is given has no variance; a millionth of the others' stands for that.
@@ -171,7 +171,7 @@ class Outcome:
             status_of(resolution, self.told, given, held | limited | moved),
             self.prior,
             proof,
-            lift(
+            map_to_standard(
                 self.narrow,
                 standard.regrouping,
                 self.basis,

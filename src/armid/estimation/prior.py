@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import EstimationError, Finding
-from armid.estimation.problem import Standard
-from armid.estimation.whitening import Weighted
+from armid.estimation.problem import StandardParameters
+from armid.estimation.whitening import WhitenedSystem
 from armid.maths.barrier_function import LogDet
 from armid.maths.inertia import (
     PSEUDO_INERTIA_OF,
@@ -33,7 +33,7 @@ from armid.maths.inertia import (
 from armid.maths.linalg import half_of
 from armid.values import Array
 
-__all__ = ["LENGTH", "MASS", "Belief", "believe", "carried", "relative_precision", "size_of_bodies"]
+__all__ = ["LENGTH", "MASS", "Prior", "make_prior", "project_covariance", "relative_precision", "size_of_bodies"]
 
 LENGTH = 0.3
 """Length that makes masses, first moments and inertias of an arm comparable [m]: half of a link's."""
@@ -56,7 +56,7 @@ HIGHEST = 0.1
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Belief:
+class Prior:
     """A prior for weight 1.
 
     Attributes:
@@ -71,7 +71,7 @@ class Belief:
     links: Array
     findings: tuple[Finding, ...] = ()
 
-    def curvature(self, standard: Standard, values: Array, weight: float) -> Array:
+    def curvature(self, standard: StandardParameters, values: Array, weight: float) -> Array:
         """Second derivative at some values for a weight of the links' prior, shape (p, p)."""
         result = self.precision.copy()
         for own in standard.inertial:
@@ -84,7 +84,7 @@ class Belief:
             result[np.ix_(own, own)] = weight * precision
         return result
 
-    def inside(self, standard: Standard) -> Array:
+    def inside(self, standard: StandardParameters) -> Array:
         """Values (p,) strictly inside the cone: the description's bodies or some, and a little friction."""
         values = self.mean.copy()
         if not values[standard.inertial].any():
@@ -93,7 +93,9 @@ class Belief:
         values[free] = ROOM / np.sqrt(np.diag(self.precision)[free])
         return values
 
-    def lifted(self, standard: Standard, values: Array, pull: Array, weight: float, *, bodies: bool = True) -> Array:
+    def lifted(
+        self, standard: StandardParameters, values: Array, pull: Array, weight: float, *, bodies: bool = True
+    ) -> Array:
         """Values (p,) lifted off the border, about as far as a barrier's centre lies inside.
 
         Where the slope of the cost holds an eigenvalue at zero, the centre has it at the barrier's weight over the
@@ -120,7 +122,7 @@ class Belief:
             result[own] += np.maximum(least - eigenvalues, 0.0) @ parts
         return result
 
-    def log_det(self, standard: Standard, origin: Array, basis: Array, weight: float) -> tuple[LogDet, ...]:
+    def log_det(self, standard: StandardParameters, origin: Array, basis: Array, weight: float) -> tuple[LogDet, ...]:
         """Divergences of the links that unknowns move."""
         units = PSEUDO_INERTIA_OF.transpose(1, 2, 0)
         terms: list[LogDet] = []
@@ -133,7 +135,7 @@ class Belief:
         return tuple(terms)
 
 
-def believe(kind: str, standard: Standard, weighted: Weighted) -> Belief:
+def make_prior(kind: str, standard: StandardParameters, weighted: WhitenedSystem) -> Prior:
     """The prior of a kind: `log-det`, `euclidean`, or what is known of any arm (`mass`, `none`).
 
     Raises:
@@ -147,7 +149,7 @@ def believe(kind: str, standard: Standard, weighted: Weighted) -> Belief:
     none = np.zeros((0, 4, 4))
     if kind in ("mass", "none"):
         _fill(precision, standard, MASS, LENGTH)
-        return Belief(mean, precision, none)
+        return Prior(mean, precision, none)
     nominal, findings = _nominal(standard)
     mean[standard.inertial] = nominal
     J = pseudo_inertia(nominal)
@@ -155,13 +157,13 @@ def believe(kind: str, standard: Standard, weighted: Weighted) -> Belief:
         mass = float(nominal[:, 0].mean())
         radius = float(np.sqrt(np.trace(J[:, :3, :3], axis1=1, axis2=2).sum() / nominal[:, 0].sum()))
         _fill(precision, standard, mass, radius)
-        return Belief(mean, precision, none, findings)
+        return Prior(mean, precision, none, findings)
     for own, relative in zip(standard.inertial, relative_precision(J), strict=True):
         precision[np.ix_(own, own)] = relative
-    return Belief(mean, precision, np.asarray(np.linalg.inv(J), dtype=np.float64), findings)
+    return Prior(mean, precision, np.asarray(np.linalg.inv(J), dtype=np.float64), findings)
 
 
-def carried(precision: Array, regrouping: Array) -> Array:
+def project_covariance(precision: Array, regrouping: Array) -> Array:
     """Return what is believed of unknowns as it shows in base parameters: their covariance L P⁻¹ Lᵀ, shape (b, b).
 
     Args:
@@ -172,7 +174,7 @@ def carried(precision: Array, regrouping: Array) -> Array:
     return shown @ shown.T
 
 
-def size_of_bodies(standard: Standard) -> Array:
+def size_of_bodies(standard: StandardParameters) -> Array:
     """Linear measure (p,) of the bodies: masses, and second moments over a length squared [kg]."""
     result = np.zeros(len(standard.names))
     traces = np.trace(PSEUDO_INERTIA_OF[:, :3, :3], axis1=1, axis2=2) / LENGTH**2
@@ -182,7 +184,7 @@ def size_of_bodies(standard: Standard) -> Array:
     return result
 
 
-def _fill(precision: Array, standard: Standard, mass: float, length: float) -> None:
+def _fill(precision: Array, standard: StandardParameters, mass: float, length: float) -> None:
     """Independent deviations of a mass, times a length for first moments and its square for inertias."""
     scale = mass * np.concatenate([[1.0], np.full(3, length), np.full(6, length**2)])
     for own in standard.inertial:
@@ -200,7 +202,7 @@ def relative_precision(J: Array) -> Array:
     return flat @ np.swapaxes(flat, -1, -2)
 
 
-def _others(standard: Standard, weighted: Weighted, others: NDArray[np.intp]) -> Array:
+def _others(standard: StandardParameters, weighted: WhitenedSystem, others: NDArray[np.intp]) -> Array:
     """Precision of what is not inertial: one where it alone would make the torque of a joint that it acts on."""
     precision = np.zeros(len(others))
     for joint, rows in zip(weighted.whole.joints, weighted.whole.rows[0], strict=True):
@@ -211,7 +213,7 @@ def _others(standard: Standard, weighted: Weighted, others: NDArray[np.intp]) ->
     return np.where(precision > 0.0, precision, 1.0)
 
 
-def _nominal(standard: Standard) -> tuple[Array, tuple[Finding, ...]]:
+def _nominal(standard: StandardParameters) -> tuple[Array, tuple[Finding, ...]]:
     """Inertial parameters (links, 10) of the description, moved inside the cone where they lie outside or on it."""
     if standard.nominal is None:
         raise EstimationError(

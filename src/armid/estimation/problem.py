@@ -14,11 +14,11 @@ from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array, array
 
-__all__ = ["Problem", "Standard", "bare_standard", "standard_of"]
+__all__ = ["EstimationProblem", "StandardParameters", "bare_standard", "standard_of"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Standard:
+class StandardParameters:
     """The p standard parameters that stand behind b base parameters.
 
     Attributes:
@@ -54,7 +54,7 @@ class Standard:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Problem:
+class EstimationProblem:
     """Problem: what is to be estimated and from what.
 
     Attributes:
@@ -66,12 +66,12 @@ class Problem:
     """
 
     information: Information
-    standard: Standard | None = field(default=None, repr=False)
+    standard: StandardParameters | None = field(default=None, repr=False)
     model: DynamicsModel | None = field(default=None, repr=False)
     base: BaseParameters | None = field(default=None, repr=False)
     observations: Observations | None = field(default=None, repr=False)
 
-    def require_standard(self, method: str) -> Standard:
+    def require_standard(self, method: str) -> StandardParameters:
         """The standard parameters.
 
         Raises:
@@ -98,15 +98,15 @@ class Problem:
         return self.model, self.base, self.observations
 
 
-def standard_of(model: DynamicsModel, base: BaseParameters) -> Standard:
+def standard_of(model: DynamicsModel, base: BaseParameters) -> StandardParameters:
     """The standard parameters of a model behind its base parameters."""
     return replace(bare_standard(model), regrouping=base.regrouping)
 
 
-def bare_standard(model: DynamicsModel) -> Standard:
+def bare_standard(model: DynamicsModel) -> StandardParameters:
     """The standard parameters of a model by themselves, not regrouped."""
     parameters = model.parameters
-    return Standard(
+    return StandardParameters(
         tuple(parameter.name for parameter in parameters),
         tuple(parameter.unit for parameter in parameters),
         np.eye(len(parameters)),

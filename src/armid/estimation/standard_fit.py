@@ -17,19 +17,19 @@ from typing import Literal
 import numpy as np
 
 from armid.maths.linalg import half_of, inverse_of, orthonormal
-from armid.notebook import Shown, Summary
+from armid.notebook import Displayed, Summary
 from armid.values import Array, array
 
 __all__ = [
     "IDENTIFIED",
     "UNSEEN",
-    "Lift",
+    "PriorTrial",
     "PriorUse",
     "Proof",
     "StandardFit",
+    "StandardMap",
     "Status",
-    "Trial",
-    "lift",
+    "map_to_standard",
     "shares",
     "stated",
     "status_of",
@@ -49,7 +49,7 @@ UNSEEN = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class PriorTrial:
     """A weight of the prior that was tried.
 
     Attributes:
@@ -77,7 +77,7 @@ class PriorUse:
     weight: float
     how: str
     correlation: float
-    trials: tuple[Trial, ...] = ()
+    trials: tuple[PriorTrial, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class Proof:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Lift:
+class StandardMap:
     """Way from the uncertainty of b base parameters to that of p standard ones.
 
     Attributes:
@@ -125,7 +125,7 @@ class Lift:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class StandardFit(Shown):
+class StandardFit(Displayed):
     """Estimate of p standard parameters.
 
     Attributes:
@@ -150,7 +150,7 @@ class StandardFit(Shown):
     status: tuple[str, ...]
     prior: PriorUse
     proof: Proof
-    lift: Lift | None = None
+    lift: StandardMap | None = None
 
     def __post_init__(self) -> None:
         p = len(self.names)
@@ -208,7 +208,9 @@ def shares(information: Array, precision: Array) -> tuple[Array, Array]:
     return inverse, np.clip(np.sum(inverse * information.T, axis=1), 0.0, 1.0)
 
 
-def lift(precision: Array, regrouping: Array, basis: Array, correlation: float, shift: Array, bounded: Array) -> Lift:
+def map_to_standard(
+    precision: Array, regrouping: Array, basis: Array, correlation: float, shift: Array, bounded: Array
+) -> StandardMap:
     """Return what a prior shares out among standard parameters when base parameters are known.
 
     With P the prior's precision and L the regrouping, known base parameters π leave θ with the mean G π, where
@@ -237,7 +239,7 @@ def lift(precision: Array, regrouping: Array, basis: Array, correlation: float, 
     within = known.T @ spread
     share = within.T @ back.T / length
     left = spread - known @ within
-    return Lift(share, correlation * (left.T @ left), shift, regrouping @ shift, bounded)
+    return StandardMap(share, correlation * (left.T @ left), shift, regrouping @ shift, bounded)
 
 
 def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> StandardFit:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import Uncertainty
 from armid.estimation.uncertainty.jackknife import filled
 from armid.estimation.uncertainty.reversals import moved_among_unknowns
@@ -111,7 +111,7 @@ class Together(Uncertainty):
     def __init__(
         self,
         fit: Fit,
-        problem: Problem,
+        problem: EstimationProblem,
         information: Information,
         rest: Rest,
         through: Sequence[Array],

@@ -17,7 +17,7 @@ from armid.information.information import Information, stack, total
 from armid.maths.linalg import RANK_TOLERANCE, orthonormal, unit_columns
 from armid.values import Array
 
-__all__ = ["Weighted", "rows_of", "shortest", "weigh"]
+__all__ = ["WhitenedSystem", "minimum_norm_solution", "rows_of", "whiten"]
 
 ITERATIONS = 1000
 STANDSTILL = 1e-6
@@ -28,7 +28,7 @@ RESOLUTION = 1e-7
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Weighted:
+class WhitenedSystem:
     """Data, whitened: half the squared length of rows · (π - values) is what any π costs over the best.
 
     Attributes:
@@ -59,7 +59,7 @@ class Weighted:
         return max(float(self.whole.rows[0].sum() - self.spent.sum()), 1.0)
 
 
-def weigh(information: Information, *, plain: bool = False, resolution: float = RESOLUTION) -> Weighted:
+def whiten(information: Information, *, plain: bool = False, resolution: float = RESOLUTION) -> WhitenedSystem:
     """Weights that have settled, and the data under them.
 
     Args:
@@ -82,7 +82,7 @@ def weigh(information: Information, *, plain: bool = False, resolution: float = 
     joint = np.concatenate([np.full(len(each.R[0]), j) for j, each in enumerate(whole.joints)])
     for _ in range(ITERATIONS):
         weight = (1.0 / deviation)[joint]
-        values, half, unseen = shortest(weight[:, None] * A, weight * y)
+        values, half, unseen = minimum_norm_solution(weight[:, None] * A, weight * y)
         left = np.bincount(joint, (y - A @ values) ** 2, whole.n).astype(np.float64)
         spent = np.bincount(joint, np.sum((weight[:, None] * (A @ half)) ** 2, axis=1), whole.n).astype(np.float64)
         updated = np.maximum(np.sqrt(left / np.maximum(rows - spent, 1.0)), floor)
@@ -95,7 +95,7 @@ def weigh(information: Information, *, plain: bool = False, resolution: float = 
             triangle: Any = np.linalg.qr(weight[:, None] * A, mode="r")
             inverse = half @ half.T
             correlation = _correlation(information, 1.0 / deviation, values, half)
-            return Weighted(whole, 1.0 / deviation, triangle, values, inverse, unseen, left, spent, correlation)
+            return WhitenedSystem(whole, 1.0 / deviation, triangle, values, inverse, unseen, left, spent, correlation)
         deviation = updated
     raise EstimationError(
         f"The weights of the joints did not settle in {ITERATIONS} iterations.",
@@ -110,7 +110,7 @@ def rows_of(information: Information, weights: Array) -> tuple[Array, Array]:
     return R[:, :-1], R[:, -1]
 
 
-def shortest(A: Array, y: Array) -> tuple[Array, Array, Array]:
+def minimum_norm_solution(A: Array, y: Array) -> tuple[Array, Array, Array]:
     """Least squares: values (b,), a square root (b, k) of the pseudo-inverse of AᵀA, unseen directions (m, b)."""
     scaled, length = unit_columns(A)
     clear = orthonormal(scaled)

@@ -14,8 +14,8 @@ import numpy as np
 from armid.errors import ArmidError
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.objective import Objective
-from armid.excitation.design.sqp import Problem, about_start
-from armid.excitation.limits.constraints import Channel, Range, States
+from armid.excitation.design.sqp import DescentProblem, about_start
+from armid.excitation.limits.constraints import ConstraintChannel, RangeLimit, States
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.limits.workspace import SCALE, Workspace
 from armid.values import Array
@@ -60,7 +60,7 @@ class Margin:
     certified: float
 
 
-def fine_grid(problem: Problem) -> tuple[Objective, ...]:
+def fine_grid(problem: DescentProblem) -> tuple[Objective, ...]:
     """The grid in chunks, a thousand points a second and forty a period of the highest harmonic at least."""
     basis = problem.basis
     samples = math.ceil(max(RATE * basis.period, 40.0 * basis.harmonics))
@@ -74,7 +74,7 @@ def fine_grid(problem: Problem) -> tuple[Objective, ...]:
 Peaks = list[tuple[Array, Array, Array]]
 
 
-def _peaks(problem: Problem, grid: tuple[Objective, ...], x: Array) -> Peaks:
+def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Peaks:
     """For each channel the highest shares (m,), these with what could hide between points (m,), and times (m,) [s].
 
     What hides is bounded chunk by chunk, roughly where a chunk is far from a limit, so it is added before chunks are
@@ -99,7 +99,7 @@ def _peaks(problem: Problem, grid: tuple[Objective, ...], x: Array) -> Peaks:
     return result
 
 
-def certified(problem: Problem, grid: tuple[Objective, ...], x: Array) -> tuple[Array, tuple[Margin, ...]]:
+def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Array, tuple[Margin, ...]]:
     """The plan drawn together about its start pose until every limit is certified, and how near it comes to each.
 
     Raises:
@@ -132,12 +132,12 @@ def certified(problem: Problem, grid: tuple[Objective, ...], x: Array) -> tuple[
 UNITS = {0: ("rad", "m"), 1: ("rad/s", "m/s"), 2: ("rad/s²", "m/s²"), 3: ("rad/s³", "m/s³")}
 
 
-def margins(problem: Problem, grid: tuple[Objective, ...], x: Array) -> tuple[Margin, ...]:
+def margins(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Margin, ...]:
     """Tell how near a plan comes to every limit."""
     return _margins(problem, x, _peaks(problem, grid, x))
 
 
-def _margins(problem: Problem, x: Array, peaks: Peaks) -> tuple[Margin, ...]:
+def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, ...]:
     """The same from the peaks."""
     result: list[Margin] = []
     robot = problem.goal.model.robot
@@ -148,16 +148,16 @@ def _margins(problem: Problem, x: Array, peaks: Peaks) -> tuple[Margin, ...]:
             joint = robot.joints[robot.joint_index(label)] if label in robot.joint_names else None
             slides = joint is not None and joint.is_prismatic
             value, bound, unit = _physical(channel, k, share, slides)
-            if isinstance(channel, Range) and channel.order == 0:
+            if isinstance(channel, RangeLimit) and channel.order == 0:
                 value = float(series.at([time]).q[0, channel.joints[k]])
                 bound = float(channel.middle[k] + math.copysign(channel.half[k], value - channel.middle[k]))
             result.append(Margin(channel.name, label, value, bound, unit, time, share, total))
     return tuple(result)
 
 
-def _physical(channel: Channel, k: int, share: float, slides: bool) -> tuple[float, float, str]:
+def _physical(channel: ConstraintChannel, k: int, share: float, slides: bool) -> tuple[float, float, str]:
     """Value, bound and unit of a channel's entry."""
-    if isinstance(channel, Range):
+    if isinstance(channel, RangeLimit):
         bound, unit = float(channel.half[k]), UNITS[channel.order][slides]
     elif isinstance(channel, Torque):
         bound, unit = float(channel.limit[k]), "N" if slides else "N·m"

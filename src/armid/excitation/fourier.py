@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from armid.errors import ArmidError
 from armid.model.motion import Motion
-from armid.notebook import Shown, Summary
+from armid.notebook import Displayed, Summary
 from armid.values import Array, array, replace_file
 
 __all__ = ["Excitation", "load_plan", "required_series", "save_plan"]
@@ -33,7 +33,7 @@ PLAN_KEYS = ("robot", "base_frequency", "offset", "a", "b")
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Excitation(Shown):
+class Excitation(Displayed):
     """A periodic motion of n joints with L harmonics.
 
     Attributes:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation, required_series
 from armid.model.motion import Motion
-from armid.notebook import Shown, Summary
+from armid.notebook import Displayed, Summary
 from armid.values import Array, array
 
 __all__ = ["Plan", "seconds_for"]
@@ -34,7 +34,7 @@ def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLik
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Plan(Shown):
+class Plan(Displayed):
     """Motion from leaving one pose to reaching another.
 
     Attributes:

@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 
 from armid.excitation.certification import Margin, fine_grid, margins
-from armid.excitation.collision.closest_approach import RATE, Approach, closest_approaches
-from armid.excitation.collision.collision_model import Collision, LeftOut
-from armid.excitation.design.objective import Goal, Objective
+from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
+from armid.excitation.collision.collision_model import CollisionOptions, IgnoredPair
+from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.sensitivity import Columns
-from armid.excitation.design.sqp import Problem
+from armid.excitation.design.sqp import DescentProblem
 from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
@@ -60,8 +60,8 @@ class Preflight:
     """
 
     margins: tuple[Margin, ...]
-    approaches: tuple[Approach, ...]
-    skipped: tuple[LeftOut, ...]
+    approaches: tuple[ClosestApproach, ...]
+    skipped: tuple[IgnoredPair, ...]
     expected: Expectation
     unchecked: str = ""
 
@@ -93,11 +93,11 @@ class Preflight:
         return [margin for margin in self.margins if margin.certified > 1.0]
 
     @property
-    def _close(self) -> list[Approach]:
+    def _close(self) -> list[ClosestApproach]:
         return [each for each in self.approaches if not each.kept]
 
 
-def expectation(goal: Goal, objective: Objective, x: Array) -> Expectation:
+def expectation(goal: CriterionGoal, objective: Objective, x: Array) -> Expectation:
     """Deviations that a plan will give with the noise and repetitions of a goal.
 
     Args:
@@ -127,9 +127,9 @@ def expectation(goal: Goal, objective: Objective, x: Array) -> Expectation:
 
 
 def preflight(
-    problem: Problem,
+    problem: DescentProblem,
     x: Array,
-    collision: Collision | None,
+    collision: CollisionOptions | None,
     limits: tuple[Margin, ...] | None = None,
     unchecked: str = "",
 ) -> Preflight:
@@ -144,7 +144,7 @@ def preflight(
     """
     goal, basis = problem.goal, problem.basis
     samples = max(round(goal.rate * basis.period), 40 * basis.harmonics)
-    approaches: tuple[Approach, ...] = ()
+    approaches: tuple[ClosestApproach, ...] = ()
     if collision is not None:
         times = basis.times(max(100, round(RATE * basis.period)))
         q = basis.excitation(x).at(times).q

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
-from armid.excitation.collision.collision_model import Cell, kept_apart
+from armid.excitation.collision.collision_model import CollisionModel, kept_apart
 from armid.excitation.limits.joint_limits import Limits
 from armid.values import Array
 
-__all__ = ["Holds", "Start", "anywhere", "choose_start", "room", "usual_pose"]
+__all__ = ["Holds", "Start", "any_pose", "choose_start", "free_range", "usual_pose"]
 
 INSIDE = 0.05
 """Share of a joint's range that a pose keeps from its ends where it is chosen here."""
@@ -52,7 +52,7 @@ Holds = Callable[[Array], NDArray[np.bool_]]
 """Whether the joints can hold poses (N, n) with the torque they have, shape (N,)."""
 
 
-def anywhere(q: Array) -> NDArray[np.bool_]:
+def any_pose(q: Array) -> NDArray[np.bool_]:
     """Every pose can be held, as far as is known, shape (N,)."""
     return np.ones(len(q), dtype=np.bool_)
 
@@ -80,7 +80,7 @@ def usual_pose(limits: Limits) -> Array:
     return np.where((low + ends > 0.0) | (high - ends < 0.0), 0.5 * (low + high), 0.0)
 
 
-def choose_start(cell: Cell, limits: Limits, holds: Holds = anywhere) -> Start:
+def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) -> Start:
     """The pose with most room of many random ones, or the usual one where that has hardly less.
 
     Args:
@@ -113,15 +113,15 @@ def choose_start(cell: Cell, limits: Limits, holds: Holds = anywhere) -> Start:
             f"No pose of {cell.robot.name} was found in which all bodies keep apart and which its torques can hold.",
             remedy="relax the effort limits with --limit, the --torque-margin or the --clearance, or give --start.",
         )
-    rooms = np.array([room(cell, limits, poses[k], holds) for k in order])
+    rooms = np.array([free_range(cell, limits, poses[k], holds) for k in order])
     if order[0] == 0 and rooms[0] >= ROOMY * rooms.max():
         return Start(usual, float(rooms[0]), usual=True)
     best = int(rooms.argmax())
     pose = _plain(cell, limits, holds, poses[order[best]], usual, PLAIN * float(rooms[best]))
-    return Start(pose, room(cell, limits, pose, holds), usual=False)
+    return Start(pose, free_range(cell, limits, pose, holds), usual=False)
 
 
-def _plain(cell: Cell, limits: Limits, holds: Holds, pose: Array, usual: Array, enough: float) -> Array:
+def _plain(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, usual: Array, enough: float) -> Array:
     """A pose with as many joints at their usual places, or at round numbers, as leave room enough."""
     for j in range(len(pose)):
         for value in (usual[j], *(round(pose[j] * parts) / parts for parts in (2, 10, 100))):
@@ -129,7 +129,7 @@ def _plain(cell: Cell, limits: Limits, holds: Holds, pose: Array, usual: Array, 
             trial[j] = value
             free = cell.clear(trial[None])[0] >= 0.0 and bool(cell.apart(trial[None])[0])
             free = free and limits.lower[j] < value < limits.upper[j] and bool(holds(trial[None])[0])
-            if free and room(cell, limits, trial, holds) >= enough:
+            if free and free_range(cell, limits, trial, holds) >= enough:
                 pose = trial
                 break
     return pose
@@ -141,7 +141,7 @@ def _ends(limits: Limits) -> tuple[Array, Array]:
     return np.maximum(limits.lower + ends, -1e3), np.minimum(limits.upper - ends, 1e3)
 
 
-def room(cell: Cell, limits: Limits, pose: Array, holds: Holds = anywhere) -> float:
+def free_range(cell: CollisionModel, limits: Limits, pose: Array, holds: Holds = any_pose) -> float:
     """Share of the wanted swing that is free around a pose, the mean over lines through it.
 
     Args:

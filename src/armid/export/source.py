@@ -10,13 +10,13 @@ from typing import Any
 
 from armid.errors import ArmidError, Finding, OutputError
 from armid.export.formats import mjcf
-from armid.export.types import Source
-from armid.measurement.log_format import Reading
+from armid.export.types import DescriptionSource
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.loading import builtin_arms, held_of, load_robot
 from armid.robot.readers.xacro import expand
 from armid.robot.xml import root_tag
-from armid.runs.locate_recording import read_again
+from armid.runs.locate_recording import read_recording_of
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice, parse_robot
 
@@ -36,7 +36,7 @@ class Unseen:
     missing: tuple[str, ...]
 
 
-def find_source(run: Run, description: Path | str | None = None) -> Source:
+def find_source(run: Run, description: Path | str | None = None) -> DescriptionSource:
     """The description that a run was made from.
 
     Args:
@@ -51,7 +51,7 @@ def find_source(run: Run, description: Path | str | None = None) -> Source:
     name = choice.description
     selected: dict[str, Any] = {"lock": choice.lock, "only": choice.only, "tip": choice.tip}
     if name in builtin_arms():
-        return Source(name, "dh", b"", held_of(name, **selected))
+        return DescriptionSource(name, "dh", b"", held_of(name, **selected))
     places = [Path(description)] if description is not None else []
     places += [_from_here(study) / name, Path(run.robot.source)] if description is None else []
     path = next((place for place in places if place.is_file()), None)
@@ -86,8 +86,8 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
         if each["role"] != "validate":
             continue
         try:
-            choice = RecordingChoice(each["path"], each["role"], Reading(**each["reading"]), tuple(each["part"]))
-            recording = read_again(run, choice, sha256, _from_here(study), data)
+            choice = RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
+            recording = read_recording_of(run, choice, sha256, _from_here(study), data)
         except ArmidError as error:
             missing.append(error.problem)
         else:
@@ -101,14 +101,14 @@ def _from_here(study: Mapping[str, Any]) -> Path:
     return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
 
-def _read(path: Path, locked: Mapping[str, float]) -> Source:
+def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
     """A description's bytes as they can be edited."""
     data, files = path.read_bytes(), (str(path),)
     if path.suffix.lower() == ".toml":
-        return Source(str(path), "dh", data, locked, files)
+        return DescriptionSource(str(path), "dh", data, locked, files)
     if path.suffix.lower() == ".xacro":
         what = "xacro was expanded; the written file is a URDF"
-        return Source(
+        return DescriptionSource(
             str(path),
             "urdf",
             expand(path.read_text(encoding="utf-8"), str(path)).encode(),
@@ -117,10 +117,10 @@ def _read(path: Path, locked: Mapping[str, float]) -> Source:
             (Finding("xacro-expanded", "info", "", what),),
         )
     if root_tag(data.decode()) != "mujoco":
-        return Source(str(path), "urdf", data, locked, files)
+        return DescriptionSource(str(path), "urdf", data, locked, files)
     whole, files = mjcf.whole(path, data)
     included = (Finding("includes-inlined", "info", "", "files that it includes were put in place"),)
-    return Source(str(path), "mjcf", whole, locked, files, included if whole != data else ())
+    return DescriptionSource(str(path), "mjcf", whole, locked, files, included if whole != data else ())
 
 
 def _record(run: Run) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from armid.errors import EstimationError, Finding, OutputError
 from armid.estimation.consistency.cones import consistency_cones
 from armid.estimation.estimate import collapse, torque_parameters
 from armid.estimation.prior import LENGTH, THINNEST, size_of_bodies
-from armid.estimation.problem import Standard, standard_of
+from armid.estimation.problem import StandardParameters, standard_of
 from armid.export.carried_bodies import is_possible
 from armid.maths.cones import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
@@ -97,7 +97,7 @@ def values_to_write(
 
 
 def _all_with(
-    standard: Standard, values: Array, kept: NDArray[np.intp], empty: NDArray[np.intp]
+    standard: StandardParameters, values: Array, kept: NDArray[np.intp], empty: NDArray[np.intp]
 ) -> tuple[Array, Array]:
     """All standard parameters that have the base values, as particular (p,) and basis (p, z).
 
@@ -120,7 +120,7 @@ def _all_with(
 
 
 def _search(
-    standard: Standard,
+    standard: StandardParameters,
     every: tuple[Array, Array],
     anchor: Array | None,
     empty: NDArray[np.intp],
@@ -139,7 +139,7 @@ def _search(
 
 
 def _nearest(
-    standard: Standard,
+    standard: StandardParameters,
     particular: Array,
     basis: Array,
     anchor: Array | None,
@@ -204,7 +204,7 @@ def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Arra
     return particular + steps[:, seen] @ back, steps, np.diag(seen.astype(np.float64))
 
 
-def _relative_change(standard: Standard, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
+def _relative_change(standard: StandardParameters, anchor: Array, there: list[NDArray[np.intp]]) -> Array:
     """Rows whose length is the relative change of the links' pseudo-inertias, shape (16 links, p)."""
     rows = np.zeros((16 * len(there), len(anchor)))
     least = LIGHTEST * max(float(anchor[standard.inertial[:, 0]].mean()), 1.0)
@@ -252,7 +252,7 @@ def distance_to_description(run: Run, theta: Array) -> float:
     return float(np.linalg.norm(rows @ (theta - standard.nominal)))
 
 
-def _said(run: Run, standard: Standard, theta: Array | None, found: Array, nearest: bool) -> Finding:
+def _said(run: Run, standard: StandardParameters, theta: Array | None, found: Array, nearest: bool) -> Finding:
     why = (
         "--nearest was asked for"
         if nearest

@@ -18,9 +18,9 @@ __all__ = [
     "PLACED",
     "Body",
     "Content",
-    "Source",
+    "DescriptionSource",
     "Witness",
-    "Written",
+    "WrittenDescription",
     "com_form",
     "rpy_of",
     "text_of",
@@ -32,7 +32,7 @@ PLACED = ("viscous", "coulomb", "rotor-inertia")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Source:
+class DescriptionSource:
     """The description that a run was made from.
 
     Attributes:
@@ -86,7 +86,7 @@ class Content:
 
     robot: Robot
     joints: Mapping[str, Mapping[str, float]]
-    source: Source | None = None
+    source: DescriptionSource | None = None
     bodies: Mapping[str, InertialParameters] | None = None
 
     @property
@@ -96,7 +96,7 @@ class Content:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Written:
+class WrittenDescription:
     """A file's content.
 
     Attributes:

@@ -12,13 +12,13 @@ from armid.errors import Finding, OutputError
 from armid.estimation.estimate import torque_parameters
 from armid.export.formats import Exporter
 from armid.export.source import Unseen
-from armid.export.types import PLACED, Content, Witness, Written
+from armid.export.types import PLACED, Content, Witness, WrittenDescription
 from armid.information.residuals import compare
 from armid.model.dynamics import DynamicsModel
 from armid.robot.angle_rounding import rounded
 from armid.robot.robot import Robot
 from armid.runs.run import Run
-from armid.study.identify import observe_recordings
+from armid.study.identify import process_study_recordings
 from armid.validation.prediction import Check
 from armid.values import Array
 
@@ -76,7 +76,7 @@ class Verified:
 
 def verify(
     exporter: Exporter,
-    written: Written,
+    written: WrittenDescription,
     content: Content,
     run: Run,
     theta: Array,
@@ -145,7 +145,7 @@ def _in_order(robot: Robot, like: Robot) -> Robot:
 
 
 def _torques(
-    exporter: Exporter, written: Written, content: Content, robot: Robot, unphysical: bool
+    exporter: Exporter, written: WrittenDescription, content: Content, robot: Robot, unphysical: bool
 ) -> tuple[list[Check], list[Finding]]:
     """Torque of the rigid bodies and what stands beside it, as several programs read them."""
     q, dq, ddq = _states(content.robot)
@@ -230,7 +230,7 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
     predictions: list[Prediction] = []
     checks: list[Check] = []
     for choice, recording in unseen.recordings:
-        observations, _ = observe_recordings([(choice, recording)], run.processing, run.robot)
+        observations, _ = process_study_recordings([(choice, recording)], run.processing, run.robot)
         band = observations.band
         both = [(compare(run.model, estimated, o, band), compare(model, said, o, band)) for o in observations.runs]
         mask = np.concatenate([a.mask for a, _ in both])

@@ -17,7 +17,7 @@ from armid.export.plausibility import far_bodies, refuse_unidentified, refuse_un
 from armid.export.sidecar import side_record
 from armid.export.source import find_source, unseen_recordings
 from armid.export.standard_values import values_to_write
-from armid.export.types import Body, Content, Source
+from armid.export.types import Body, Content, DescriptionSource
 from armid.export.verification import Prediction, places_of, verify, without_place
 from armid.robot.robot import InertialParameters, Link, Robot
 from armid.runs.run import Run
@@ -132,7 +132,7 @@ def _content(
     run: Run,
     exporter: Exporter,
     theta: Array,
-    source: Source,
+    source: DescriptionSource,
     bodies: Sequence[Body] | None,
     limits: Mapping[tuple[str, str], float | tuple[float, float]],
     *,
@@ -166,20 +166,20 @@ def export_record(exported: Exported) -> dict[str, Any]:
     }
 
 
-def _default(run: Run, source: Source, exporter: Exporter) -> Path:
+def _default(run: Run, source: DescriptionSource, exporter: Exporter) -> Path:
     """A file in the run's folder, named after the description or the arm."""
     stem = Path(source.path).stem if source.format != "dh" else run.robot.name
     return Path(run.folder) / (re.sub(r"[^\w.+-]+", "-", stem).strip(".-") + exporter.SUFFIX)
 
 
-def _refuse_source(path: Path, source: Source) -> None:
+def _refuse_source(path: Path, source: DescriptionSource) -> None:
     """Refuse to write over the description."""
     if any(path.exists() and path.samefile(part) for part in source.files):
         raise OutputError(f"{path} is the description itself, or a part of it.", remedy="name another with --out.")
 
 
 def _refuse_options(
-    source: Source, limits: Mapping[tuple[str, str], Any] | None, bodies: object, *, lumped: bool
+    source: DescriptionSource, limits: Mapping[tuple[str, str], Any] | None, bodies: object, *, lumped: bool
 ) -> None:
     """Refuse limits for a description that is edited, and lumped bodies for a file of its own."""
     if limits and bodies is not None:
@@ -191,7 +191,7 @@ def _refuse_options(
         )
 
 
-def _bodies(exporter: Exporter, source: Source, robot: Robot) -> list[Body]:
+def _bodies(exporter: Exporter, source: DescriptionSource, robot: Robot) -> list[Body]:
     return exporter.bodies(source, exporter.read(source.data, source.locked), robot)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
-__all__ = ["Document", "Node", "element_text"]
+__all__ = ["Document", "XmlNode", "element_text"]
 
 ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 TAG_END = re.compile(rb"\s*(/?)>")
@@ -22,7 +22,7 @@ STEP = "  "
 
 
 @dataclass(eq=False, slots=True)
-class Node:
+class XmlNode:
     """An element and where it stands.
 
     Attributes:
@@ -45,22 +45,22 @@ class Node:
     inner: int
     closing: int = 0
     end: int = 0
-    children: list[Node] = field(default_factory=list["Node"])
+    children: list[XmlNode] = field(default_factory=list["XmlNode"])
 
     @property
     def is_empty(self) -> bool:
         """Tell whether it has no end tag."""
         return self.closing == self.end
 
-    def find(self, tag: str) -> Node | None:
+    def find(self, tag: str) -> XmlNode | None:
         """The first child of that name."""
         return next((child for child in self.children if child.tag == tag), None)
 
-    def every(self, tag: str) -> list[Node]:
+    def every(self, tag: str) -> list[XmlNode]:
         """All children of that name."""
         return [child for child in self.children if child.tag == tag]
 
-    def walk(self) -> Iterator[Node]:
+    def walk(self) -> Iterator[XmlNode]:
         """This element and all below it, in the order of the text."""
         yield self
         for child in self.children:
@@ -80,7 +80,7 @@ class Document:
         self.newline = "\r\n" if b"\r\n" in data else "\n"
         self._edits: list[tuple[int, int, int, bytes]] = []
 
-    def set(self, node: Node, name: str, value: str) -> None:
+    def set(self, node: XmlNode, name: str, value: str) -> None:
         """Give an attribute a value; a new one comes behind those there are."""
         if name in node.spans:
             _, start, end = node.spans[name]
@@ -90,13 +90,13 @@ class Document:
         behind = max((end + 1 for _, _, end in node.spans.values()), default=node.named)
         self.replace(behind, behind, f" {name}={quoteattr(value)}")
 
-    def drop(self, node: Node, name: str) -> None:
+    def drop(self, node: XmlNode, name: str) -> None:
         """Remove an attribute and the blanks before it."""
         if name in node.spans:
             start, _, end = node.spans[name]
             self.replace(start, end + 1, "")
 
-    def first(self, node: Node, lines: Sequence[str]) -> None:
+    def first(self, node: XmlNode, lines: Sequence[str]) -> None:
         """Put lines in front of everything in an element."""
         if node.is_empty or not node.children:
             self.last(node, lines)
@@ -104,7 +104,7 @@ class Document:
         lead = self._lead(node.children[0])
         self.replace(node.inner, node.inner, "".join(lead + line for line in lines))
 
-    def last(self, node: Node, lines: Sequence[str]) -> None:
+    def last(self, node: XmlNode, lines: Sequence[str]) -> None:
         """Put lines behind the last element in an element."""
         if node.children:
             lead = self._lead(node.children[-1])
@@ -135,7 +135,7 @@ class Document:
             reached = end
         return b"".join([*parts, self.data[reached:]])
 
-    def _lead(self, node: Node) -> str:
+    def _lead(self, node: XmlNode) -> str:
         """Line end and indentation before an element; nothing where it shares its line with something before."""
         line = self.data.rfind(b"\n", 0, node.start) + 1
         before = self.data[line : node.start]
@@ -147,12 +147,12 @@ def element_text(tag: str, attributes: Mapping[str, str]) -> str:
     return f"<{tag} {' '.join(f'{key}={quoteattr(value)}' for key, value in attributes.items())}/>"
 
 
-def _parse(data: bytes) -> Node:
+def _parse(data: bytes) -> XmlNode:
     """The root element."""
     parser = expat.ParserCreate("utf-8")
     parser.ordered_attributes = False
-    open_: list[Node] = []
-    roots: list[Node] = []
+    open_: list[XmlNode] = []
+    roots: list[XmlNode] = []
 
     def begin(tag: str, values: dict[str, Any]) -> None:
         node = _start_tag(data, parser.CurrentByteIndex, tag, values)
@@ -172,7 +172,7 @@ def _parse(data: bytes) -> Node:
     return roots[0]
 
 
-def _start_tag(data: bytes, start: int, tag: str, values: dict[str, Any]) -> Node:
+def _start_tag(data: bytes, start: int, tag: str, values: dict[str, Any]) -> XmlNode:
     """An element from its start tag; its end is not known yet."""
     named = at = start + 1 + len(tag.encode())
     spans: dict[str, tuple[int, int, int]] = {}
@@ -181,4 +181,4 @@ def _start_tag(data: bytes, start: int, tag: str, values: dict[str, Any]) -> Nod
         at = found.end()
     close = TAG_END.match(data, at)
     assert close is not None, "the parser has seen a start tag here"
-    return Node(tag, values, start, named, spans, close.end())
+    return XmlNode(tag, values, start, named, spans, close.end())

@@ -19,7 +19,7 @@ from armid import kernel
 from armid.errors import ArmidError
 from armid.information.column_source import ColumnSource, column_source
 from armid.information.filtering import filtered_columns, filtered_torque
-from armid.information.hysteresis_states import refuse_forgotten, remember
+from armid.information.hysteresis_states import require_consecutive, with_hysteresis_states
 from armid.information.information import Information, JointFactors, merge, stack, total
 from armid.maths.linalg import scaled_condition
 from armid.measurement.band import Band
@@ -29,7 +29,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["Progress", "inform"]
+__all__ = ["Progress", "accumulate_information"]
 
 Progress = Callable[[int, int], None]
 """Told how many samples are done, and of how many."""
@@ -49,7 +49,7 @@ GRAM_RESIDUAL = 1e-5
 
 
 @one_blas_thread
-def inform(
+def accumulate_information(
     model: DynamicsModel,
     base: BaseParameters,
     observations: Observations,
@@ -124,7 +124,7 @@ def _inform(
     done = 0
     parts: list[Information] = []
     for index, given in enumerate(observations.runs):
-        run = remember(source.model, given, observations.band)
+        run = with_hysteresis_states(source.model, given, observations.band)
         raw = _is_raw(run, observations.band)
         pieces = (
             _raw_blocks(source, run, observations.band, threads, by_gram=by_gram)
@@ -142,7 +142,7 @@ def _inform(
         method = "products" if raw and by_gram else "qr"
         parts.append(_of_run(source, run, index, factors, method))
     whole = merge(parts)
-    refuse_forgotten(source.model, observations, whole.rows.sum(axis=0))
+    require_consecutive(source.model, observations, whole.rows.sum(axis=0))
     return whole
 
 

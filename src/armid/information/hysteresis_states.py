@@ -17,13 +17,13 @@ from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics import DynamicsModel
 
-__all__ = ["memory_findings", "refuse_forgotten", "remember"]
+__all__ = ["memory_findings", "require_consecutive", "with_hysteresis_states"]
 
 NOTABLE = 0.2
 """Share of a joint's rows whose loss to an unknown memory is worth a finding; a second of five."""
 
 
-def remember(model: DynamicsModel, run: ObservedRun, band: Band) -> ObservedRun:
+def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -> ObservedRun:
     """A run with what a model remembers along it; the same run where it remembers nothing, or has it already.
 
     Args:
@@ -50,7 +50,7 @@ def remember(model: DynamicsModel, run: ObservedRun, band: Band) -> ObservedRun:
     return replace(run, motion=motion, mask=mask)
 
 
-def refuse_forgotten(model: DynamicsModel, given: Observations, rows: NDArray[np.int64]) -> None:
+def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray[np.int64]) -> None:
     """Refuse a model whose memory leaves no row of a joint that has rows.
 
     Args:
@@ -77,7 +77,7 @@ def memory_findings(model: DynamicsModel, observations: Observations) -> tuple[F
     """Joints and runs of which many rows do not count because the memory is not known yet."""
     findings: list[Finding] = []
     for run in observations.runs if model.nodes else ():
-        left = remember(model, run, observations.band).mask.sum(axis=0)
+        left = with_hysteresis_states(model, run, observations.band).mask.sum(axis=0)
         had = run.mask.sum(axis=0)
         findings += [
             Finding(

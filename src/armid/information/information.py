@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.kernel import factor_columns
-from armid.notebook import Shown, Summary, plural
+from armid.notebook import Displayed, Summary, plural
 from armid.values import Array, array
 
 __all__ = ["Information", "JointFactors", "merge", "restrict", "select", "stack", "total"]
@@ -43,7 +43,7 @@ class JointFactors:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Information(Shown):
+class Information(Displayed):
     """Factors of all joints and blocks.
 
     Attributes:

@@ -13,7 +13,7 @@ import numpy as np
 from armid import kernel
 from armid.information.column_source import ColumnSource
 from armid.information.filtering import filtered_columns, filtered_torque
-from armid.information.hysteresis_states import remember
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.band import Band
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
@@ -28,7 +28,7 @@ def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[i
     """Columns and torque of every joint on the output grid in the band, a segment at a time.
 
     Which rows count is not said here, and where the model has a memory it is fewer than the run's own mask says:
-    give a run that has passed `armid.information.hysteresis_states.remember`, and use its mask.
+    give a run that has passed `armid.information.hysteresis_states.with_hysteresis_states`, and use its mask.
 
     Args:
         source: Makes the columns; joint j has rows `layout.offset[j]` to `layout.offset[j + 1] - 1`, torque last.
@@ -41,7 +41,7 @@ def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[i
     Raises:
         ArmidError: The model has a memory, and the run's samples do not follow each other in time.
     """
-    run = remember(source.model, run, band)
+    run = with_hysteresis_states(source.model, run, band)
     if not band.is_open and run.consecutive and band.columns:
         yield from filtered_columns(source, run, band)
         return

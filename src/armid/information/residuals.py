@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.information.filtering import in_band
-from armid.information.hysteresis_states import remember
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.band import Band
 from armid.measurement.observations import ObservedRun
 from armid.model.dynamics import DynamicsModel
@@ -61,7 +61,7 @@ def compare(model: DynamicsModel, standard: Array, run: ObservedRun, band: Band)
     Raises:
         ArmidError: The model has a memory, and the run's samples do not follow each other in time.
     """
-    run = remember(model, run, band)
+    run = with_hysteresis_states(model, run, band)
     predicted = model.torque(run.motion, standard)
     rows = run.rows
     if band.is_open or not run.consecutive:

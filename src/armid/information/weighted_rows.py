@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from armid import kernel
 from armid.information.column_source import ColumnSource
-from armid.information.hysteresis_states import remember
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import Information, JointFactors, merge
 from armid.information.regressor_rows import rows
 from armid.measurement.observations import Observations, ObservedRun
 from armid.values import Array
 
-__all__ = ["Rows", "Segment", "Weigh", "weighted_information"]
+__all__ = ["Segment", "Weigh", "WeightedRows", "weighted_information"]
 
 KEPT = 64_000_000
 """Bytes of rows that are kept from one pass to the next: some 40 000 rows of a seven-joint arm."""
@@ -49,7 +49,7 @@ Weigh = Callable[[Segment, int], Array]
 """Weight (M,) of each row of a segment for one joint; masked rows are left out whatever it says."""
 
 
-class Rows:
+class WeightedRows:
     """All rows of observations, as often as wanted.
 
     Attributes:
@@ -59,7 +59,7 @@ class Rows:
 
     def __init__(self, source: ColumnSource, observations: Observations) -> None:
         self.source = source
-        runs = tuple(remember(source.model, run, observations.band) for run in observations.runs)
+        runs = tuple(with_hysteresis_states(source.model, run, observations.band) for run in observations.runs)
         self.observations = Observations(runs, observations.band)
         self._kept: list[Segment] | None = None
 
@@ -86,7 +86,7 @@ class Rows:
                 yield Segment(index, begin, x, run.mask[begin:end], run.block[begin:end])
 
 
-def weighted_information(every: Rows, weigh: Weigh, *, blocks: bool = True) -> Information:
+def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = True) -> Information:
     """Factors of rows that are multiplied by the roots of their weights.
 
     Args:

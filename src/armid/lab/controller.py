@@ -18,11 +18,11 @@ import numpy as np
 
 from armid import kernel
 from armid.errors import LabError, did_you_mean
-from armid.lab.known_arms import Truth
+from armid.lab.known_arms import KnownArm
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["CONTROLLERS", "Controller", "Drive", "Gains", "feedforward", "gains", "some_poses"]
+__all__ = ["CONTROLLERS", "Controller", "ControllerGains", "Drive", "feedforward", "gains", "some_poses"]
 
 CONTROLLERS = ("computed-torque", "pd-gravity", "pid")
 """Kinds of controllers."""
@@ -85,13 +85,13 @@ class Drive:
         if not (self.bandwidth >= 0.0 and self.saturation >= 0.0):
             raise LabError("A drive's bandwidth and saturation must not be negative.")
 
-    def limits(self, truth: Truth) -> Array:
+    def limits(self, truth: KnownArm) -> Array:
         """Largest torque of each joint (n,) [N·m or N]."""
         return (self.saturation or np.inf) * np.array([joint.effort_limit for joint in truth.robot.joints])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Gains:
+class ControllerGains:
     """Linear feedback, joint by joint.
 
     Attributes:
@@ -105,7 +105,7 @@ class Gains:
     integral: Array
 
 
-def gains(controller: Controller, drive: Drive, truth: Truth, motion: Motion, step: float) -> Gains:
+def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion, step: float) -> ControllerGains:
     """Gains that suit an arm along a motion.
 
     Args:
@@ -126,7 +126,7 @@ def gains(controller: Controller, drive: Drive, truth: Truth, motion: Motion, st
     kp = np.minimum(wanted, lightest * fastest**2)
     kd = 2.0 * controller.damping * np.minimum(np.sqrt(kp * inertia), lightest * fastest)
     ki = controller.integral if controller.integral is not None else 2.0 * (controller.kind == "pid")
-    return Gains(kp, kd, ki * kp)
+    return ControllerGains(kp, kd, ki * kp)
 
 
 def some_poses(q: Array, count: int = 100) -> Array:
@@ -134,7 +134,7 @@ def some_poses(q: Array, count: int = 100) -> Array:
     return q[:: max(1, len(q) // count)]
 
 
-def feedforward(controller: Controller, truth: Truth, motion: Motion) -> Array:
+def feedforward(controller: Controller, truth: KnownArm, motion: Motion) -> Array:
     """Torque (N, n) [N·m or N] that the controller adds along the planned motion."""
     if controller.kind == "pid":
         torque = np.zeros_like(motion.q)

@@ -19,7 +19,7 @@ from armid.errors import LabError
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["Friction", "MaxwellSlip", "Stribeck", "ToothRipple", "Warmth", "friction_along"]
+__all__ = ["Friction", "MaxwellSlip", "StribeckEffect", "ToothRipple", "Warmth", "friction_along"]
 
 
 def _columns(kind: object, *names: str) -> None:
@@ -32,7 +32,7 @@ def _columns(kind: object, *names: str) -> None:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Stribeck:
+class StribeckEffect:
     """Dry friction beyond that of Coulomb, gone once the joint moves.
 
     Attributes:
@@ -149,7 +149,7 @@ class Friction:
     offset: Array = field(default_factory=_none)
     asymmetry: Array = field(default_factory=_none)
     load: Array = field(default_factory=_none)
-    stribeck: Stribeck | None = None
+    stribeck: StribeckEffect | None = None
     slip: MaxwellSlip | None = None
     ripple: ToothRipple | None = None
     warmth: Warmth | None = None

@@ -13,17 +13,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armid.errors import LabError, did_you_mean
-from armid.lab.friction import Friction, MaxwellSlip, Stribeck, ToothRipple, Warmth
+from armid.lab.friction import Friction, MaxwellSlip, StribeckEffect, ToothRipple, Warmth
 from armid.lab.ideal_recording import THESIS_FRICTION
-from armid.robot.missing_inertia import inertial_key, moving_nothing
+from armid.robot.missing_inertia import inertial_key, massless_joints
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array, array
 
-__all__ = ["EFFECTS", "TYPICAL_COULOMB", "UNKNOWN_EFFORT", "Truth", "friction_of_limits", "truth_of", "with_effects"]
+__all__ = [
+    "EFFECTS",
+    "TYPICAL_COULOMB",
+    "UNKNOWN_EFFORT",
+    "KnownArm",
+    "friction_of_limits",
+    "truth_of",
+    "with_effects",
+]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Truth:
+class KnownArm:
     """An arm as it is.
 
     Attributes:
@@ -108,7 +116,7 @@ UNKNOWN_EFFORT = 100.0
 """Effort limit [N·m or N] where none is known."""
 
 
-def truth_of(robot: Robot) -> Truth:
+def truth_of(robot: Robot) -> KnownArm:
     """Take a robot for a simulated one: rigid drives without rotor inertia, plain friction.
 
     A built-in arm has the numbers in `OWN`; any other its description's inertias and friction in proportion to its
@@ -124,7 +132,7 @@ def truth_of(robot: Robot) -> Truth:
         friction = friction_of_limits(robot)
     else:
         friction = Friction(np.array(own["viscous"]), np.array(own["coulomb"]))
-    return Truth(robot, _bodies(robot), friction, np.zeros(robot.n))
+    return KnownArm(robot, _bodies(robot), friction, np.zeros(robot.n))
 
 
 def friction_of_limits(robot: Robot) -> Friction:
@@ -136,7 +144,7 @@ def friction_of_limits(robot: Robot) -> Friction:
 
 def _bodies(robot: Robot) -> Array:
     """Inertial parameters (n, 10) of the truth."""
-    nominal, empty = robot.inertial_vector, moving_nothing(robot)
+    nominal, empty = robot.inertial_vector, massless_joints(robot)
     if nominal is not None and empty:
         raise LabError(
             f"{', '.join(empty)} of {robot.name} move no mass: the description has no inertia of their links.",
@@ -161,14 +169,14 @@ def _cylinder(mass: float, com: Sequence[float], length: float, radius: float, a
     return InertialParameters.from_com(mass, com, np.diag(moments)).vector
 
 
-def _rotor(truth: Truth) -> Truth:
+def _rotor(truth: KnownArm) -> KnownArm:
     own = OWN.get(truth.robot.name)
     if own is not None and len(own["rotor"]) == truth.robot.n:
         return replace(truth, rotor=np.array(own["rotor"]))
     return replace(truth, rotor=0.05 * truth.friction.coulomb + 0.01)
 
 
-def _elastic(truth: Truth) -> Truth:
+def _elastic(truth: KnownArm) -> KnownArm:
     own = OWN.get(truth.robot.name)
     if not truth.rotor.all():
         truth = _rotor(truth)
@@ -178,7 +186,7 @@ def _elastic(truth: Truth) -> Truth:
     return replace(truth, stiffness=stiffness, spring_damping=0.04 * np.sqrt(stiffness * truth.rotor))
 
 
-def _friction(change: Callable[[Friction], Friction]) -> Callable[[Truth], Truth]:
+def _friction(change: Callable[[Friction], Friction]) -> Callable[[KnownArm], KnownArm]:
     return lambda truth: replace(truth, friction=change(truth.friction))
 
 
@@ -194,10 +202,10 @@ def _slip(friction: Friction) -> Friction:
     return replace(friction, coulomb=friction.coulomb - torque.sum(axis=0), slip=slip)
 
 
-EFFECTS: dict[str, Callable[[Truth], Truth]] = {
+EFFECTS: dict[str, Callable[[KnownArm], KnownArm]] = {
     "rotor": _rotor,
     "elastic": _elastic,
-    "stribeck": _friction(lambda f: replace(f, stribeck=Stribeck(0.3 * f.coulomb, _like(f, 0.05)))),
+    "stribeck": _friction(lambda f: replace(f, stribeck=StribeckEffect(0.3 * f.coulomb, _like(f, 0.05)))),
     "asymmetric": _friction(lambda f: replace(f, asymmetry=0.1 * f.coulomb)),
     "load": _friction(lambda f: replace(f, load=_like(f, 0.03))),
     "hysteresis": _friction(_slip),
@@ -211,7 +219,7 @@ EFFECTS: dict[str, Callable[[Truth], Truth]] = {
 """What a truth may have beyond plain friction, by name: how large it is follows from the truth's own friction."""
 
 
-def with_effects(truth: Truth, names: Sequence[str]) -> Truth:
+def with_effects(truth: KnownArm, names: Sequence[str]) -> KnownArm:
     """The truth with further effects, in the order of `EFFECTS`.
 
     Raises:

@@ -18,7 +18,7 @@ from armid.errors import ArmidError, LabError, did_you_mean
 from armid.lab.controller import Controller, Drive
 from armid.lab.faults import FAULTS, Fault
 from armid.lab.friction import Friction
-from armid.lab.known_arms import Truth, with_effects
+from armid.lab.known_arms import KnownArm, with_effects
 from armid.lab.sensors import Sensing
 from armid.values import Array
 
@@ -48,7 +48,7 @@ class Arm:
     stiffness: Array | None = None
     spring_damping: Array | None = None
 
-    def of(self, truth: Truth) -> Truth:
+    def of(self, truth: KnownArm) -> KnownArm:
         """The truth with what is said here; effects see the friction that is given."""
         if self.friction is not None:
             truth = replace(truth, friction=self.friction)

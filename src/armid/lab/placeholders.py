@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from armid.errors import Finding
-from armid.lab.known_arms import TYPICAL_COULOMB, UNKNOWN_EFFORT, Truth, friction_of_limits
+from armid.lab.known_arms import TYPICAL_COULOMB, UNKNOWN_EFFORT, KnownArm, friction_of_limits
 from armid.values import Array
 
 __all__ = ["placeholder_finding"]
@@ -29,7 +29,7 @@ FEWEST = 3
 """Joints of which one limit for all is suspicious."""
 
 
-def placeholder_finding(truth: Truth, transmitted: Array) -> Finding | None:
+def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
     """A word on friction that was taken from effort limits which look like placeholders, or `None`.
 
     Args:

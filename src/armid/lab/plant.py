@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from armid import kernel
 from armid.errors import LabError, MissingExtraError
-from armid.lab.known_arms import Truth
+from armid.lab.known_arms import KnownArm
 from armid.maths.inertia import vector_to_com_inertia
-from armid.maths.stiction import settle_friction
+from armid.maths.stiction import solve_stiction
 from armid.robot.missing_inertia import inertial_key
 from armid.robot.robot import Robot
 from armid.values import Array
@@ -49,7 +49,7 @@ CHECKED = 256
 """Steps from one look for a runaway to the next."""
 
 
-def write_mjcf(robot: Robot, inertial: Array, truth: Truth | None = None) -> str:
+def write_mjcf(robot: Robot, inertial: Array, truth: KnownArm | None = None) -> str:
     """The arm as MJCF text, numbers in full.
 
     Args:
@@ -100,7 +100,7 @@ def write_mjcf(robot: Robot, inertial: Array, truth: Truth | None = None) -> str
     return "\n".join([*lines, "</mujoco>"])
 
 
-def _springs(truth: Truth) -> list[str]:
+def _springs(truth: KnownArm) -> list[str]:
     """A spring between each joint and its rotor."""
     assert truth.stiffness is not None
     return [
@@ -142,7 +142,7 @@ def _attribute(text: str) -> str:
     return text.translate({ord(mark): " " for mark in '<>&"'})
 
 
-def stable_rate(truth: Truth, q: Array) -> float:
+def stable_rate(truth: KnownArm, q: Array) -> float:
     """Steps a second [Hz] that springs of gears and of friction need at positions q (N, n); 0 without springs."""
     slip = truth.friction.slip
     dry = np.zeros(truth.robot.n) if slip is None else slip.stiffness
@@ -175,7 +175,7 @@ class Plant:
         MissingExtraError: MuJoCo is not installed.
     """
 
-    def __init__(self, truth: Truth, step: float, q: Array, effort: Array) -> None:
+    def __init__(self, truth: KnownArm, step: float, q: Array, effort: Array) -> None:
         try:
             mujoco: Any = import_module("mujoco")
         except ImportError as error:
@@ -312,7 +312,7 @@ class Plant:
                 return dry, moved
         free = new + columns @ dry
         coupling, alone = columns[self.drives], free[self.drives]
-        found, velocity = settle_friction(coupling[None], alone[None], lower[None], upper[None])
+        found, velocity = solve_stiction(coupling[None], alone[None], lower[None], upper[None])
         torque = found[0]
         new = free - columns @ torque
         new[self._places[velocity[0] == 0.0]] = 0.0

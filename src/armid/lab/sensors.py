@@ -9,12 +9,12 @@ from typing import Any, Literal
 import numpy as np
 
 from armid.errors import LabError
-from armid.lab.true_motion import MARGIN, Trace
+from armid.lab.true_motion import MARGIN, TrueMotion
 from armid.maths.signals import butterworth
 from armid.measurement.recording import Recording
 from armid.values import Array, digest
 
-__all__ = ["Channel", "Sensing", "sense"]
+__all__ = ["Sensing", "SensorChannel", "sense"]
 
 NEIGHBOURS = 4
 """Samples that a value between samples is interpolated from, by a cubic."""
@@ -24,7 +24,7 @@ HIGHEST_RATE = 8000.0
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class SensorChannel:
     """Path of one quantity into the log; numbers are in its own unit and alike for all joints.
 
     Attributes:
@@ -68,9 +68,9 @@ class Sensing:
     """
 
     rate: float = 1000.0
-    position: Channel = field(default_factory=lambda: Channel(noise=1e-5))
-    effort: Channel = field(default_factory=lambda: Channel(noise=0.3))
-    velocity: Channel | None = None
+    position: SensorChannel = field(default_factory=lambda: SensorChannel(noise=1e-5))
+    effort: SensorChannel = field(default_factory=lambda: SensorChannel(noise=0.3))
+    velocity: SensorChannel | None = None
     side: Literal["drive", "link"] = "drive"
     jitter: float = 0.0
     stamps: Literal["true", "even", "none"] = "true"
@@ -91,7 +91,7 @@ MOST_JITTER = 0.2
 
 
 def sense(
-    trace: Trace, sensing: Sensing, joint_names: tuple[str, ...], source: str, rng: np.random.Generator
+    trace: TrueMotion, sensing: Sensing, joint_names: tuple[str, ...], source: str, rng: np.random.Generator
 ) -> Recording:
     """The log of what happened.
 
@@ -130,7 +130,7 @@ def sense(
     )
 
 
-def _logged(time: Array, values: Array, taken: Array, channel: Channel, rng: np.random.Generator) -> Array:
+def _logged(time: Array, values: Array, taken: Array, channel: SensorChannel, rng: np.random.Generator) -> Array:
     """One quantity as it is logged, shape (M, n)."""
     rate = 1.0 / (time[1] - time[0])
     if channel.cutoff:

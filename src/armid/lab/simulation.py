@@ -11,14 +11,14 @@ import numpy as np
 
 from armid.errors import Finding, LabError
 from armid.excitation.fourier import Excitation, required_series
-from armid.lab.controller import Gains
+from armid.lab.controller import ControllerGains
 from armid.lab.faults import spoil
-from armid.lab.known_arms import Truth
+from armid.lab.known_arms import KnownArm
 from armid.lab.options import LabOptions
 from armid.lab.placeholders import placeholder_finding
 from armid.lab.plant import stable_rate
 from armid.lab.sensors import sense
-from armid.lab.true_motion import Tell, Trace, closed_loop, inverse_dynamics
+from armid.lab.true_motion import Tell, TrueMotion, closed_loop, inverse_dynamics
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -26,7 +26,7 @@ from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Vi
 from armid.robot.robot import Joint
 from armid.values import Array
 
-__all__ = ["Simulated", "doubts", "simulate", "true_model", "truth_record"]
+__all__ = ["Simulated", "simulate", "simulation_findings", "true_model", "truth_record"]
 
 POSES = 60
 """Poses of a plan at which the frequency of springs is looked at; it changes with the arm's inertia alone."""
@@ -57,16 +57,16 @@ class Simulated:
     """
 
     recording: Recording
-    trace: Trace
-    truth: Truth
+    trace: TrueMotion
+    truth: KnownArm
     plan: Excitation
     options: LabOptions
-    gains: Gains | None
+    gains: ControllerGains | None
     seed: int
 
 
 def simulate(
-    truth: Truth, plan: Excitation, options: LabOptions | None = None, *, seed: int = 1, tell: Tell | None = None
+    truth: KnownArm, plan: Excitation, options: LabOptions | None = None, *, seed: int = 1, tell: Tell | None = None
 ) -> Simulated:
     """Move an arm along a plan and log it.
 
@@ -111,7 +111,7 @@ def simulate(
     return Simulated(recording, trace, truth, plan, options, gain, seed)
 
 
-def doubts(simulated: Simulated) -> tuple[Finding, ...]:
+def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
     """Tell where the arm or its motion was one that is not real; the lab has no stops.
 
     What the plan itself asks for is told apart from what a controller adds that overshoots.
@@ -170,7 +170,7 @@ def _doubt(code: str, joint: str, evidence: str, remedy: str) -> Finding:
     return Finding(code, "warning", joint, evidence, remedy)
 
 
-def _physics_rate(truth: Truth, plan: Excitation, options: LabOptions) -> float:
+def _physics_rate(truth: KnownArm, plan: Excitation, options: LabOptions) -> float:
     """Steps a second [Hz]: a multiple of the log's rate that springs are stable at."""
     poses = plan.at(np.linspace(0.0, plan.period, POSES)).q
     least = max(options.physics_rate, stable_rate(truth, poses))
@@ -178,7 +178,7 @@ def _physics_rate(truth: Truth, plan: Excitation, options: LabOptions) -> float:
     return rate * max(1, math.ceil(least / rate))
 
 
-def true_model(truth: Truth) -> tuple[DynamicsModel, Array]:
+def true_model(truth: KnownArm) -> tuple[DynamicsModel, Array]:
     """The model with parameters that the truth has a plain value for, and its standard parameters (p,)."""
     extra: list[Term] = [Offset()] if truth.friction.offset.any() else []
     extra += [RotorInertia()] if truth.rotor.any() else []

@@ -10,14 +10,14 @@ import numpy as np
 from armid import kernel
 from armid.errors import LabError
 from armid.excitation.fourier import Excitation
-from armid.lab.controller import Controller, Drive, Gains, feedforward, gains
+from armid.lab.controller import Controller, ControllerGains, Drive, feedforward, gains
 from armid.lab.friction import friction_along
-from armid.lab.known_arms import Truth
+from armid.lab.known_arms import KnownArm
 from armid.lab.plant import Plant
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["MARGIN", "Trace", "closed_loop", "inverse_dynamics"]
+__all__ = ["MARGIN", "TrueMotion", "closed_loop", "inverse_dynamics"]
 
 MARGIN = 0.25
 """What is kept before the recording begins [s], for delays and causal filters."""
@@ -32,7 +32,7 @@ Tell = Callable[[float], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Trace:
+class TrueMotion:
     """Truth at N instants, the recording beginning at time 0.
 
     Attributes:
@@ -59,14 +59,14 @@ class Trace:
     drive_dq: Array | None = None
     rise: Array | None = None
 
-    def from_time(self, start: float) -> Trace:
+    def from_time(self, start: float) -> TrueMotion:
         """Return what happened from a time on [s]."""
         first = int(np.searchsorted(self.time, start - 1e-9))
         parts = {name: getattr(self, name) for name in self.__slots__}
         return replace(self, **{name: None if x is None else x[first:] for name, x in parts.items()})
 
 
-def inverse_dynamics(truth: Truth, plan: Excitation, rate: float, repetitions: int) -> Trace:
+def inverse_dynamics(truth: KnownArm, plan: Excitation, rate: float, repetitions: int) -> TrueMotion:
     """An arm that follows its plan exactly: torque by inverse dynamics.
 
     Args:
@@ -86,11 +86,11 @@ def inverse_dynamics(truth: Truth, plan: Excitation, rate: float, repetitions: i
     transmitted = kernel.inverse_dynamics(robot.tree, truth.inertial, motion.q, motion.dq, motion.ddq)
     friction, rise = friction_along(truth.friction, motion, transmitted)
     effort = transmitted + friction + truth.rotor * motion.ddq
-    return Trace(motion.time, motion.q, motion.dq, motion.ddq, effort, friction, transmitted, rise=rise)
+    return TrueMotion(motion.time, motion.q, motion.dq, motion.ddq, effort, friction, transmitted, rise=rise)
 
 
 def closed_loop(
-    truth: Truth,
+    truth: KnownArm,
     plan: Excitation,
     controller: Controller,
     drive: Drive,
@@ -99,7 +99,7 @@ def closed_loop(
     repetitions: int = 1,
     lead_in: float = 2.0,
     tell: Tell | None = None,
-) -> tuple[Trace, Gains]:
+) -> tuple[TrueMotion, ControllerGains]:
     """An arm that a controller moves along a plan, from rest through a smooth lead-in.
 
     During the lead-in the reference goes from rest in the plan's first pose over to the plan, which runs on the same
@@ -162,7 +162,7 @@ def _lead_in(plan: Excitation, steps: int, h: float) -> Motion:
 Reference = tuple[Array, Array, Array]
 
 
-def _reference(controller: Controller, truth: Truth, motion: Motion) -> Reference:
+def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Reference:
     """Position, velocity and torque that the controller follows, shape (N, n) each."""
     if not motion.samples:
         return motion.q, motion.dq, motion.q
@@ -177,7 +177,14 @@ class _Run:
     """A plant with its controller, and what is kept of it."""
 
     def __init__(
-        self, truth: Truth, h: float, gain: Gains, drive: Drive, every: int, first: Reference, integrates: bool
+        self,
+        truth: KnownArm,
+        h: float,
+        gain: ControllerGains,
+        drive: Drive,
+        every: int,
+        first: Reference,
+        integrates: bool,
     ) -> None:
         start = first[0][0] if truth.stiffness is None else None
         rest = np.zeros((1, truth.robot.n))
@@ -247,8 +254,8 @@ class _Run:
         kept["drive_ddq"][row] = plant.at_drive_ddq
         self.row += 1
 
-    def trace(self, time: Array) -> Trace:
+    def trace(self, time: Array) -> TrueMotion:
         """Return what was kept."""
         kept = self.kept
         transmitted = kept["effort"] - kept["friction"] - self.plant.truth.rotor * kept.pop("drive_ddq")
-        return Trace(time, **kept, transmitted=transmitted)
+        return TrueMotion(time, **kept, transmitted=transmitted)

@@ -14,7 +14,7 @@ import numpy as np
 
 from armid.values import Array
 
-__all__ = ["settle_friction"]
+__all__ = ["solve_stiction"]
 
 ROUNDS = 20
 """Changes of the active set before sweeping: it settles in one to four on arms."""
@@ -23,7 +23,7 @@ SWEEPS = 400
 """Sweeps of Gauss-Seidel where the active set cycles; errors fall at least by half in a few."""
 
 
-def settle_friction(mobility: Array, free: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+def solve_stiction(mobility: Array, free: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
     """Friction and velocity at the end of a step, for W arms at once.
 
     Args:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from armid.errors import ArmidError, RecordingError
 from armid.values import Array, array
 
-__all__ = ["PRESETS", "QUANTITIES", "Preset", "Reading"]
+__all__ = ["PRESETS", "QUANTITIES", "FormatPreset", "LogFormat"]
 
 QUANTITIES = ("time", "q", "dq", "ddq", "effort")
 """What columns can hold."""
@@ -27,7 +27,7 @@ LONGEST_DELAY = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Preset:
+class FormatPreset:
     """The columns of a well-known log.
 
     Attributes:
@@ -39,10 +39,10 @@ class Preset:
     time_unit: float = 1.0
 
 
-PRESETS: Mapping[str, Preset] = {
+PRESETS: Mapping[str, FormatPreset] = {
     # RTDE recorders of Universal Robots name a vector's elements name_0 … name_5. The effort is the motor
     # current [A]; the controller's model torque is there as target_moment_{0}.
-    "ur-rtde": Preset(
+    "ur-rtde": FormatPreset(
         {
             "time": ("timestamp",),
             "q": ("actual_q_{0}",),
@@ -52,9 +52,9 @@ PRESETS: Mapping[str, Preset] = {
     ),
     # The CSV that pyfri's collect_data writes: controller clock in seconds and nanoseconds, measured position
     # and measured torque; FRI has no velocity. KUKA's torque mostly has the opposite sign to the URDF.
-    "kuka-fri": Preset({"time": ("tsec", "tnsec"), "q": ("mp{}",), "effort": ("mt{}",)}),
+    "kuka-fri": FormatPreset({"time": ("tsec", "tnsec"), "q": ("mp{}",), "effort": ("mt{}",)}),
     # What franka::logToCSV writes; its time counts milliseconds.
-    "libfranka": Preset(
+    "libfranka": FormatPreset(
         {
             "time": ("time",),
             "q": ("state.q[{0}]",),
@@ -68,7 +68,7 @@ PRESETS: Mapping[str, Preset] = {
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Reading:
+class LogFormat:
     """Way to read one recording. The defaults suit a file in SI units on the joint side with the URDF's signs.
 
     Everything that is listed joint by joint stands in the robot's joint order, whatever the file's order.
@@ -198,7 +198,7 @@ class Reading:
             )
 
 
-def _set(reading: Reading, name: str, value: Any) -> None:
+def _set(reading: LogFormat, name: str, value: Any) -> None:
     object.__setattr__(reading, name, value)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
-from armid.notebook import Shown, Summary, spans
+from armid.notebook import Displayed, Summary, spans
 from armid.values import Array, array
 
 __all__ = ["Recording"]
@@ -22,7 +22,7 @@ def _all_valid() -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Recording(Shown):
+class Recording(Displayed):
     """Measured motion and effort, N samples of n channels.
 
     A reader fills it with what the file says; `interpret` gives the same type back in the robot's joint order,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.toml import toml_line
 
 __all__ = ["BY_HAND", "excluding", "lines", "naming"]
@@ -34,7 +34,7 @@ def lines(note: str = "", **keys: Any) -> str:
     return "\n".join(told) + (f"  # {note}" if note else "")
 
 
-def excluding(reading: Reading, intervals: Sequence[tuple[float, float]], note: str = "") -> str:
+def excluding(reading: LogFormat, intervals: Sequence[tuple[float, float]], note: str = "") -> str:
     """Intervals to leave out besides those that are already, joined where they meet [s]."""
     unit = 10.0**DIGITS
     wider = [(float(np.floor(a * unit)) / unit, float(np.ceil(b * unit)) / unit) for a, b in intervals]
@@ -47,7 +47,7 @@ def excluding(reading: Reading, intervals: Sequence[tuple[float, float]], note: 
     return lines(note, exclude=joined)
 
 
-def naming(reading: Reading, names: Mapping[str, Sequence[str] | str], note: str = "") -> str:
+def naming(reading: LogFormat, names: Mapping[str, Sequence[str] | str], note: str = "") -> str:
     """Columns to take, besides those that the reading names already; an empty name leaves a quantity out."""
     kept = {key: _pattern(value) for key, value in reading.columns.items()}
     return lines(note, columns={**kept, **{key: _pattern(value) for key, value in names.items()}})

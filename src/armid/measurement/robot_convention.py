@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.channels import in_joint_order
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.cleaning import fault, settle
-from armid.measurement.processing.delay import in_time
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.cleaning import clean, recording_error
+from armid.measurement.processing.delay import compensate_delay
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["Interpreted", "interpret", "understood"]
+__all__ = ["ConvertedRecording", "to_robot_convention", "understood"]
 
 WRAP_TOLERANCE = 0.5
 """How far a jump may be from whole turns to count as wrapping [rad]: what a joint turns from sample to sample,
@@ -32,7 +32,7 @@ COMMON = ("torque_sign", "position_sign", "delay", "drive_gain_deviation")
 
 
 @dataclass(frozen=True, slots=True)
-class Interpreted:
+class ConvertedRecording:
     """A recording in the robot's terms.
 
     Attributes:
@@ -44,7 +44,7 @@ class Interpreted:
     findings: tuple[Finding, ...] = ()
 
 
-def interpret(recording: Recording, reading: Reading, robot: Robot) -> Interpreted:
+def to_robot_convention(recording: Recording, reading: LogFormat, robot: Robot) -> ConvertedRecording:
     """Put a recording in the robot's terms, or say why it cannot be.
 
     Args:
@@ -60,21 +60,21 @@ def interpret(recording: Recording, reading: Reading, robot: Robot) -> Interpret
     _check_lengths(reading, robot)
     seen = recording.findings
     recording, others = in_joint_order(recording, reading, robot)
-    recording, findings = settle(recording, reading)
+    recording, findings = clean(recording, reading)
     standing = _check_channels(recording, reading)
     _check_gains(recording, reading)
     recording, wrapped = _on_joint_side(recording, reading, robot)
-    recording = in_time(recording, reading)
+    recording = compensate_delay(recording, reading)
     offset = _check_limits(recording, reading, robot)
-    return Interpreted(recording, (*seen, *others, *findings, *standing, *wrapped, *offset))
+    return ConvertedRecording(recording, (*seen, *others, *findings, *standing, *wrapped, *offset))
 
 
-def understood(recording: Recording, reading: Reading) -> Reading:
+def understood(recording: Recording, reading: LogFormat) -> LogFormat:
     """The reading with what the reader found out by itself, where the reading says nothing."""
     return replace(reading, **recording.guessed) if recording.guessed else reading
 
 
-def _check_lengths(reading: Reading, robot: Robot) -> None:
+def _check_lengths(reading: LogFormat, robot: Robot) -> None:
     for name in (*COMMON, "units", "drive_gain", "transmission", "joint_offset"):
         shape = np.shape(getattr(reading, name))
         fits = shape in ((), (robot.n,), (robot.n, robot.n))
@@ -86,11 +86,11 @@ def _check_lengths(reading: Reading, robot: Robot) -> None:
             )
 
 
-def _check_channels(recording: Recording, reading: Reading) -> tuple[Finding, ...]:
+def _check_channels(recording: Recording, reading: LogFormat) -> tuple[Finding, ...]:
     """Refuse channels that carry no signal; note joints that stand still."""
     still = np.ptp(recording.q, axis=0) == 0
     if still.all():
-        raise fault(
+        raise recording_error(
             "standstill",
             recording,
             f"the arm stands still: every position is constant over {recording.samples} rows.",
@@ -106,7 +106,7 @@ def _check_channels(recording: Recording, reading: Reading) -> tuple[Finding, ..
         if dead.any():
             joint = int(np.argmax(dead))
             optional = name in ("dq", "ddq")
-            raise fault(
+            raise recording_error(
                 "channel-dead",
                 recording,
                 f"{name} of {recording.channels[joint]} is {values[0, joint]:g} in all {recording.samples} rows.",
@@ -126,14 +126,14 @@ def _check_channels(recording: Recording, reading: Reading) -> tuple[Finding, ..
     )
 
 
-def _check_gains(recording: Recording, reading: Reading) -> None:
+def _check_gains(recording: Recording, reading: LogFormat) -> None:
     if reading.drive_gain is not None and recording.effort is None:
         raise RecordingError(
             f"{recording.source}: drive_gain is given, but the recording has no effort.",
             remedy="name the column of the currents under columns, or leave drive_gain out.",
         )
     if recording.effort_is_current and reading.drive_gain is None:
-        raise fault(
+        raise recording_error(
             "current-without-gain",
             recording,
             "the effort is a motor current [A], and no drive gain says how much torque an ampere makes.",
@@ -141,7 +141,7 @@ def _check_gains(recording: Recording, reading: Reading) -> None:
         )
 
 
-def _on_joint_side(recording: Recording, reading: Reading, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
+def _on_joint_side(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
     """Angles in radians without wrapping, motor to joint, current to torque, the URDF's sign."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
     sign = np.asarray(reading.position_sign)
@@ -193,7 +193,7 @@ def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array,
     return q, tuple(findings)
 
 
-def _check_limits(recording: Recording, reading: Reading, robot: Robot) -> tuple[Finding, ...]:
+def _check_limits(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Finding, ...]:
     """Refuse degrees taken for radians; note joints far outside their limits."""
     limits = np.array([joint.position_limits for joint in robot.joints])
     span = limits[:, 1] - limits[:, 0]
@@ -216,7 +216,7 @@ def _check_limits(recording: Recording, reading: Reading, robot: Robot) -> tuple
         several = 2 * far.sum() > turns.sum() and plain.all() and as_degrees[turns].all()
         units = "deg" if several else ["deg" if each else "rad" for each in far | ~plain]
         others = "all joints stay inside" if several else f"{_listed(robot, far)} stay inside, the others as they are"
-        raise fault(
+        raise recording_error(
             "degrees",
             recording,
             f"{evidence}; taken as degrees, {others}.",

@@ -17,7 +17,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import functions, symbols
 from armid.model.identifiable_structure import SPAN_TOLERANCE, echelon, parameter_units, structural_base
 from armid.model.motion import Motion
-from armid.notebook import Shown, Summary
+from armid.notebook import Displayed, Summary
 from armid.threads import one_blas_thread
 from armid.values import Array, array
 
@@ -51,7 +51,7 @@ LINEAR = frozenset({"add", "mul", "sign", "abs"})
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class BaseParameters(Shown):
+class BaseParameters(Displayed):
     """Standard columns that stand for the base, and the regrouping: base = regrouping · standard.
 
     Y = Y[:, kept] · regrouping: column k of the regrouping says how the column of standard parameter k depends on

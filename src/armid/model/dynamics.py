@@ -23,7 +23,7 @@ from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
 from armid.model.terms import Law, RigidBody, Term
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
-from armid.notebook import Shown, Summary, plural
+from armid.notebook import Displayed, Summary, plural
 from armid.robot.robot import Robot
 from armid.values import Array, array
 
@@ -72,7 +72,7 @@ class TermColumns:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DynamicsModel(Shown):
+class DynamicsModel(Displayed):
     """An arm with its torque terms.
 
     Attributes:

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armid.errors import ArmidError
-from armid.notebook import Shown, Summary, spans
+from armid.notebook import Displayed, Summary, spans
 from armid.values import Array, array
 
 __all__ = ["Motion"]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Motion(Shown):
+class Motion(Displayed):
     """Positions, velocities and accelerations of n joints at N samples.
 
     Attributes:

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS
 from armid.model.terms.rotor_inertia import RotorInertia
 
-__all__ = ["by_joint", "counted", "joint_number"]
+__all__ = ["by_joint", "count_text", "joint_number"]
 
 ROTOR = "IA"
 """Symbol of the parameter of `RotorInertia`."""
 
 
-def counted(names: Iterable[str]) -> str:
+def count_text(names: Iterable[str]) -> str:
     """Numbers of parameters by kind in words, kinds without any left out.
 
     Args:

@@ -7,10 +7,10 @@ from typing import Any
 
 from armid.model.terms.term import Term
 
-__all__ = ["friction_of_joint", "in_words"]
+__all__ = ["describe_term", "friction_of_joint"]
 
 
-def in_words(term: Term, *, prismatic: bool = False) -> str:
+def describe_term(term: Term, *, prismatic: bool = False) -> str:
     """A term with its shapes, or its name where it has none to tell.
 
     Args:
@@ -31,7 +31,7 @@ def friction_of_joint(terms: Iterable[Term], joint: str, *, prismatic: bool = Fa
         prismatic: Whether it slides.
     """
     own = [term for term in terms if (on := getattr(term, "joints", None)) is None or joint in on]
-    return tuple(dict.fromkeys(in_words(term, prismatic=prismatic) for term in own))
+    return tuple(dict.fromkeys(describe_term(term, prismatic=prismatic) for term in own))
 
 
 def _listed(values: Iterable[float]) -> str:

@@ -11,12 +11,12 @@ from armid.errors import ArmidError
 from armid.model.base_formulas import base_formulas
 from armid.report.data.joint_names import label_of
 from armid.report.data.number_format import decimals_of, fixed, short
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.section import Section, effort_unit
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
-__all__ = ["COMPARISON", "Change", "Pair", "changes", "pair_of"]
+__all__ = ["COMPARISON", "Pair", "RunChange", "changes", "pair_of"]
 
 BY_CHANCE = 0.05
 """Share of unchanged parameters whose change leaves a 95 % interval all the same."""
@@ -31,12 +31,12 @@ class Pair:
         after: The later one.
     """
 
-    before: Material
-    after: Material
+    before: PageData
+    after: PageData
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class RunChange:
     """A parameter that both runs have, and mean the same by.
 
     Attributes:
@@ -67,7 +67,7 @@ class Change:
         return abs(self.difference) / half if half > 0.0 else float(np.inf if self.difference else 0.0)
 
 
-def pair_of(before: Material, after: Material) -> Pair:
+def pair_of(before: PageData, after: PageData) -> Pair:
     """Two runs that can be compared.
 
     Raises:
@@ -87,27 +87,27 @@ def pair_of(before: Material, after: Material) -> Pair:
     return pair
 
 
-def changes(pair: Pair) -> list[Change]:
+def changes(pair: Pair) -> list[RunChange]:
     """Parameters of both runs, the largest change first. Those that are grouped otherwise are not the same."""
     meaning = [
         dict(zip(m.run.estimate.base.names, base_formulas(m.run.estimate.base), strict=True)) for m in _both(pair)
     ]
-    found: list[Change] = []
+    found: list[RunChange] = []
     values = [_values(m) for m in _both(pair)]
     units = dict(zip(pair.before.run.estimate.base.names, pair.before.run.estimate.base.units, strict=True))
     for name, (before, before_half) in values[0].items():
         plain = name.split("[", 1)[0]
         if name in values[1] and meaning[0][plain] == meaning[1].get(plain):
             after, after_half = values[1][name]
-            found.append(Change(name, units[plain], before, after, before_half, after_half))
+            found.append(RunChange(name, units[plain], before, after, before_half, after_half))
     return sorted(found, key=lambda change: -change.size)
 
 
-def _both(pair: Pair) -> tuple[Material, Material]:
+def _both(pair: Pair) -> tuple[PageData, PageData]:
     return pair.before, pair.after
 
 
-def _values(material: Material) -> dict[str, tuple[float, float]]:
+def _values(material: PageData) -> dict[str, tuple[float, float]]:
     """Value and half interval of each parameter."""
     fit = material.run.estimate.fit
     half = 0.5 * np.ptp(material.run.estimate.intervals, axis=1)
@@ -135,18 +135,18 @@ def _show_changes(pair: Pair) -> Section:
         Column("unit", words=True),
         Column("change over its half interval"),
     )
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for each in found:
         decimals = decimals_of(min(each.before_half, each.after_half) or abs(each.difference))
         mark = " ▲" if each.size > 1.0 else ""
         rows.append(
             [
-                Cell(each.name, kind="name"),
-                Cell(f"{fixed(each.before, decimals)} ± {fixed(each.before_half, decimals)}", each.before),
-                Cell(f"{fixed(each.after, decimals)} ± {fixed(each.after_half, decimals)}", each.after),
-                Cell(fixed(each.difference, decimals), each.difference),
-                Cell(each.unit),
-                Cell(fixed(each.size, 2) + mark, each.size, kind="poor" if mark else ""),
+                TableCell(each.name, kind="name"),
+                TableCell(f"{fixed(each.before, decimals)} ± {fixed(each.before_half, decimals)}", each.before),
+                TableCell(f"{fixed(each.after, decimals)} ± {fixed(each.after_half, decimals)}", each.after),
+                TableCell(fixed(each.difference, decimals), each.difference),
+                TableCell(each.unit),
+                TableCell(fixed(each.size, 2) + mark, each.size, kind="poor" if mark else ""),
             ]
         )
     note = "± half of the 95 % interval. A change has an interval of its own, from both; ▲ marks changes beyond it."
@@ -159,14 +159,14 @@ def _show_errors(pair: Pair) -> Section:
     unit = effort_unit(pair.after)
     columns = [Column("joint", words=True)]
     numbers: list[Array] = []
-    for what, of in (("training", Material.training_rms), ("validation", Material.validation_rms)):
+    for what, of in (("training", PageData.training_rms), ("validation", PageData.validation_rms)):
         for when, material in (("before", pair.before), ("after", pair.after)):
             columns.append(Column(f"{what}, {when}", unit))
             numbers.append(of(material))
     rows = [
         [
-            Cell(label_of(pair.after.joints, j), kind="name"),
-            *(Cell(short(x), x) for x in (float(column[j]) for column in numbers)),
+            TableCell(label_of(pair.after.joints, j), kind="name"),
+            *(TableCell(short(x), x) for x in (float(column[j]) for column in numbers)),
         ]
         for j in range(len(pair.after.joints))
     ]
@@ -175,15 +175,17 @@ def _show_errors(pair: Pair) -> Section:
 
 
 def _show_sources(pair: Pair) -> Section:
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for what, of in SOURCES.items():
         before, after = (of(material) for material in _both(pair))
-        rows.append([Cell(what), Cell(before), Cell(after), Cell("" if before == after else "differs")])
+        rows.append(
+            [TableCell(what), TableCell(before), TableCell(after), TableCell("" if before == after else "differs")]
+        )
     columns = [Column(name, words=True) for name in ("", "before", "after", " ")]
     return Section("What they were made from", {}, (Table("sources", "The two runs", columns, rows),))
 
 
-SOURCES: Mapping[str, Callable[[Material], str]] = {
+SOURCES: Mapping[str, Callable[[PageData], str]] = {
     "folder": lambda m: m.run.folder,
     "robot": lambda m: m.run.robot.sha256[:12],
     "recordings": lambda m: ", ".join(f"{each['path']} ({each['role']})" for each in m.study["recordings"]),

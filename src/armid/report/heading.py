@@ -10,7 +10,7 @@ from pathlib import Path
 
 from armid.notebook import names_apart
 from armid.report.data.number_format import short
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.plots.arm_picture import picture_of
 
 __all__ = ["Heading", "commands_of", "heading_of_run"]
@@ -42,7 +42,7 @@ class Heading:
     caption: str = ""
 
 
-def heading_of_run(material: Material) -> Heading:
+def heading_of_run(material: PageData) -> Heading:
     """The head of a run's page."""
     run, estimate = material.run, material.run.estimate
     made = run.made
@@ -57,13 +57,13 @@ def heading_of_run(material: Material) -> Heading:
     return Heading(tuple(facts), picture, caption)
 
 
-def commands_of(material: Material) -> list[tuple[str, str]]:
+def commands_of(material: PageData) -> list[tuple[str, str]]:
     """Commands for a run with its own path, and what they give."""
     run = shlex.quote(str(Path(material.run.folder)))
     return [(f"armid {command.format(run=run)}", what) for command, what in NEXT]
 
 
-def _recordings(material: Material, role: str) -> str:
+def _recordings(material: PageData, role: str) -> str:
     """Names of the recordings of a role, with their lengths where they are at hand."""
     names = names_apart(each["path"] for each in material.study["recordings"])
     lengths = {

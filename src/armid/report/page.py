@@ -13,7 +13,7 @@ from typing import Any
 
 from armid.measurement.recording import Recording
 from armid.report.comparison import COMPARISON, pair_of
-from armid.report.data.page_data import Material, gather, records_of
+from armid.report.data.page_data import PageData, gather, records_of
 from armid.report.heading import Heading, heading_of_run
 from armid.report.plots.encoding import compressed, embedded
 from armid.report.plots.style import plot_record
@@ -50,7 +50,7 @@ def write_report(
     return write_page(gather(run, recordings=recordings, data=data), path)
 
 
-def write_page(material: Material, path: Path | str) -> Path:
+def write_page(material: PageData, path: Path | str) -> Path:
     """Write the page of a run whose records and recordings have been gathered.
 
     Raises:
@@ -78,7 +78,7 @@ def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
     return replace_file(path, assemble(title, f"from {before.folder} to {after.folder}", shown, with_plots=False))
 
 
-def render(material: Material) -> str:
+def render(material: PageData) -> str:
     """The page of a run as HTML."""
     shown = {name: section for name, show in SECTIONS.items() if (section := show(material)) is not None}
     estimate = material.run.estimate

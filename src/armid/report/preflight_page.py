@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from armid.excitation.certification import Margin
-from armid.excitation.collision.closest_approach import Approach
+from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.limits.workspace import SCALE
 from armid.excitation.plan import Plan
@@ -20,10 +20,10 @@ from armid.model.motion import Motion
 from armid.report.data.joint_names import groups_of, heading_of, label_of
 from armid.report.data.number_format import fixed, share, short
 from armid.report.page import assemble
-from armid.report.plots.traces import Plot, Trace, line
+from armid.report.plots.traces import Plot, PlotTrace, line
 from armid.report.rendering import require_extra
 from armid.report.section import Section, one_of
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.robot import Joint
 from armid.study.plans.design import Designed
 from armid.study.plans.preflight_text import findings_of
@@ -105,31 +105,31 @@ def _reached(margin: Margin) -> str:
     return f"{share(margin.share)} of the limit"
 
 
-def _margin_row(margin: Margin, designed: Designed) -> tuple[Cell, ...]:
+def _margin_row(margin: Margin, designed: Designed) -> tuple[TableCell, ...]:
     timeless = math.isnan(margin.time)
-    reached = certified = Cell("–", "")
+    reached = certified = TableCell("–", "")
     if margin.limit not in DISTANCES:
-        reached, certified = (Cell(fixed(100.0 * x, 1), 100.0 * x) for x in (margin.share, margin.certified))
+        reached, certified = (TableCell(fixed(100.0 * x, 1), 100.0 * x) for x in (margin.share, margin.certified))
         if margin.certified > CLOSE:
-            certified = Cell(f"{certified.text} ▲", certified.value)
+            certified = TableCell(f"{certified.text} ▲", certified.value)
     return (
-        Cell(margin.limit, kind="name"),
-        Cell(margin.label, kind="name"),
+        TableCell(margin.limit, kind="name"),
+        TableCell(margin.label, kind="name"),
         *_value_and_bound(margin, designed),
-        Cell(margin.unit),
+        TableCell(margin.unit),
         reached,
         certified,
-        Cell("–", "") if timeless else Cell(fixed(margin.time, 2), margin.time),
+        TableCell("–", "") if timeless else TableCell(fixed(margin.time, 2), margin.time),
     )
 
 
-def _value_and_bound(margin: Margin, designed: Designed) -> tuple[Cell, Cell]:
+def _value_and_bound(margin: Margin, designed: Designed) -> tuple[TableCell, TableCell]:
     """Return what is reached and what may be; of positions from where to where."""
     spread = designed.spread(margin)
     if spread is None:
-        return Cell(fixed(margin.value, 4), margin.value), Cell(fixed(margin.bound, 4), margin.bound)
+        return TableCell(fixed(margin.value, 4), margin.value), TableCell(fixed(margin.bound, 4), margin.bound)
     low, high, lower, upper = (fixed(x, 4) for x in spread)
-    return Cell(f"{low}…{high}", margin.value), Cell(f"{lower}…{upper}", margin.bound)
+    return TableCell(f"{low}…{high}", margin.value), TableCell(f"{lower}…{upper}", margin.bound)
 
 
 def show_approaches(designed: Designed) -> Section | None:
@@ -138,24 +138,24 @@ def show_approaches(designed: Designed) -> Section | None:
     if not report.approaches:
         return None
     asked = {margin.label: margin for margin in report.margins if margin.limit == COLLISION}
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[tuple[TableCell, ...]] = []
     for each in nearest_of_links(report.approaches):
         capsules, distance = asked.get(each.pair), 1000.0 * each.distance
-        nothing = Cell("–", "")
+        nothing = TableCell("–", "")
         around, between = nothing, nothing
         if capsules is not None:
             sure = 1000.0 * (capsules.value - SCALE * (capsules.certified - capsules.share))
-            around = Cell(fixed(1000.0 * capsules.value, 0), 1000.0 * capsules.value)
-            between = Cell(fixed(sure, 0), sure)
+            around = TableCell(fixed(1000.0 * capsules.value, 0), 1000.0 * capsules.value)
+            between = TableCell(fixed(sure, 0), sure)
         mark = "" if each.kept else " ▲"
         rows.append(
             (
-                Cell(links_of(each.pair), kind="name"),
-                Cell(fixed(distance, 0) + mark, distance),
-                Cell(fixed(each.time, 2), each.time),
+                TableCell(links_of(each.pair), kind="name"),
+                TableCell(fixed(distance, 0) + mark, distance),
+                TableCell(fixed(each.time, 2), each.time),
                 around,
                 between,
-                Cell(fixed(1000.0 * each.asked, 0), 1000.0 * each.asked),
+                TableCell(fixed(1000.0 * each.asked, 0), 1000.0 * each.asked),
             )
         )
     columns = (
@@ -183,9 +183,9 @@ def links_of(pair: str) -> str:
     return re.sub(r" \(\d+\)", "", pair)
 
 
-def nearest_of_links(approaches: Sequence[Approach]) -> list[Approach]:
+def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestApproach]:
     """The worst approach of each pair of links, which may have several bodies each; the nearest first."""
-    nearest: dict[str, Approach] = {}
+    nearest: dict[str, ClosestApproach] = {}
     for each in sorted(approaches, key=lambda approach: (approach.kept, approach.distance)):
         nearest.setdefault(links_of(each.pair), each)
     return sorted(nearest.values(), key=lambda approach: approach.distance)
@@ -201,7 +201,11 @@ def show_expected(designed: Designed) -> Section:
         f"Predicted standard deviation of each of {len(order)} base parameters, joint by joint",
         (Column("parameter", words=True), Column("standard deviation"), Column("unit", words=True)),
         [
-            (Cell(expected.names[k], kind="name"), _cell(float(expected.deviation[k])), Cell(expected.units[k]))
+            (
+                TableCell(expected.names[k], kind="name"),
+                _cell(float(expected.deviation[k])),
+                TableCell(expected.units[k]),
+            )
             for k in order
         ],
         folded=True,
@@ -213,7 +217,7 @@ def show_expected(designed: Designed) -> Section:
         "Predicted standard deviation of the model's torque along this plan",
         (Column("joint", words=True), Column("noise taken", unit), Column("standard deviation", unit)),
         [
-            (Cell(label_of(robot.joints, j), kind="name"), _cell(float(noise)), _cell(float(x)))
+            (TableCell(label_of(robot.joints, j), kind="name"), _cell(float(noise)), _cell(float(x)))
             for j, (noise, x) in enumerate(zip(goal.noise, expected.torque, strict=True))
         ],
     )
@@ -227,8 +231,8 @@ def show_expected(designed: Designed) -> Section:
     return Section("What to expect", content, (torque, parameters))
 
 
-def _cell(value: float) -> Cell:
-    return Cell(short(value), value)
+def _cell(value: float) -> TableCell:
+    return TableCell(short(value), value)
 
 
 def show_motion(designed: Designed) -> Section:
@@ -273,7 +277,7 @@ def _plots(motion: Motion, torque: Array | None, joint: Joint, limits: Limits, j
     for name, axis, values, bounds in shown:
         traces = [line("measured", motion.time, values, name)]
         ends = motion.time[[0, -1]]
-        traces += [Trace("limit", ends, np.full(2, each), "limit") for each in bounds if math.isfinite(each)]
+        traces += [PlotTrace("limit", ends, np.full(2, each), "limit") for each in bounds if math.isfinite(each)]
         said = f"{short(float(values.min()))} to {short(float(values.max()))}"
         if math.isfinite(bounds[1]):
             low, high = map(short, bounds)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from armid.report.data.number_format import share, short
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.plots.traces import Plot, Sight
 from armid.report.tables import Table
 
@@ -35,7 +35,7 @@ class Section:
     template: str = ""
 
 
-def effort_unit(material: Material) -> str:
+def effort_unit(material: PageData) -> str:
     """Unit of the joints' efforts for the head of a column."""
     return one_of([joint.effort_unit for joint in material.joints])
 

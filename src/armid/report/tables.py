@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["Cell", "Column", "Table", "latex_text"]
+__all__ = ["Column", "Table", "TableCell", "latex_text"]
 
 LATEX = {
     "\\": r"\textbackslash{}",
@@ -82,7 +82,7 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class TableCell:
     """One cell.
 
     Attributes:
@@ -115,7 +115,7 @@ class Table:
     key: str
     caption: str
     columns: Sequence[Column]
-    rows: Sequence[Sequence[Cell]] = field(default_factory=tuple[Sequence[Cell], ...])
+    rows: Sequence[Sequence[TableCell]] = field(default_factory=tuple[Sequence[TableCell], ...])
     note: str = ""
     folded: bool = False
     groups: Mapping[int, str] = field(default_factory=dict[int, str])
@@ -163,6 +163,6 @@ def latex_text(text: str) -> str:
     )
 
 
-def _csv(cell: Cell) -> str:
+def _csv(cell: TableCell) -> str:
     value = cell.text if cell.value is None else cell.value
     return value if isinstance(value, str) else repr(float(value))

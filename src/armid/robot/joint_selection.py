@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 
 from armid.errors import Finding, RobotError, did_you_mean
 
-__all__ = ["Follows", "Held", "Named", "Outline", "held_joints", "matching"]
+__all__ = ["Follows", "HeldJoint", "JointOutline", "SelectedJoint", "held_joints", "matching"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Follows:
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class SelectedJoint:
     """A joint of a description that is not fixed.
 
     Attributes:
@@ -58,7 +58,7 @@ class Named:
 
 
 @dataclass(frozen=True, slots=True)
-class Outline:
+class JointOutline:
     """All joints of a description, parents before children, and what its frames hang on.
 
     Attributes:
@@ -66,7 +66,7 @@ class Outline:
         frames: Index of the joint that moves a link, body or site; -1 for none.
     """
 
-    joints: tuple[Named, ...]
+    joints: tuple[SelectedJoint, ...]
     frames: Mapping[str, int] = field(default_factory=dict[str, int])
 
     @property
@@ -84,7 +84,7 @@ class Outline:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldJoint:
     """Joints that are held still.
 
     Attributes:
@@ -103,8 +103,8 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
 
 
 def held_joints(
-    outline: Outline, source: str, lock: Mapping[str, float | None], only: Sequence[str], tip: str | None
-) -> Held:
+    outline: JointOutline, source: str, lock: Mapping[str, float | None], only: Sequence[str], tip: str | None
+) -> HeldJoint:
     """Joints to be held still, so that an arm is left whose joints are free of each other.
 
     Args:
@@ -157,10 +157,10 @@ def held_joints(
         )
     if free:
         findings = (_said(free, [name for name in outline.names if name in locked], len(at), outline), *findings)
-    return Held(at, findings)
+    return HeldJoint(at, findings)
 
 
-def _fitting(outline: Outline, pattern: str, source: str, purpose: str) -> list[Named]:
+def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> list[SelectedJoint]:
     """Joints of a name, else those that a pattern fits."""
     found = matching(pattern, outline.names)
     if found:
@@ -173,7 +173,7 @@ def _fitting(outline: Outline, pattern: str, source: str, purpose: str) -> list[
     )
 
 
-def _followers(outline: Outline, at: Mapping[str, float]) -> tuple[dict[str, float], tuple[Finding, ...]]:
+def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str, float], tuple[Finding, ...]]:
     """Positions of the joints that others lead, and what to say of it."""
     by_name = {joint.name: joint for joint in outline.joints}
 
@@ -213,7 +213,7 @@ MANY = 12
 """Held joints that a finding lists; of more it lists the first, and all that are not at zero."""
 
 
-def _said(free: Sequence[Named], locked: Sequence[str], held: int, outline: Outline) -> Finding:
+def _said(free: Sequence[SelectedJoint], locked: Sequence[str], held: int, outline: JointOutline) -> Finding:
     """Joints that were held because others were chosen to move, beside those that were locked by name."""
     listed = [joint for k, joint in enumerate(free) if joint.rest or k < MANY]
     names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in listed]

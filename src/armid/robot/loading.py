@@ -14,7 +14,7 @@ from armid.errors import RobotError
 from armid.robot.angle_rounding import rounded
 from armid.robot.joint_selection import held_joints
 from armid.robot.packages import forget, give_packages
-from armid.robot.readers import READERS, Reader, urdf, xacro
+from armid.robot.readers import READERS, DescriptionReader, urdf, xacro
 from armid.robot.robot import Robot
 from armid.robot.visual_bodies import with_bodies
 
@@ -105,13 +105,13 @@ def _names(given: str | Iterable[str]) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
-def _expanded(description: str | Path) -> tuple[str, str, Reader]:
+def _expanded(description: str | Path) -> tuple[str, str, DescriptionReader]:
     """Text, source and reader of a description, a xacro as the URDF that it stands for."""
     text, source, reader = _find(description)
     return (xacro.expand(text, source), source, urdf) if reader is xacro else (text, source, reader)
 
 
-def _find(description: str | Path) -> tuple[str, str, Reader]:
+def _find(description: str | Path) -> tuple[str, str, DescriptionReader]:
     """Text, source and reader of a description."""
     if str(description) in builtin_arms():
         path, source = ARMS / f"{description}.toml", str(description)

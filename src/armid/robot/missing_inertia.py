@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from armid.robot.robot import Robot
 
-__all__ = ["inertial_key", "moving_nothing"]
+__all__ = ["inertial_key", "massless_joints"]
 
 
-def moving_nothing(robot: Robot) -> tuple[str, ...]:
+def massless_joints(robot: Robot) -> tuple[str, ...]:
     """Names of the joints that move no mass, as far as the description says."""
     carried = [0.0 if link.inertial is None else link.inertial.mass for link in robot.links]
     for i in range(robot.n - 1, -1, -1):

@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 
 from armid.errors import Finding, RobotError
-from armid.robot.joint_selection import Follows, Named, Outline
-from armid.robot.pinocchio_model import Limits
+from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
+from armid.robot.pinocchio_model import DescribedLimits
 from armid.robot.xml import numbers
 
 __all__ = ["check_equalities", "joint_names", "joints_of", "outline_of"]
@@ -31,8 +31,8 @@ def joint_names(root: ET.Element) -> list[str]:
 
 
 def outline_of(
-    root: ET.Element, source: str, limits: Mapping[str, Limits], references: Mapping[str, float]
-) -> Outline:
+    root: ET.Element, source: str, limits: Mapping[str, DescribedLimits], references: Mapping[str, float]
+) -> JointOutline:
     """All joints of a flattened document, and the joint that moves each body and site.
 
     Args:
@@ -42,14 +42,14 @@ def outline_of(
         references: Their positions as drawn [rad or m].
     """
     follows = _follows(root, source, references)
-    joints: list[Named] = []
+    joints: list[SelectedJoint] = []
     frames: dict[str, int] = {}
 
     def walk(body: ET.Element, parent: int) -> None:
         for joint in joints_of(body):
             name = joint.get("name", "")
-            limit = limits.get(name, Limits())
-            joints.append(Named(name, parent, name in limits, limit.lower, limit.upper, follows.get(name)))
+            limit = limits.get(name, DescribedLimits())
+            joints.append(SelectedJoint(name, parent, name in limits, limit.lower, limit.upper, follows.get(name)))
             parent = len(joints) - 1
         frames[body.get("name", "")] = parent
         frames.update({site.get("name", ""): parent for site in body.findall("site") if site.get("name")})
@@ -59,7 +59,7 @@ def outline_of(
     for worldbody in root.findall("worldbody"):
         for body in worldbody.findall("body"):
             walk(body, -1)
-    return Outline(tuple(joints), frames)
+    return JointOutline(tuple(joints), frames)
 
 
 def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> dict[str, Follows]:

@@ -19,7 +19,7 @@ import numpy as np
 from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, rotation_x, rotation_y, rotation_z
 from armid.robot.mjcf_joints import check_equalities, joints_of
-from armid.robot.pinocchio_model import Limits, limits_of
+from armid.robot.pinocchio_model import DescribedLimits, limits_of
 from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml
 from armid.values import Array
@@ -52,7 +52,7 @@ class Plain:
     """
 
     text: str
-    limits: dict[str, Limits]
+    limits: dict[str, DescribedLimits]
     gravity: tuple[float, ...]
     findings: tuple[Finding, ...]
     geoms: tuple[tuple[str, ET.Element], ...] = ()
@@ -128,7 +128,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
     for option in root.findall("option"):
         gravity = tuple(numbers(option, "gravity", 3, source, "option") or gravity)
     writer.add_actuator_limits(root)
-    limits: dict[str, Limits] = {}
+    limits: dict[str, DescribedLimits] = {}
     for name, (position, effort, turns) in writer.stated.items():
         limits[name], finding = limits_of(name, position=position, velocity=0.0, effort=effort, turns=turns)
         if finding is not None:

@@ -18,7 +18,7 @@ from armid.maths.spatial import homogeneous
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
 from armid.values import Array
 
-__all__ = ["Limits", "build", "find_tip", "limits_of", "pinocchio", "robot_from_model"]
+__all__ = ["DescribedLimits", "build", "find_tip", "limits_of", "pinocchio", "robot_from_model"]
 
 ORTHONORMAL_TOLERANCE = 1e-6
 """Departure of RᵀR from the identity that printed numbers can explain; more is a broken description."""
@@ -34,7 +34,7 @@ Sliding = ("PX", "PY", "PZ", "PrismaticUnaligned")
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class DescribedLimits:
     """Limits of one joint; infinite where the description does not say.
 
     Attributes:
@@ -52,7 +52,7 @@ class Limits:
 
 def limits_of(
     joint: str, *, position: tuple[float, float] | None, velocity: float, effort: float, turns: bool
-) -> tuple[Limits, Finding | None]:
+) -> tuple[DescribedLimits, Finding | None]:
     """Limits of a joint from what stands in a description, placeholders taken as unknown.
 
     Zero velocity or effort, a range without width, and a range of a rotating joint wider than any stops allow are
@@ -84,7 +84,7 @@ def limits_of(
             "write the joint's limits into the description if they matter",
         )
         lower, upper = -math.inf, math.inf
-    return Limits(lower, upper, abs(velocity) or math.inf, abs(effort) or math.inf), finding
+    return DescribedLimits(lower, upper, abs(velocity) or math.inf, abs(effort) or math.inf), finding
 
 
 def pinocchio() -> Any:
@@ -125,7 +125,7 @@ def robot_from_model(
     model: Any,
     *,
     name: str,
-    limits: Mapping[str, Limits],
+    limits: Mapping[str, DescribedLimits],
     source: str,
     locked: Collection[str],
     tip: str | None,
@@ -233,7 +233,7 @@ def _named_frame(model: Any, name: str, source: str) -> Any:
     )
 
 
-def _joint(model: Any, i: int, limits: Mapping[str, Limits], source: str) -> Joint:
+def _joint(model: Any, i: int, limits: Mapping[str, DescribedLimits], source: str) -> Joint:
     """Joint i of the model."""
     joint, name = model.joints[i], model.names[i]
     kind = joint.shortname().removeprefix("JointModel")
@@ -247,7 +247,7 @@ def _joint(model: Any, i: int, limits: Mapping[str, Limits], source: str) -> Joi
     joint.calc(data, pinocchio().neutral(model))
     subspace = np.asarray(data.S).reshape(6)  # linear part first
     prismatic = kind in Sliding
-    limit = limits.get(name, Limits())
+    limit = limits.get(name, DescribedLimits())
     bounded = math.isfinite(limit.lower) or math.isfinite(limit.upper)
     return Joint(
         name,

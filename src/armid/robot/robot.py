@@ -14,7 +14,7 @@ from armid.errors import Finding, RobotError, did_you_mean
 from armid.kernel.tree import Tree
 from armid.maths import inertia as inertia_maths
 from armid.maths.spatial import axis_rotation, homogeneous
-from armid.notebook import Shown, Summary, plural
+from armid.notebook import Displayed, Summary, plural
 from armid.robot.shapes import Shape
 from armid.values import Array, array
 
@@ -209,7 +209,7 @@ class Held:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Robot(Shown):
+class Robot(Displayed):
     """An open chain or tree of joints on a fixed base.
 
     Attributes:

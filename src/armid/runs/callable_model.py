@@ -4,7 +4,7 @@
     tau = model.torque(q, dq, ddq)
 
 The functions are those that code is generated for, run by the kernel. A model is never changed by a call, so several
-threads may share it; what a motion leaves behind stands in a `Memory` of its own.
+threads may share it; what a motion leaves behind stands in a `CallableMemory` of its own.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from armid.model.dynamics import DynamicsModel
 from armid.runs.run import Run
 from armid.values import Array, array
 
-__all__ = ["Memory", "Model"]
+__all__ = ["CallableMemory", "CallableModel"]
 
 
-class Model:
+class CallableModel:
     """A model with its parameters, called for one sample at a time.
 
     Vectors have shape (n,); arrays of float64 in C order are taken as they are, anything else costs a conversion.
@@ -46,7 +46,7 @@ class Model:
     """Names of the joints."""
 
     memories: int
-    """Number of states that the model remembers of a motion; 0 where it needs no `Memory`."""
+    """Number of states that the model remembers of a motion; 0 where it needs no `CallableMemory`."""
 
     def __init__(self, model: DynamicsModel, base: BaseParameters, values: ArrayLike) -> None:
         given = {"parameters": array(values, (base.count,), "base parameters")}
@@ -56,12 +56,12 @@ class Model:
         self.memories = len(model.nodes)
 
     @classmethod
-    def of(cls, run: Run) -> Model:
+    def of(cls, run: Run) -> CallableModel:
         """The model of a run, with the parameters of its estimate."""
         base = run.estimate.base
         return cls(run.model, base, base.values_of(torque_parameters(base, run.estimate.fit)))
 
-    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, memory: Memory | None = None) -> Array:
+    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, memory: CallableMemory | None = None) -> Array:
         """Torque of the whole model, shape (n,) [N·m or N].
 
         Args:
@@ -85,7 +85,7 @@ class Model:
         return self._calls["mass_matrix"].run(q)
 
     def friction(
-        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike | None = None, memory: Memory | None = None
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike | None = None, memory: CallableMemory | None = None
     ) -> Array:
         """Torque of all terms but links and rotors, shape (n,) [N·m or N].
 
@@ -100,13 +100,13 @@ class Model:
             inputs.append(np.zeros(len(self.joints)) if ddq is None else ddq)
         return call.run(*inputs, *([self._state(memory)] if self.memories else []))
 
-    def memory(self, q: ArrayLike) -> Memory:
+    def memory(self, q: ArrayLike) -> CallableMemory:
         """Return what a motion that begins at positions q has left behind so far."""
         if not self.memories:
-            return Memory(np.zeros(0), None)
-        return Memory(self._calls["state_start"].run(q), self._calls["state_update"])
+            return CallableMemory(np.zeros(0), None)
+        return CallableMemory(self._calls["state_start"].run(q), self._calls["state_update"])
 
-    def _state(self, memory: Memory | None) -> Array:
+    def _state(self, memory: CallableMemory | None) -> Array:
         if memory is None:
             raise ArmidError(
                 "The model remembers the motion, and no memory was given.",
@@ -115,7 +115,7 @@ class Model:
         return memory.state
 
 
-class Memory:
+class CallableMemory:
     """Memory of a motion. It belongs to one motion, and to one thread at a time.
 
     Attributes:

@@ -19,7 +19,7 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
-from armid.notebook import Shown, Summary
+from armid.notebook import Displayed, Summary
 from armid.robot import Robot
 from armid.runs.run import Run
 from armid.study.plans.plan_files import series_of
@@ -53,7 +53,7 @@ PLAN_RATE = 100.0
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Verdict(Shown):
+class Verdict(Displayed):
     """Verdict on a set of parameters.
 
     Attributes:

@@ -20,11 +20,11 @@ import numpy as np
 from armid import kernel
 from armid.errors import ArmidError
 from armid.estimation.estimators import OrdinaryLeastSquares
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.excitation.builtin_plans import builtin_plan
-from armid.excitation.design.objective import Goal, Objective, along
+from armid.excitation.design.objective import CriterionGoal, Objective, along
 from armid.excitation.series_basis import SeriesBasis
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
 from armid.lab.ideal_recording import thesis_truth
 from armid.measurement.band import Band
@@ -150,10 +150,12 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
     smooth = observations(step, Band("butterworth", 5.0, 4, "periodic"))
 
     def armid() -> Array:
-        return OrdinaryLeastSquares().estimate(Problem(inform(model, base, raw))).deviation
+        return OrdinaryLeastSquares().estimate(EstimationProblem(accumulate_information(model, base, raw))).deviation
 
     def filtered() -> Array:
-        return OrdinaryLeastSquares().estimate(Problem(inform(model, base, smooth))).deviation
+        return (
+            OrdinaryLeastSquares().estimate(EstimationProblem(accumulate_information(model, base, smooth))).deviation
+        )
 
     inertial = np.isin(base.kept, model.inertial_columns)
     standard = np.searchsorted(model.inertial_columns, base.kept[inertial])
@@ -189,7 +191,7 @@ def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, An
 
     arm, data = _pinocchio(model)
     plan = builtin_plan("thesis-a1")
-    goal = Goal(model, base, "condition")
+    goal = CriterionGoal(model, base, "condition")
     basis = SeriesBasis(plan.base_frequency, plan.harmonics, np.zeros(model.n))
     objective = Objective(goal, basis, DESIGN_SAMPLES, width=0.05, sharpness=60.0)
     x = basis.unknowns_of(plan)

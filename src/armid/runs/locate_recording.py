@@ -14,10 +14,10 @@ from armid.study.config import RecordingChoice
 from armid.study.demo import MOTIONS, demo_recordings
 from armid.study.identify import read_recording
 
-__all__ = ["find_again", "read_again"]
+__all__ = ["find_recording", "read_recording_of"]
 
 
-def read_again(
+def read_recording_of(
     run: Run, choice: RecordingChoice, sha256: str, folder: Path | str, data: Path | str | None = None
 ) -> Recording:
     """The recording that a run was made from, and no other of the same name; a demo's is simulated once more.
@@ -35,7 +35,7 @@ def read_again(
     if choice.path in MOTIONS:
         recording, _ = read_recording(choice, ".", run.robot, demo_recordings(run.folder))
     else:
-        place = find_again(choice.path, sha256, folder, data)
+        place = find_recording(choice.path, sha256, folder, data)
         recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
     if recording.sha256 != sha256:
         raise ArmidError(
@@ -45,7 +45,7 @@ def read_again(
     return recording
 
 
-def find_again(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
+def find_recording(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
     """Tell where a recording of a study lies now: the file of that name that holds the same bytes.
 
     Args:

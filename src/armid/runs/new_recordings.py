@@ -11,23 +11,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RobotError, StudyError
-from armid.estimation.problem import Problem
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information
 from armid.maths.inertia import transform
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.identify import changing_parameters, observe_recordings, read_recording
+from armid.study.identify import changing_parameters, process_study_recordings, read_recording
 from armid.values import Array, load
 
-__all__ = ["Beside", "beside_run", "doubts", "link_columns", "load_columns", "read_new"]
+__all__ = [
+    "NewRecordings",
+    "link_columns",
+    "load_columns",
+    "load_new_recordings",
+    "new_recording_findings",
+    "read_new_recordings",
+]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Beside:
+class NewRecordings:
     """New recordings and the run that they are put beside.
 
     Attributes:
@@ -44,7 +51,7 @@ class Beside:
     base: BaseParameters
     earlier: Information
     new: Information
-    samples: Problem
+    samples: EstimationProblem
     recordings: tuple[tuple[RecordingChoice, Recording], ...]
     findings: tuple[Finding, ...]
 
@@ -54,9 +61,9 @@ class Beside:
         return changing_parameters(self.run.model)[self.base.kept]
 
 
-def beside_run(
+def load_new_recordings(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any], *, gain_deviation: float | None = None
-) -> Beside:
+) -> NewRecordings:
     """Read new recordings of a run's arm.
 
     Args:
@@ -74,19 +81,21 @@ def beside_run(
             f"{run.folder} has no drive gains that could deviate: its effort is a torque.",
             remedy="leave --gain-deviation out.",
         )
-    recordings, findings = read_new(run, paths, reading)
-    observations, found = observe_recordings(recordings, run.processing, run.robot)
+    recordings, findings = read_new_recordings(run, paths, reading)
+    observations, found = process_study_recordings(recordings, run.processing, run.robot)
     base = run.estimate.base
     earlier = load(Information, Path(run.folder) / "information.npz")
     deviation = _deviation(recordings[0][0].reading, run.robot.n)
     if gain_deviation is not None:
         deviation = np.full(run.robot.n, gain_deviation)
-    new = replace(inform(run.model, base, observations), scale_deviation=deviation)
-    samples = Problem(new, model=run.model, base=base, observations=observations)
-    return Beside(run, base, earlier, new, samples, recordings, (*doubts(run), *findings, *found))
+    new = replace(accumulate_information(run.model, base, observations), scale_deviation=deviation)
+    samples = EstimationProblem(new, model=run.model, base=base, observations=observations)
+    return NewRecordings(
+        run, base, earlier, new, samples, recordings, (*new_recording_findings(run), *findings, *found)
+    )
 
 
-def read_new(
+def read_new_recordings(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
 ) -> tuple[tuple[tuple[RecordingChoice, Recording], ...], tuple[Finding, ...]]:
     """Recordings that a run has not seen, read as its own were, and what was noticed on the way.
@@ -119,7 +128,7 @@ def read_new(
     return tuple(recordings), tuple(findings)
 
 
-def doubts(run: Run) -> list[Finding]:
+def new_recording_findings(run: Run) -> list[Finding]:
     """Return what speaks against building on a run."""
     if run.verdict != "fail":
         return []
@@ -134,7 +143,7 @@ def doubts(run: Run) -> list[Finding]:
     ]
 
 
-def _deviation(reading: Reading, n: int) -> Array:
+def _deviation(reading: LogFormat, n: int) -> Array:
     """Relative standard deviation of each joint's drive gain, zero where none is given."""
     given = reading.drive_gain_deviation
     return np.array(np.broadcast_to(0.0 if given is None else np.asarray(given, dtype=np.float64), (n,)))

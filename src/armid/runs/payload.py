@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, StudyError
-from armid.estimation.update.payload import LOAD_NAMES, Gains, Load, find_gains, find_load
-from armid.estimation.update.stacked_problem import join
+from armid.estimation.update.payload import LOAD_NAMES, DriveGains, PayloadEstimate, estimate_gains, estimate_payload
+from armid.estimation.update.stacked_problem import stack_problems
 from armid.model.terms.rigid_body import rigid_body_units
-from armid.runs.new_recordings import Beside, beside_run, link_columns, load_columns
+from armid.runs.new_recordings import NewRecordings, link_columns, load_columns, load_new_recordings
 from armid.runs.run import Run
 from armid.study.plausibility import few_blocks_finding
 from armid.study.records import finding_record
@@ -49,13 +49,13 @@ class Payload:
         findings: What was noticed on the way.
     """
 
-    beside: Beside
+    beside: NewRecordings
     link: str
     frame: str
-    load: Load
+    load: PayloadEstimate
     in_link: Array
     known: NDArray[np.bool_]
-    gains: Gains | None
+    gains: DriveGains | None
     findings: tuple[Finding, ...]
 
 
@@ -89,14 +89,14 @@ def find_payload(
     known = _known(run, mass, com)
     link, _ = link_columns(run)
     added, to_link = load_columns(run)
-    beside = beside_run(run, paths, reading, gain_deviation=gain_deviation)
+    beside = load_new_recordings(run, paths, reading, gain_deviation=gain_deviation)
     own = beside.changing & (not same_friction)
-    joined = join(beside.earlier, run.estimate.fit, beside.new, own, added, beside.samples)
+    joined = stack_problems(beside.earlier, run.estimate.fit, beside.new, own, added, beside.samples)
     if known is None:
-        load, gains = find_load(joined), None
+        load, gains = estimate_payload(joined), None
     else:
         deviation = beside.new.scale_deviation
-        load, gains = find_gains(joined, known, np.where(deviation > 0.0, deviation, np.inf))
+        load, gains = estimate_gains(joined, known, np.where(deviation > 0.0, deviation, np.inf))
     findings = (*beside.findings, *_doubts(beside, load, gains))
     name = run.robot.links[link].name
     given = np.zeros(10, dtype=np.bool_) if known is None else ~np.isnan(known)
@@ -124,7 +124,7 @@ def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None)
     return known
 
 
-def _doubts(beside: Beside, load: Load, gains: Gains | None) -> list[Finding]:
+def _doubts(beside: NewRecordings, load: PayloadEstimate, gains: DriveGains | None) -> list[Finding]:
     """Return what speaks against taking the result at its word."""
     found: list[Finding] = []
     unclear = [f"{LOAD_NAMES[k]} ({load.status[k]})" for k in PRINTED if load.status[k] != "identified"]

@@ -12,9 +12,9 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import torque_parameters
-from armid.information.hysteresis_states import remember
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.pipeline import observe
+from armid.information.hysteresis_states import with_hysteresis_states
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.pipeline import process_recordings
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
@@ -61,7 +61,7 @@ def validate_run(
     return validate(run.robot.joint_names, scores, run.estimate), (*findings, *found)
 
 
-def _like(run: Run, changes: Mapping[str, Any]) -> Reading:
+def _like(run: Run, changes: Mapping[str, Any]) -> LogFormat:
     """The run's reading for another recording: what was cut out of the run's own is no matter of its."""
     return replace(run.reading, exclude=(), start=None, **changes)
 
@@ -89,9 +89,11 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     if recording.effort is None:
         recording = replace(recording, effort=np.zeros_like(recording.q))
     every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
-    observations, _ = observe([recording], every_row, periods=[how.stated_period], starts=[how.start])
+    observations, _ = process_recordings([recording], every_row, periods=[how.stated_period], starts=[how.start])
     # What the model remembers begins anew in each run.
-    motions = [remember(run.model, observed, observations.band).motion for observed in observations.runs]
+    motions = [
+        with_hysteresis_states(run.model, observed, observations.band).motion for observed in observations.runs
+    ]
     names = ("time", "q", "dq", "ddq", *(["memory"] if run.model.nodes else []))
     joined = [np.concatenate([getattr(motion, name) for motion in motions]) for name in names]
     return Motion(*joined)

@@ -13,10 +13,10 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import Estimate
-from armid.estimation.update.recalibration import Change, recalibrate_fit
+from armid.estimation.update.recalibration import ParameterChange, recalibrate_fit
 from armid.information.information import Information
 from armid.measurement.recording import Recording
-from armid.runs.new_recordings import Beside, beside_run, link_columns
+from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
 from armid.runs.run import Run
 from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.identify import Result, read_recording, score_recordings
@@ -52,7 +52,7 @@ class Recalibration:
     result: Result
     earlier: str
     changed: Changed
-    changes: tuple[Change, ...]
+    changes: tuple[ParameterChange, ...]
     before: tuple[Score, ...]
 
 
@@ -78,7 +78,7 @@ def recalibrate(
         ArmidError: Recordings that do not fit the run, or do not show what has changed.
     """
     began = time.perf_counter()
-    beside = beside_run(run, paths, reading)
+    beside = load_new_recordings(run, paths, reading)
     tool = link_columns(run)[1] if changed == "tool" else None
     own = np.ones(beside.base.count, dtype=np.bool_) if changed == "all" else beside.changing
     if not own.any() and tool is None:
@@ -112,7 +112,7 @@ def recalibrate(
 
 
 def _result(
-    beside: Beside,
+    beside: NewRecordings,
     estimate: Estimate,
     information: Information,
     unseen: Sequence[tuple[RecordingChoice, Recording]],
@@ -133,7 +133,7 @@ def _result(
     return Result(study, run.robot, run.model, information, estimate, validation, (*training, *known))
 
 
-def _held_out(beside: Beside, path: str) -> tuple[RecordingChoice, Recording]:
+def _held_out(beside: NewRecordings, path: str) -> tuple[RecordingChoice, Recording]:
     """A recording to check on, which nothing has been estimated from."""
     choice = replace(beside.recordings[0][0], path=str(Path(path).absolute()), role="validate")
     recording, _ = read_recording(choice, ".", beside.run.robot)
@@ -164,7 +164,7 @@ def _study(run: Run) -> Study:
         ) from error
 
 
-def _doubts(beside: Beside, result: Result, changed: Changed) -> list[Finding]:
+def _doubts(beside: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
     """Return what speaks against the assumption that nothing else has changed."""
     found: list[Finding] = []
     new = np.sqrt(np.mean([score.rms**2 for score in result.training[: len(beside.recordings)]], axis=0))
@@ -188,7 +188,7 @@ def _doubts(beside: Beside, result: Result, changed: Changed) -> list[Finding]:
     return [*found, *(finding for finding in further if finding is not None)]
 
 
-def _worse(beside: Beside, result: Result, before: Sequence[Score], changed: Changed) -> list[Finding]:
+def _worse(beside: NewRecordings, result: Result, before: Sequence[Score], changed: Changed) -> list[Finding]:
     """Held-out motion on which the earlier run is the better one, because it is of before the change or by itself."""
     scores = result.validation.recordings
     if not scores:

@@ -12,7 +12,7 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import torque_parameters
-from armid.measurement.processing.pipeline import observe
+from armid.measurement.processing.pipeline import process_recordings
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.identify import read_recording
@@ -89,7 +89,9 @@ def roll_out_run(
     for path in paths:
         recording, found = read_recording(RecordingChoice(path, "validate", how), ".", run.robot)
         findings += found
-        observations, found = observe([recording], every_row, periods=[how.stated_period], starts=[how.start])
+        observations, found = process_recordings(
+            [recording], every_row, periods=[how.stated_period], starts=[how.start]
+        )
         findings += found
         score = score_motion(
             run.model,

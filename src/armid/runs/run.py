@@ -17,16 +17,16 @@ from typing import Any
 from armid.errors import ArmidError
 from armid.estimation.estimate import Estimate
 from armid.estimation.link_properties import LinkTable, link_record, link_table
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics import DynamicsModel
-from armid.notebook import Shown, Summary
+from armid.notebook import Displayed, Summary
 from armid.robot import Robot
 from armid.study.atomic_folder import refuse, whole_folder
 from armid.study.config import ModelChoice, Study, build_model
 from armid.study.identify import Result
-from armid.study.provenance import Made, made_now, made_of, made_record
-from armid.study.records import estimate_record, ladder_record, to_json, validation_record
+from armid.study.provenance import RunOrigin, origin_now, origin_of, origin_record
+from armid.study.records import estimate_record, friction_selection_record, to_json, validation_record
 from armid.values import load, replace_file, save
 
 __all__ = ["Run", "load_run", "refuse_folder", "save_run"]
@@ -35,7 +35,7 @@ MARKER = "estimate.json"
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Run(Shown):
+class Run(Displayed):
     """Content of a run's folder, as far as prediction needs it.
 
     Attributes:
@@ -54,11 +54,11 @@ class Run(Shown):
     robot: Robot
     model: DynamicsModel
     estimate: Estimate
-    processing: Processing
-    reading: Reading
+    processing: ProcessingOptions
+    reading: LogFormat
     trained_on: tuple[str, ...]
     verdict: str = "not judged"
-    made: Made = field(default_factory=Made)
+    made: RunOrigin = field(default_factory=RunOrigin)
 
     def summary(self) -> Summary:
         """Return what was identified, how, and what came of it."""
@@ -130,11 +130,11 @@ def load_run(folder: Path | str) -> Run:
             robot,
             _model(robot, kept),
             estimate,
-            Processing(**kept["processing"]),
-            Reading(**kept["reading"]),
+            ProcessingOptions(**kept["processing"]),
+            LogFormat(**kept["reading"]),
             tuple(kept["trained_on"]),
             _verdict(folder),
-            made_of(kept),
+            origin_of(kept),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ArmidError(
@@ -166,7 +166,7 @@ def _write(result: Result, draft: Path) -> None:
         "processing": dataclasses.asdict(study.processing),
         "reading": _given(asked),
         "trained_on": [each.sha256 for each in result.training],
-        "made": made_record(made_now()),
+        "made": origin_record(origin_now()),
     }
     replace_file(draft / "study.json", to_json(_study_record(study)) + "\n")
     replace_file(draft / "model.json", to_json(model) + "\n")
@@ -174,7 +174,7 @@ def _write(result: Result, draft: Path) -> None:
     save(result.information, draft / "information.npz")
     save(result.estimate, draft / "estimate.npz")
     if result.ladder is not None:
-        record = ladder_record(result.ladder, result.robot.joint_names)
+        record = friction_selection_record(result.ladder, result.robot.joint_names)
         replace_file(draft / "friction.json", to_json(record) + "\n")
     replace_file(draft / "validation.json", to_json(validation_record(result.validation)) + "\n")
     record = estimate_record(result.estimate)
@@ -191,6 +191,6 @@ def _study_record(study: Study) -> dict[str, Any]:
     return record
 
 
-def _given(reading: Reading) -> dict[str, Any]:
+def _given(reading: LogFormat) -> dict[str, Any]:
     """Return what a reading says beyond its defaults."""
     return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}

@@ -12,22 +12,22 @@ import numpy as np
 
 from armid.errors import Finding, StudyError
 from armid.estimation.estimate import averaged
-from armid.estimation.recursive.recursive_estimate import JUMP, Memory, State, fit, resume, update
+from armid.estimation.recursive.recursive_estimate import JUMP, ForgettingOptions, RecursiveState, fit, resume, update
 from armid.estimation.update.payload import LOAD_NAMES
 from armid.estimation.update.stacked_problem import with_load_columns
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations, ObservedRun
-from armid.measurement.processing.pipeline import observe
+from armid.measurement.processing.pipeline import process_recordings
 from armid.model.terms.rigid_body import rigid_body_units
-from armid.runs.new_recordings import doubts, load_columns, read_new
+from armid.runs.new_recordings import load_columns, new_recording_findings, read_new_recordings
 from armid.runs.recalibration import Changed
 from armid.runs.run import Run
-from armid.study.identify import Progress, changing_parameters, silent
+from armid.study.identify import Progress, changing_parameters, no_progress
 from armid.threads import one_blas_thread
 from armid.values import Array, load
 
-__all__ = ["SURPRISE", "Event", "Track", "track", "track_record", "track_table"]
+__all__ = ["SURPRISE", "Event", "TrackedRun", "track", "track_record", "track_table"]
 
 SURPRISE = 3.0
 """Torque error over the usual one from which on something has changed: chance makes it so with ten independent rows
@@ -53,7 +53,7 @@ class Event:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Track:
+class TrackedRun:
     """Parameters over time, one row a block.
 
     Attributes:
@@ -91,7 +91,7 @@ def track(
     block: float = 1.0,
     changed: Changed = "friction",
     progress: Progress | None = None,
-) -> Track:
+) -> TrackedRun:
     """Follow what may change through recordings that come after a run.
 
     Args:
@@ -108,18 +108,20 @@ def track(
     """
     if not (memory > 0.0 and 0.0 < block < np.inf):
         raise StudyError(f"memory and block are times above 0 s; found {memory:g} and {block:g} s.")
-    tell = progress or silent
+    tell = progress or no_progress
     tell("recordings", 0.0)
-    recordings, findings = read_new(run, paths, reading)
+    recordings, findings = read_new_recordings(run, paths, reading)
     # Periods averaged or taken together would hide what changes from one to the next.
     edges = "drop" if run.processing.edges == "periodic" else run.processing.edges
     processing = replace(run.processing, edges=edges, average=False)
     limits = [joint.effort_limit for joint in run.robot.joints]
-    observed, found = observe([each for _, each in recordings], processing, effort_limits=limits)
+    observed, found = process_recordings([each for _, each in recordings], processing, effort_limits=limits)
     observations = Observations(tuple(_cut(one, block) for one in observed.runs), observed.band)
     base = run.estimate.base
     tell("information", 0.0)
-    new = inform(run.model, base, observations, progress=lambda done, all: tell("information", done / all))
+    new = accumulate_information(
+        run.model, base, observations, progress=lambda done, all: tell("information", done / all)
+    )
     ends, lengths = _times(observations)
     earlier = averaged(base.names, run.estimate.fit)
     own = np.ones(base.count, dtype=np.bool_) if changed == "all" else changing_parameters(run.model)[base.kept]
@@ -134,21 +136,21 @@ def track(
             f"The model of {run.folder} has no friction that could change.", remedy="use --tool or --all."
         )
     factors = load(Information, Path(run.folder) / "information.npz")
-    state = resume(new, earlier, Memory(memory, own, SURPRISE, jump), further=further, factors=factors)
+    state = resume(new, earlier, ForgettingOptions(memory, own, SURPRISE, jump), further=further, factors=factors)
     units = (*base.units, *(rigid_body_units() if changed == "tool" else ()))
-    return _followed(run, state, new, ends, lengths, units, (*doubts(run), *findings, *found), tell)
+    return _followed(run, state, new, ends, lengths, units, (*new_recording_findings(run), *findings, *found), tell)
 
 
 def _followed(
     run: Run,
-    state: State,
+    state: RecursiveState,
     new: Information,
     ends: Array,
     lengths: Array,
     units: tuple[str, ...],
     findings: tuple[Finding, ...],
     tell: Progress,
-) -> Track:
+) -> TrackedRun:
     """The state taken through all blocks."""
     start = state.values
     shape = (new.blocks, new.n)
@@ -167,7 +169,7 @@ def _followed(
         if surprise[k, j] >= SURPRISE:
             events.append(Event(float(ends[k]), run.robot.joint_names[j], float(surprise[k, j])))
     tell("tracking", 1.0)
-    return Track(new.names, units, ends, values, deviation, error, before, surprise, tuple(events), findings)
+    return TrackedRun(new.names, units, ends, values, deviation, error, before, surprise, tuple(events), findings)
 
 
 def _cut(run: ObservedRun, seconds: float) -> ObservedRun:
@@ -202,7 +204,7 @@ def _errors(part: Information, values: Array) -> Array:
     return np.sqrt(squares / np.maximum(part.rows[0], 1))
 
 
-def track_record(found: Track) -> dict[str, Any]:
+def track_record(found: TrackedRun) -> dict[str, Any]:
     """The track as a JSON object."""
     return {
         "time": found.time,
@@ -217,7 +219,7 @@ def track_record(found: Track) -> dict[str, Any]:
     }
 
 
-def track_table(found: Track) -> str:
+def track_table(found: TrackedRun) -> str:
     """The track as CSV: time, each parameter with its deviation, and the surprise of each joint."""
     names = ["t"]
     for name in found.names:

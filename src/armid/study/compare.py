@@ -17,16 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, EstimationError
-from armid.estimation.crossvalidation import beside, folds, held_out_squares
+from armid.estimation.crossvalidation import folds, held_out_squares, training_information
 from armid.estimation.estimate import collapse
 from armid.estimation.estimators import ESTIMATORS, Estimator, LogCholesky, PhysicallyConsistent, Ridge, ThesisNLP
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, total
 from armid.measurement.observations import Observations
 from armid.study.config import build_estimator
-from armid.study.identify import Prepared, Progress, observe_recordings, stated_problem
+from armid.study.identify import Prepared, Progress, process_study_recordings, stated_problem
 from armid.validation.certificate import Certificate, certify_values
 from armid.values import Array
 
@@ -109,10 +109,10 @@ def compare_methods(
     problem = stated_problem(prepared)
     held_out = [(choice, recording) for choice, recording in prepared.recordings if choice.role == "validate"]
     if held_out:
-        observations, _ = observe_recordings(held_out, prepared.study.processing, prepared.model.robot)
+        observations, _ = process_study_recordings(held_out, prepared.study.processing, prepared.model.robot)
         kind, unseen = (
             "validation",
-            _on_recordings(prepared, total(inform(prepared.model, prepared.base, observations))),
+            _on_recordings(prepared, total(accumulate_information(prepared.model, prepared.base, observations))),
         )
     elif prepared.ladder is not None and prepared.ladder.evidence:
         kind, unseen = "none", _on_nothing  # terms, load and prior know every stretch already
@@ -152,7 +152,7 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
     }
 
 
-def _score(prepared: Prepared, problem: Problem, name: str, unseen: UnseenError) -> MethodScore:
+def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: UnseenError) -> MethodScore:
     """One method's row; a failure is a row too."""
     model, base = prepared.model, prepared.base
     nothing = np.full(model.n, np.nan)
@@ -201,7 +201,7 @@ def _on_nothing(method: Estimator, fit: Fit) -> Array:
     return np.full(len(fit.rows), np.nan)
 
 
-def _on_folds(problem: Problem) -> UnseenError:
+def _on_folds(problem: EstimationProblem) -> UnseenError:
     """Error on each of some stretches of the training data, from an estimate without it."""
     information = problem.information
 
@@ -216,14 +216,14 @@ def _on_folds(problem: Problem) -> UnseenError:
         squares = np.zeros(information.n)
         for k in numbers:
             out = fold == k
-            found = settled.estimate(_without(problem, out | beside(information, out)))
+            found = settled.estimate(_without(problem, out | training_information(information, out)))
             squares += held_out_squares(select(information, out), found.values)
         return _rms(squares, information.rows.sum(axis=0))
 
     return error
 
 
-def _settled(method: Estimator, problem: Problem, fit: Fit) -> Estimator:
+def _settled(method: Estimator, problem: EstimationProblem, fit: Fit) -> Estimator:
     """The method with the prior's weight that it found on all of the data, so that no fold searches for it again."""
     if isinstance(method, Ridge):
         return method.settled(problem)
@@ -232,7 +232,7 @@ def _settled(method: Estimator, problem: Problem, fit: Fit) -> Estimator:
     return method
 
 
-def _without(problem: Problem, left_out: NDArray[np.bool_]) -> Problem:
+def _without(problem: EstimationProblem, left_out: NDArray[np.bool_]) -> EstimationProblem:
     """The problem without some blocks, in the factors and in the samples."""
     information = problem.information
     observations = problem.observations

@@ -1,8 +1,8 @@
 """Study: robot, model, recordings, processing and estimation, each named once.
 
 A `study.toml` has the tables `[robot]`, `[model]`, `[[recording]]`, `[processing]` and `[estimation]`. Its keys are
-the fields of the dataclasses here, of `Reading` and of `Processing`; an unknown key is an error that lists the known
-ones. Paths are relative to the study.
+the fields of the dataclasses here, of `LogFormat` and of `ProcessingOptions`; an unknown key is an error that lists
+the known ones. Paths are relative to the study.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Any, Literal, TypeVar
 
 from armid.errors import ArmidError, StudyError, did_you_mean
 from armid.estimation.estimators import ESTIMATORS, Estimator
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import TERMS, Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.robot import Robot, builtin_arms, load_robot
@@ -120,7 +120,7 @@ class RecordingChoice:
 
     path: str
     role: Literal["train", "validate"] = "train"
-    reading: Reading = field(default_factory=Reading)
+    reading: LogFormat = field(default_factory=LogFormat)
     part: tuple[float, float] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
@@ -180,7 +180,7 @@ class Study(Outlined):
     robot: RobotChoice
     model: ModelChoice
     recordings: tuple[RecordingChoice, ...]
-    processing: Processing = field(default_factory=Processing)
+    processing: ProcessingOptions = field(default_factory=ProcessingOptions)
     estimation: EstimationChoice = field(default_factory=EstimationChoice)
     folder: str = "."
 
@@ -228,7 +228,7 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
         parse_robot(table["robot"]),
         model,
         tuple(_recording_choice(each) for each in recordings),
-        _make(Processing, table.get("processing", {}), "[processing]"),
+        _make(ProcessingOptions, table.get("processing", {}), "[processing]"),
         _estimation_choice(table.get("estimation", {}), default_estimation(model).method),
         folder,
     )
@@ -340,12 +340,12 @@ def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoic
 def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
     """A recording with its reading; their keys stand together in one table."""
     own = [f.name for f in dataclasses.fields(RecordingChoice) if f.name != "reading"]
-    _known(table, (*own, *(f.name for f in dataclasses.fields(Reading))), "[[recording]]")
+    _known(table, (*own, *(f.name for f in dataclasses.fields(LogFormat))), "[[recording]]")
     if "path" not in table:
         raise StudyError("A recording has no path.", remedy='give path = "…" in every [[recording]].')
     how = {key: value for key, value in table.items() if key not in own}
     choice = {key: value for key, value in table.items() if key in own}
-    reading = _make(Reading, how, f"[[recording]] {table['path']}:")
+    reading = _make(LogFormat, how, f"[[recording]] {table['path']}:")
     return _make(RecordingChoice, {**choice, "reading": reading}, "[[recording]]")
 
 

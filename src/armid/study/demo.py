@@ -10,8 +10,8 @@ import numpy as np
 
 from armid.excitation.builtin_plans import builtin_plan
 from armid.lab.ideal_recording import Sensors, record, thesis_truth
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import THESIS, Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import THESIS, ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -52,21 +52,21 @@ class Demo:
     recordings: tuple[tuple[RecordingChoice, Recording], ...]
 
 
-def demo_study(processing: Processing | None = None, method: str = "wls") -> Study:
+def demo_study(processing: ProcessingOptions | None = None, method: str = "wls") -> Study:
     """The study of the demo: periodic edges, since the motion repeats without a pause."""
     return Study(
         RobotChoice("iiwa14-r820", gravity=HANGING),
         ModelChoice(("rigid-body", "viscous", "coulomb"), {"coulomb": {"width": 0.0}}),
         (
-            RecordingChoice(TRAIN, reading=Reading(period=SECONDS, start=0.0)),
-            RecordingChoice(UNSEEN, "validate", Reading(period=SECONDS, start=0.0)),
+            RecordingChoice(TRAIN, reading=LogFormat(period=SECONDS, start=0.0)),
+            RecordingChoice(UNSEEN, "validate", LogFormat(period=SECONDS, start=0.0)),
         ),
-        processing or Processing(edges="periodic", average=True),
+        processing or ProcessingOptions(edges="periodic", average=True),
         EstimationChoice(method),
     )
 
 
-def thesis_processing(edges: str = "periodic") -> Processing:
+def thesis_processing(edges: str = "periodic") -> ProcessingOptions:
     """The thesis's own processing, its edges treated as asked."""
     return replace(THESIS, edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
 

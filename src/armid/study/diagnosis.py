@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from armid.doctor import EFFECTS, EXPLAINS, SEVERITIES, Evidence, examine
+from armid.doctor import EFFECTS, EXPLAINS, SEVERITIES, LogEvidence, examine
 from armid.doctor.checks.dynamics.channel_delay import explain as explain_delay
 from armid.doctor.checks.dynamics.contact import explain as explain_contact
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
-from armid.doctor.explanation import State
+from armid.doctor.explanation import LogState
 from armid.errors import ArmidError, Finding, RecordingError
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
-from armid.measurement.processing.pipeline import process
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
+from armid.measurement.processing.pipeline import process_recording
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import interpret, understood
+from armid.measurement.robot_convention import to_robot_convention, understood
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study, build_model, load_choice
@@ -30,7 +30,15 @@ from armid.study.remedies import tables_of
 from armid.threads import one_blas_thread
 from armid.validation.gravity_sign import gravity_finding
 
-__all__ = ["Diagnosis", "diagnose", "diagnose_recording", "diagnosis_record", "findings_on", "is_ill", "watch"]
+__all__ = [
+    "Diagnosis",
+    "diagnose",
+    "diagnose_recording",
+    "diagnosis_record",
+    "findings_on",
+    "has_errors",
+    "run_checks",
+]
 
 CODE = re.compile(r"\[([a-z-]+)\]$")
 """Where an error about a recording ends with the code of its finding."""
@@ -43,7 +51,7 @@ PLAUSIBLE_CONFLICT, PLAUSIBLE_CORRELATION, PLAUSIBLE_SCALE = 0.6, 0.7, 0.3
 as degrees are believed to be degrees: motors' angles are not, whatever limits they stay in."""
 
 
-USUAL = Processing()
+USUAL = ProcessingOptions()
 """What a study has that says nothing of it."""
 
 OF_LOG = ("channel-dead", "saturation", "filtered-before-logging", "velocity-mismatch")
@@ -111,10 +119,10 @@ def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> t
 def diagnose_recording(
     robot: Robot,
     raw: Recording,
-    reading: Reading,
+    reading: LogFormat,
     model: DynamicsModel | None = None,
     *,
-    processing: Processing = USUAL,
+    processing: ProcessingOptions = USUAL,
 ) -> tuple[Finding, ...]:
     """Examine one recording.
 
@@ -140,7 +148,7 @@ def diagnose_recording(
     log, how, recording = raw, understood(raw, reading), None
     for _ in range(TRIES):
         try:
-            read = interpret(log, how, robot)
+            read = to_robot_convention(log, how, robot)
         except RecordingError as error:
             finding = _finding(error, log)
             noted += [*log.findings, finding]
@@ -152,23 +160,23 @@ def diagnose_recording(
             recording = read.recording
             noted += [*read.findings, *_sticking(recording, processing)]
             break
-    evidence = Evidence(robot, raw, how, recording, tuple(noted), model, EXPLAINS, processing.saturation)
+    evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, EXPLAINS, processing.saturation)
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
         return _of_currents(evidence)
     return examine(_reconsidered(evidence))
 
 
-def _sticking(recording: Recording, processing: Processing) -> list[Finding]:
+def _sticking(recording: Recording, processing: ProcessingOptions) -> list[Finding]:
     """Find joints that stand among others, as an identification does; nothing in a log that it cannot use."""
     plain = replace(processing, edges="drop", average=False, saturation=None)
     try:
-        found = process(recording, plain)[1]
+        found = process_recording(recording, plain)[1]
     except ArmidError:
         return []
     return [replace(each, channel="") for each in found if each.code == "sticking"]
 
 
-def _of_currents(evidence: Evidence) -> tuple[Finding, ...]:
+def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
     """Examine a log of currents: nothing that needs torques, but the gains that a description makes."""
     state = evidence.state
     scale = None if state is None else explain_scale(state)
@@ -203,11 +211,11 @@ def findings_on(
     ]
     names = labels([choice for choice, _ in recordings])
     named = [(name, finding) for name, found in zip(names, read, strict=True) for finding in found]
-    return [*together(named), *watch(model, recordings, said)]
+    return [*together(named), *run_checks(model, recordings, said)]
 
 
 @one_blas_thread
-def watch(
+def run_checks(
     model: DynamicsModel,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
     said: Sequence[Collection[str]] = (),
@@ -230,7 +238,7 @@ def watch(
         explains, checks = EXPLAINS, (*OF_LOG, *OF_READING, *OF_EACH)
         if kind in ill and choice.role == "train":
             explains, checks = EXPLAINS if ill[kind] else OWN, (*OF_LOG, *OF_EACH)
-        evidence = Evidence(model.robot, recording, choice.reading, recording, (), model, explains)
+        evidence = LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains)
         known = said[k] if said else ()
         told += [(names[k], finding) for finding in examine(evidence, checks) if finding.code not in known]
         ill.setdefault(kind, any(each.code not in OF_EACH for each in evidence.explanations))
@@ -266,7 +274,7 @@ def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
     return {"findings": sorted(findings, key=lambda f: SEVERITIES.index(f["severity"]))}
 
 
-def is_ill(diagnoses: tuple[Diagnosis, ...]) -> bool:
+def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:
     """Tell whether anything that was found is an error."""
     return any(f.severity == "error" for each in diagnoses for f in each.findings)
 
@@ -287,7 +295,7 @@ def _finding(error: RecordingError, log: Recording) -> Finding:
     return Finding(code, "error", "", f"{evidence[0].upper()}{evidence[1:]}" if sentence else evidence, error.remedy)
 
 
-def _worked_around(finding: Finding, log: Recording, reading: Reading) -> tuple[Recording, Reading] | None:
+def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tuple[Recording, LogFormat] | None:
     """The log with the fault out of the way, for the doctor's eyes; `None` where there is no way."""
     if finding.code == "current-without-gain":
         return replace(log, effort_is_current=False), reading
@@ -316,7 +324,7 @@ def _implied_rate(log: Recording) -> float | None:
     return rate if np.isfinite(rate) and rate > 0.0 else None
 
 
-def _reconsidered(evidence: Evidence) -> Evidence:
+def _reconsidered(evidence: LogEvidence) -> LogEvidence:
     """Angles far outside all limits, and degrees that the model does not believe, are angles of motors."""
     degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
     far = next((f for f in evidence.noted if f.code == "position-offset"), None)
@@ -337,7 +345,7 @@ def _reconsidered(evidence: Evidence) -> Evidence:
     return replace(evidence, noted=noted, recording=None)
 
 
-def _turns_too_far(evidence: Evidence) -> bool:
+def _turns_too_far(evidence: LogEvidence) -> bool:
     """Tell whether most joints move over a multiple of the span of their limits."""
     recording = evidence.recording
     assert recording is not None  # a finding about limits is made from it
@@ -347,7 +355,7 @@ def _turns_too_far(evidence: Evidence) -> bool:
     return bool(known.any() and np.median(moved[known] / span[known]) > GEARED)
 
 
-def _believable(state: State) -> bool:
+def _believable(state: LogState) -> bool:
     """Tell whether a model explains the log as it is read."""
     if state.nominal is not None:
         loaded = int(np.argmax(state.nominal.size))

@@ -6,7 +6,7 @@ import dataclasses
 
 from armid.estimation.estimate import Estimate
 from armid.estimation.estimators import ESTIMATORS
-from armid.estimation.friction.selection import Ladder
+from armid.estimation.friction.selection import FrictionSelection
 from armid.study.config import EstimationChoice
 
 __all__ = ["as_chosen", "credited", "lean_on_prior"]
@@ -15,7 +15,7 @@ GIVEN, CHOSEN = "given", "as chosen with the friction"
 """How a weight was found, as methods say it of one in their options, and where the ladder put it there."""
 
 
-def as_chosen(choice: EstimationChoice, ladder: Ladder, *, described: bool) -> EstimationChoice:
+def as_chosen(choice: EstimationChoice, ladder: FrictionSelection, *, described: bool) -> EstimationChoice:
     """The choice with the prior and the offsets that friction was chosen under.
 
     Args:
@@ -47,7 +47,7 @@ def lean_on_prior(choice: EstimationChoice, weight: float | None, *, described: 
     return dataclasses.replace(choice, options={**choice.options, choice.method: options})
 
 
-def credited(estimate: Estimate, ladder: Ladder | None) -> Estimate:
+def credited(estimate: Estimate, ladder: FrictionSelection | None) -> Estimate:
     """The estimate whose prior's weight is said to come from the choice of friction, where it does."""
     if ladder is None or ladder.prior_weight is None:
         return estimate

@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError, Finding, StudyError
 from armid.estimation.estimate import Estimate, TermUse
 from armid.estimation.friction.load_torque import with_load
-from armid.estimation.friction.selection import Ladder, choose_friction
+from armid.estimation.friction.selection import FrictionSelection, choose_friction
 from armid.estimation.per_recording import offset_names, separate_by_recording
-from armid.estimation.problem import Problem, standard_of
-from armid.estimation.uncertainty.covariance import cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.information.hysteresis_states import memory_findings
 from armid.information.information import Information
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.observations import Observations
-from armid.measurement.processing.options import Processing
-from armid.measurement.processing.pipeline import observe, resolve
+from armid.measurement.processing.options import ProcessingOptions
+from armid.measurement.processing.pipeline import process_recordings, resolve_options
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import interpret, understood
+from armid.measurement.robot_convention import to_robot_convention, understood
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
-from armid.notebook import Shown, Summary
+from armid.notebook import Displayed, Summary
 from armid.robot import Robot
 from armid.study import plausibility
 from armid.study.config import (
@@ -47,7 +47,7 @@ from armid.study.diagnosis import findings_on
 from armid.study.extrapolation import highest_speeds, speed_finding
 from armid.study.friction_method import as_chosen, credited
 from armid.study.recording_labels import labels
-from armid.study.recording_parts import cut, refuse_shared
+from armid.study.recording_parts import cut_recording, refuse_shared
 from armid.threads import one_blas_thread
 from armid.validation.prediction import Score, Validation, score, validate
 from armid.values import Array, digest
@@ -59,11 +59,11 @@ __all__ = [
     "changing_parameters",
     "conclude",
     "identify",
-    "observe_recordings",
+    "no_progress",
     "prepare",
+    "process_study_recordings",
     "read_recording",
     "score_recordings",
-    "silent",
     "stated_problem",
 ]
 
@@ -72,7 +72,7 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Result(Shown):
+class Result(Displayed):
     """Result of an identification.
 
     Attributes:
@@ -94,8 +94,8 @@ class Result(Shown):
     estimate: Estimate
     validation: Validation
     training: tuple[Score, ...]
-    ladder: Ladder | None = None
-    asked: Reading | None = None
+    ladder: FrictionSelection | None = None
+    asked: LogFormat | None = None
 
     def summary(self) -> Summary:
         """Return what came of it on unseen motion; values are in `estimate`."""
@@ -121,10 +121,10 @@ class Prepared:
     model: DynamicsModel
     base: BaseParameters
     recordings: tuple[tuple[RecordingChoice, Recording], ...]
-    problem: Problem
+    problem: EstimationProblem
     findings: tuple[Finding, ...]
     began: float
-    ladder: Ladder | None = None
+    ladder: FrictionSelection | None = None
 
 
 def read_recording(
@@ -147,8 +147,8 @@ def read_recording(
     raw = (given or {}).get(choice.path)
     if raw is None:
         raw = load_recording(Path(folder) / choice.path, choice.reading, robot)
-    read = interpret(raw, choice.reading, robot)
-    return cut(read.recording, choice.part), read.findings
+    read = to_robot_convention(raw, choice.reading, robot)
+    return cut_recording(read.recording, choice.part), read.findings
 
 
 @one_blas_thread
@@ -187,7 +187,7 @@ def prepare(
         ArmidError: Bad input; the message says what and where.
     """
     began = time.perf_counter()
-    tell = progress or silent
+    tell = progress or no_progress
     tell("robot", 0.0)
     robot = load_choice(study.robot, study.folder)
     model = build_model(robot, study.model, motor_side=_is_motor_side(study))
@@ -202,8 +202,8 @@ def prepare(
     refuse_shared(recordings)
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
     tell("processing", 0.0)
-    processing = resolve(study.processing, [recording for _, recording in train])
-    observations, found = observe_recordings(train, processing, robot)
+    processing = resolve_options(study.processing, [recording for _, recording in train])
+    observations, found = process_study_recordings(train, processing, robot)
     findings += found
     ladder = None
     if study.model.automatic:
@@ -221,11 +221,11 @@ def prepare(
     understood_as = tuple(replace(c, reading=understood(r, c.reading)) for c, r in recordings)
     study = replace(study, model=resolve_model(model), processing=processing, recordings=understood_as)
     base = find_base_parameters(model)
-    information = inform(
+    information = accumulate_information(
         model, base, observations, threads=threads, progress=lambda done, all: tell("information", done / all)
     )
     information = replace(information, scale_deviation=_scale_deviation(train, robot))
-    problem = Problem(information, standard_of(model, base), model, base, observations)
+    problem = EstimationProblem(information, standard_of(model, base), model, base, observations)
     return Prepared(study, model, base, tuple(recordings), problem, tuple(findings), began, ladder)
 
 
@@ -236,7 +236,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     Raises:
         EstimationError: The data do not determine the parameters.
     """
-    tell = progress or silent
+    tell = progress or no_progress
     study, model, recordings = prepared.study, prepared.model, prepared.recordings
     robot, processing = model.robot, study.processing
     information = prepared.problem.information
@@ -249,7 +249,9 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     if prepared.problem.observations is not None:
         estimate = replace(estimate, speeds=highest_speeds(prepared.problem.observations))
     chosen = prepared.ladder is not None
-    remarks = plausibility.doubts(model, information, stated_problem(prepared), estimate.fit, chosen=chosen)
+    remarks = plausibility.plausibility_findings(
+        model, information, stated_problem(prepared), estimate.fit, chosen=chosen
+    )
     findings = [*prepared.findings, *estimate.findings, *remarks]
     tell("validation", 0.0)
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
@@ -265,7 +267,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     )
 
 
-def stated_problem(prepared: Prepared) -> Problem:
+def stated_problem(prepared: Prepared) -> EstimationProblem:
     """The problem as the study states it: with friction or offsets for each recording where it says so.
 
     Raises:
@@ -282,7 +284,7 @@ def stated_problem(prepared: Prepared) -> Problem:
     return replace(problem, information=separate_by_recording(problem.information, own))
 
 
-def silent(stage: str, share: float) -> None:
+def no_progress(stage: str, share: float) -> None:
     """Progress nobody asked for."""
     del stage, share
 
@@ -291,14 +293,14 @@ def score_recordings(
     model: DynamicsModel,
     estimate: Estimate,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
-    processing: Processing,
+    processing: ProcessingOptions,
 ) -> tuple[tuple[Score, ...], tuple[Finding, ...]]:
     """Torque error on recordings, each processed by itself, and what was noticed on the way."""
     scores: list[Score] = []
     findings: list[Finding] = []
     names = labels([choice for choice, _ in recordings])
     for (choice, recording), label in zip(recordings, names, strict=True):
-        observations, found = observe_recordings([(choice, recording)], processing, model.robot)
+        observations, found = process_study_recordings([(choice, recording)], processing, model.robot)
         findings += found
         asked = highest_speeds(observations)
         beyond = speed_finding(model.robot, estimate.speeds, asked, label or Path(choice.path).name)
@@ -307,13 +309,13 @@ def score_recordings(
     return tuple(scores), tuple(findings)
 
 
-def observe_recordings(
-    recordings: Sequence[tuple[RecordingChoice, Recording]], processing: Processing, robot: Robot
+def process_study_recordings(
+    recordings: Sequence[tuple[RecordingChoice, Recording]], processing: ProcessingOptions, robot: Robot
 ) -> tuple[Observations, tuple[Finding, ...]]:
     """Observations of several recordings."""
-    readings: list[Reading] = [choice.reading for choice, _ in recordings]
+    readings: list[LogFormat] = [choice.reading for choice, _ in recordings]
     limits = np.array([joint.effort_limit for joint in robot.joints])
-    return observe(
+    return process_recordings(
         [recording for _, recording in recordings],
         processing,
         periods=[reading.repeats for reading in readings],
@@ -334,12 +336,12 @@ def _estimate(
     study: Study,
     model: DynamicsModel,
     base: BaseParameters,
-    problem: Problem,
+    problem: EstimationProblem,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
 ) -> Estimate:
     """Estimate with what it was made from."""
     fit = build_estimator(study.estimation).estimate(problem)
-    fit = replace(cover(fit, problem), information=None)
+    fit = replace(estimate_covariance(fit, problem), information=None)
     options = digest(repr((study.model, study.processing, study.estimation)))
     made_from = (
         f"robot {model.robot.sha256}",

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, hardly_told
+from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, poorly_determined
 from armid.errors import Finding
 from armid.estimation.crossvalidation import FOLDS
 from armid.estimation.estimators.physical import NOT_JUDGED
 from armid.estimation.fit import Fit
-from armid.estimation.friction.selection import FEWEST, Ladder
+from armid.estimation.friction.selection import FEWEST, FrictionSelection
 from armid.estimation.per_recording import offset_names
-from armid.estimation.problem import Problem, Standard
+from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.uncertainty.covariance import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import inverse_of, unit_columns
@@ -25,7 +25,6 @@ from armid.values import Array
 
 __all__ = [
     "chosen_finding",
-    "doubts",
     "drift_finding",
     "excitation_finding",
     "far_finding",
@@ -33,6 +32,7 @@ __all__ = [
     "few_blocks_finding",
     "gravity_finding",
     "negative_finding",
+    "plausibility_findings",
     "weak_finding",
 ]
 
@@ -45,8 +45,8 @@ TELLING = 0.5
 """Share of a value below which it is more the prior's than the data's."""
 
 
-def doubts(
-    model: DynamicsModel, information: Information, problem: Problem, fit: Fit, *, chosen: bool
+def plausibility_findings(
+    model: DynamicsModel, information: Information, problem: EstimationProblem, fit: Fit, *, chosen: bool
 ) -> list[Finding]:
     """Return what speaks against taking an estimate at its word.
 
@@ -92,7 +92,7 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
     )
 
 
-def far_finding(standard: Standard | None, fit: Fit) -> Finding | None:
+def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None:
     """Links whose mass the data leave open and that came out far from the described one, or `None`."""
     found = fit.standard
     if found is None or standard is None or standard.nominal is None:
@@ -136,12 +136,12 @@ def excitation_finding(information: Information, robot: Robot, observations: Obs
         "excitation-weak",
         excitation_severity(condition, robot, fastest),
         "",
-        hardly_told(information.names, directions[-1], condition),
+        poorly_determined(information.names, directions[-1], condition),
         "record a motion that moves all joints together, fast and wide; on other motion the estimate may fail.",
     )
 
 
-def chosen_finding(ladder: Ladder, method: str) -> Finding:
+def chosen_finding(ladder: FrictionSelection, method: str) -> Finding:
     """Tell how friction that was chosen is estimated, which a study need not have said."""
     if ladder.prior_weight is None:
         return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")

@@ -9,11 +9,11 @@ from datetime import datetime
 from importlib.metadata import version
 from typing import Any
 
-__all__ = ["Made", "made_now", "made_of", "made_record"]
+__all__ = ["RunOrigin", "origin_now", "origin_of", "origin_record"]
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class RunOrigin:
     """The making of a run; empty where its record does not say it.
 
     Attributes:
@@ -27,17 +27,17 @@ class Made:
     version: str = ""
 
 
-def made_now() -> Made:
+def origin_now() -> RunOrigin:
     """A run that is made here and now."""
-    return Made(datetime.now().astimezone().isoformat(timespec="seconds"), platform.node(), version("armid"))
+    return RunOrigin(datetime.now().astimezone().isoformat(timespec="seconds"), platform.node(), version("armid"))
 
 
-def made_record(made: Made) -> dict[str, str]:
+def origin_record(made: RunOrigin) -> dict[str, str]:
     """The making as JSON."""
     return asdict(made)
 
 
-def made_of(kept: Mapping[str, Any]) -> Made:
+def origin_of(kept: Mapping[str, Any]) -> RunOrigin:
     """The making of a run from its record, which runs of earlier versions do not have."""
     found: Mapping[str, Any] = kept.get("made") or {}
-    return Made(*(str(found.get(key, "")) for key in ("at", "host", "version")))
+    return RunOrigin(*(str(found.get(key, "")) for key in ("at", "host", "version")))

@@ -9,7 +9,7 @@ from armid.errors import StudyError
 from armid.measurement.recording import Recording
 from armid.study.config import RecordingChoice
 
-__all__ = ["cut", "refuse_shared"]
+__all__ = ["cut_recording", "refuse_shared"]
 
 ROWS = ("time", "q", "dq", "ddq", "effort", "valid", "number")
 """What a recording has one of for each sample."""
@@ -18,7 +18,7 @@ FEWEST_ROWS = 10
 """Rows that a part must have: fewer give no derivative and no residual to judge by."""
 
 
-def cut(recording: Recording, part: tuple[float, float]) -> Recording:
+def cut_recording(recording: Recording, part: tuple[float, float]) -> Recording:
     """The rows between two shares of a recording's length.
 
     Raises:

@@ -12,12 +12,19 @@ import numpy as np
 
 from armid.errors import Finding
 from armid.estimation.estimate import Estimate, standard_parameters
-from armid.estimation.friction.selection import Ladder
+from armid.estimation.friction.selection import FrictionSelection
 from armid.estimation.standard_fit import StandardFit
 from armid.model.base_formulas import base_formulas
 from armid.validation.prediction import Validation
 
-__all__ = ["certificate_record", "estimate_record", "finding_record", "ladder_record", "to_json", "validation_record"]
+__all__ = [
+    "certificate_record",
+    "estimate_record",
+    "finding_record",
+    "friction_selection_record",
+    "to_json",
+    "validation_record",
+]
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
 """As `json` breaks it into lines. No text matches, since a line end inside one is written as an escape."""
@@ -85,7 +92,7 @@ def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
     }
 
 
-def ladder_record(ladder: Ladder, joints: Sequence[str]) -> dict[str, Any]:
+def friction_selection_record(ladder: FrictionSelection, joints: Sequence[str]) -> dict[str, Any]:
     """The contents of `friction.json`: what was chosen for each joint and the evidence for it."""
     return {
         "why": ladder.why,

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from armid.errors import StudyError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.remedy import BY_HAND
 from armid.study.config import EstimationChoice, ModelChoice, RobotChoice, Study
 from armid.toml import to_toml
@@ -21,7 +21,7 @@ __all__ = ["OF_READING", "OPTIONS", "applied", "as_option", "as_study", "at_the_
 TABLES: Mapping[str, type] = {
     "robot": RobotChoice,
     "model": ModelChoice,
-    "recording": Reading,
+    "recording": LogFormat,
     "estimation": EstimationChoice,
 }
 """Tables by the values that they make; what none of them knows belongs to the processing."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from armid.notebook import Shown, Summary
+from armid.notebook import Displayed, Summary
 
 if TYPE_CHECKING:
     from armid.study.config import Study
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["Outlined"]
 
 
-class Outlined(Shown):
+class Outlined(Displayed):
     """A study that shows its arm, terms, method, recordings, and the options that differ from their defaults."""
 
     __slots__ = ()

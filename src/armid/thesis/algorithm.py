@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem, standard_of
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information
 from armid.lab.ideal_recording import Sensors, record
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.observations import Observations
-from armid.measurement.processing.options import Processing
+from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.study.config import EstimationChoice, RecordingChoice, build_estimator
-from armid.study.identify import observe_recordings
-from armid.thesis.setting import PERIOD, Model, Setting
+from armid.study.identify import process_study_recordings
+from armid.thesis.setting import PERIOD, ReferenceModel, Setting
 from armid.values import digest
 
 __all__ = ["TEST_RATE", "Errors", "Fitted", "by_method", "errors_of", "estimate", "mean_of", "observed", "recorded"]
@@ -46,7 +46,7 @@ class Fitted:
         fit: The estimate.
     """
 
-    model: Model
+    model: ReferenceModel
     observations: Observations
     information: Information
     fit: Fit
@@ -103,19 +103,19 @@ def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
 
 
 def observed(
-    setting: Setting, recording: Recording, processing: Processing, period: float | None = PERIOD
+    setting: Setting, recording: Recording, processing: ProcessingOptions, period: float | None = PERIOD
 ) -> Observations:
     """Steps 1 and 2 of Algorithm 3: the processed recording; a period of `None` has it not repeat."""
-    reading = Reading() if period is None else Reading(period=period, start=0.0)
+    reading = LogFormat() if period is None else LogFormat(period=period, start=0.0)
     choice = RecordingChoice("virtual", reading=reading)
-    return observe_recordings([(choice, recording)], processing, setting.hanging.dynamics.robot)[0]
+    return process_study_recordings([(choice, recording)], processing, setting.hanging.dynamics.robot)[0]
 
 
 def estimate(
-    model: Model, observations: Observations, method: str = "ols", options: Mapping[str, Any] | None = None
+    model: ReferenceModel, observations: Observations, method: str = "ols", options: Mapping[str, Any] | None = None
 ) -> Fitted:
     """Steps 3 and 4: an estimate by a method."""
-    information = inform(model.dynamics, model.base, observations)
+    information = accumulate_information(model.dynamics, model.base, observations)
     return Fitted(model, observations, information, _fit(model, observations, information, method, options))
 
 
@@ -126,14 +126,14 @@ def by_method(fitted: Fitted, method: str, options: Mapping[str, Any] | None = N
 
 
 def _fit(
-    model: Model,
+    model: ReferenceModel,
     observations: Observations,
     information: Information,
     method: str,
     options: Mapping[str, Any] | None,
 ) -> Fit:
     standard = standard_of(model.dynamics, model.base)
-    problem = Problem(information, standard, model.dynamics, model.base, observations)
+    problem = EstimationProblem(information, standard, model.dynamics, model.base, observations)
     return build_estimator(EstimationChoice(method, options={method: options or {}})).estimate(problem)
 
 

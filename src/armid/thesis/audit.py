@@ -16,13 +16,13 @@ from armid.runs.certification import Verdict, certify_named
 from armid.thesis.algorithm import TEST_RATE
 from armid.thesis.published import published
 from armid.thesis.reduction import standard_of_physical
-from armid.thesis.setting import DESIGNED, PERIOD, Model, Setting
+from armid.thesis.setting import DESIGNED, PERIOD, ReferenceModel, Setting
 from armid.thesis.steps import Estimates
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.validation.reference_constraints import ROUNDING
 from armid.values import Array
 
-__all__ = ["Audit", "Broken", "Carried", "Coefficients", "Conditions", "Deviations", "audit"]
+__all__ = ["Audit", "Broken", "Carried", "Conditions", "Deviations", "PrintedCoefficients", "audit"]
 
 OUTLIER = "ZZR_6"
 """The one deviation of Table 4.1 that stands apart from the others' pattern."""
@@ -107,7 +107,7 @@ class Carried:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Coefficients:
+class PrintedCoefficients:
     """A table of Fourier coefficients against (3.55).
 
     Attributes:
@@ -153,7 +153,7 @@ class Audit:
     gravity: str
     deviations: Deviations
     conditions: Conditions
-    tables: tuple[Coefficients, Coefficients]
+    tables: tuple[PrintedCoefficients, PrintedCoefficients]
 
 
 def audit(setting: Setting, estimates: Estimates) -> Audit:
@@ -197,7 +197,7 @@ def _named(rows: Array) -> dict[str, float]:
     return {f"{name}_{k + 1}": float(x) for k, row in enumerate(rows) for name, x in zip(names, row, strict=True)}
 
 
-def _stacked(model: Model, plan: Excitation, period: float) -> Array:
+def _stacked(model: ReferenceModel, plan: Excitation, period: float) -> Array:
     columns = model.columns(plan.stretched(period).sample(TEST_RATE))
     return np.asarray(np.linalg.qr(columns.reshape(-1, columns.shape[2]), mode="r"))
 
@@ -219,7 +219,7 @@ def _conditions(setting: Setting) -> Conditions:
     )
 
 
-def _shape(model: Model, plan: Excitation, period: float) -> Array:
+def _shape(model: ReferenceModel, plan: Excitation, period: float) -> Array:
     """[(Y_bᵀ Y_b)⁻¹]_jj to the power of ½, shape (57,)."""
     return np.sqrt(np.sum(np.linalg.inv(_stacked(model, plan, period)) ** 2, axis=1))
 
@@ -231,7 +231,7 @@ def _deviations(setting: Setting, estimates: Estimates) -> Deviations:
     counted = np.array([name != OUTLIER for name in names])
     periods = np.array([DESIGNED, PERIOD, PERIOD + 1.0])
 
-    def ratio(model: Model, period: float) -> Array:
+    def ratio(model: ReferenceModel, period: float) -> Array:
         return np.log(relative / 100.0 * value / _shape(model, setting.train, period))
 
     hanging, literal = (
@@ -253,7 +253,7 @@ def _deviations(setting: Setting, estimates: Estimates) -> Deviations:
     )
 
 
-def _coefficients(setting: Setting, plan: Excitation) -> Coefficients:
+def _coefficients(setting: Setting, plan: Excitation) -> PrintedCoefficients:
     plan = plan.stretched(DESIGNED)
     limits = limits_of(setting.hanging.dynamics.robot)
     number, omega = np.arange(1, plan.harmonics + 1), plan.base_frequency
@@ -269,7 +269,7 @@ def _coefficients(setting: Setting, plan: Excitation) -> Coefficients:
         bound = np.minimum(number * omega / divisor * room, limits.velocity[:, None])
         return int(np.count_nonzero((both > bound).any(axis=0)))
 
-    return Coefficients(
+    return PrintedCoefficients(
         sums(plan.b),
         sums(plan.b * (number < plan.harmonics)),
         float(((amplitude / number).sum(axis=1) / (omega * limits.upper)).max()),

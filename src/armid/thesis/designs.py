@@ -10,8 +10,8 @@ import numpy as np
 
 from armid.excitation.collision.collision_model import collision_of
 from armid.excitation.design.multistart import random_start
-from armid.excitation.design.objective import Goal
-from armid.excitation.design.sqp import STAGES, Problem, descend, drawn_together
+from armid.excitation.design.objective import CriterionGoal
+from armid.excitation.design.sqp import STAGES, DescentProblem, descend, shrink_to_feasible
 from armid.excitation.fourier import Excitation
 from armid.excitation.limits.joint_limits import limits_of, thesis_channels
 from armid.excitation.series_basis import SeriesBasis
@@ -19,7 +19,7 @@ from armid.lab.controller import Controller
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
 from armid.lab.sensors import Sensing
-from armid.lab.simulation import Simulated, doubts, simulate
+from armid.lab.simulation import Simulated, simulate, simulation_findings
 from armid.maths.linalg import condition
 from armid.measurement.processing.options import THESIS
 from armid.robot import forward_kinematics
@@ -28,7 +28,7 @@ from armid.thesis.setting import DESIGNED, PERIOD, Setting
 from armid.thesis.steps import CORRECTED
 from armid.values import Array
 
-__all__ = ["Designs", "Trial", "designs"]
+__all__ = ["DesignTrial", "Designs", "designs"]
 
 HARMONICS = 10
 
@@ -47,7 +47,7 @@ more of an arm that is still to be identified."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Trial:
+class DesignTrial:
     """A trajectory, tested.
 
     Attributes:
@@ -95,13 +95,13 @@ class Designs:
 
     unknowns: int
     free: int
-    published: tuple[Trial, ...]
-    trials: tuple[Trial, ...]
+    published: tuple[DesignTrial, ...]
+    trials: tuple[DesignTrial, ...]
     starts: Array
     kept: int
 
     @property
-    def best(self) -> Trial:
+    def best(self) -> DesignTrial:
         """The trajectory that is kept; Table A.1 in 27 s where no design was feasible."""
         return self.trials[self.kept] if self.kept >= 0 else self.published[-1]
 
@@ -116,18 +116,18 @@ def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
     """
     problem = _problem(setting)
     count = setting.extent.starts
-    published: list[Trial] = []
+    published: list[DesignTrial] = []
     for k, period in enumerate((DESIGNED, PERIOD)):
         tell(k / (count + 2))
         published.append(_trial(setting, f"Table A.1, {period:g} s", setting.train.stretched(period), seed=k + 1))
-    trials: list[Trial] = []
+    trials: list[DesignTrial] = []
     starts = np.zeros(count)
     for k in range(count):
         tell((k + 2) / (count + 2))
         start = random_start(problem, problem.fine, np.random.default_rng((k + 1, 0)))
         starts[k] = _condition(setting, problem.basis.excitation(start))
         x = descend(problem, start, STAGES[: setting.extent.stages])
-        inside = drawn_together(problem, problem.fine, x)
+        inside = shrink_to_feasible(problem, problem.fine, x)
         plan = problem.basis.excitation(start if inside is None else inside, setting.train.robot)
         trials.append(_trial(setting, f"start {k + 1}", plan, seed=k + 3))
     tell(1.0)
@@ -137,14 +137,14 @@ def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
     return Designs(2 * basis.n * HARMONICS, basis.n * basis.size, tuple(published), tuple(trials), starts, kept)
 
 
-def _problem(setting: Setting) -> Problem:
+def _problem(setting: Setting) -> DescentProblem:
     """(3.55): the smallest condition number at 100 Hz under (3.55c) to (3.55f), the last without 1/L."""
     model = setting.hanging
     robot = model.dynamics.robot
     limits = limits_of(robot)
     basis = SeriesBasis(2.0 * math.pi / DESIGNED, HARMONICS, np.zeros(robot.n))
-    goal = Goal(model.dynamics, model.base, "condition", rate=TEST_RATE)
-    return Problem(goal, basis, thesis_channels(limits, basis), float(np.median(limits.velocity)) / 1.75)
+    goal = CriterionGoal(model.dynamics, model.base, "condition", rate=TEST_RATE)
+    return DescentProblem(goal, basis, thesis_channels(limits, basis), float(np.median(limits.velocity)) / 1.75)
 
 
 def _condition(setting: Setting, plan: Excitation) -> float:
@@ -152,7 +152,7 @@ def _condition(setting: Setting, plan: Excitation) -> float:
     return condition(columns.reshape(-1, columns.shape[2]))
 
 
-def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> Trial:
+def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTrial:
     """A trajectory in closed loop, and what Algorithm 3 makes of its recording."""
     extent = setting.extent
     truth = truth_of(setting.hanging.dynamics.robot)
@@ -164,14 +164,16 @@ def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> Trial:
     )
     done = simulate(truth, plan, options, seed=seed)
     clearance = _clearance(setting, done)
-    said = sorted({finding.code for finding in doubts(done)} | ({"collision"} if clearance <= 0.0 else set()))
+    said = sorted(
+        {finding.code for finding in simulation_findings(done)} | ({"collision"} if clearance <= 0.0 else set())
+    )
     evaluated: list[Errors] = []
     for processing in (THESIS, CORRECTED, MOVING):
         observations = observed(setting, done.recording, processing, plan.period)
         evaluated.append(errors_of(setting, estimate(setting.hanging, observations)))
     trace = done.trace.from_time(0.0)
     off = trace.q - plan.at(trace.time).q
-    return Trial(
+    return DesignTrial(
         name,
         plan,
         _condition(setting, plan),

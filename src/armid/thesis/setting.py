@@ -24,7 +24,7 @@ __all__ = [
     "PERIOD",
     "QUICK",
     "Extent",
-    "Model",
+    "ReferenceModel",
     "Setting",
     "Tell",
     "extent_of",
@@ -83,7 +83,7 @@ def extent_of(*, quick: bool = False, seeds: int | None = None, starts: int | No
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Model:
+class ReferenceModel:
     """The arm under one gravity.
 
     Attributes:
@@ -119,8 +119,8 @@ class Setting:
         extent: How much is run.
     """
 
-    hanging: Model
-    literal: Model
+    hanging: ReferenceModel
+    literal: ReferenceModel
     theta: Array
     truth: Array
     train: Excitation
@@ -128,10 +128,10 @@ class Setting:
     extent: Extent
 
 
-def _model(gravity: tuple[float, float, float]) -> Model:
+def _model(gravity: tuple[float, float, float]) -> ReferenceModel:
     robot = load_robot("iiwa14-r820", gravity=gravity)
     dynamics = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb(width=0.0)))
-    return Model(dynamics, find_base_parameters(dynamics))
+    return ReferenceModel(dynamics, find_base_parameters(dynamics))
 
 
 def make_setting(extent: Extent) -> Setting:

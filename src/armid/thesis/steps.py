@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armid.measurement.observations import Observations
-from armid.measurement.processing.options import THESIS, Processing
+from armid.measurement.processing.options import THESIS, ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.thesis.algorithm import Errors, Fitted, by_method, errors_of, estimate, mean_of, observed, recorded
 from armid.thesis.setting import PERIOD, Setting
@@ -20,7 +20,7 @@ CORRECTED = replace(THESIS, columns=True)
 """The thesis's own processing with its torque filter on the regressor, too."""
 
 PADDED = replace(THESIS, edges="pad", average=False)
-OWN = Processing(edges="periodic", average=True)
+OWN = ProcessingOptions(edges="periodic", average=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,13 @@ class _Rows:
         return fitted
 
     def run(
-        self, group: str, key: str, title: str, recording: Recording, processing: Processing, method: str = "ols"
+        self,
+        group: str,
+        key: str,
+        title: str,
+        recording: Recording,
+        processing: ProcessingOptions,
+        method: str = "ols",
     ) -> Fitted:
         """A row from a recording."""
         period = None if processing.edges == "pad" else PERIOD

@@ -12,7 +12,7 @@ from armid.estimation.estimate import Estimate, torque_parameters
 from armid.information.residuals import Comparison, compare
 from armid.measurement.observations import Observations
 from armid.model.dynamics import DynamicsModel
-from armid.notebook import Shown, Summary, names_apart
+from armid.notebook import Displayed, Summary, names_apart
 from armid.validation.prediction_interval import band_of_rows
 from armid.values import Array, array
 
@@ -83,7 +83,7 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Validation(Shown):
+class Validation(Displayed):
     """Scores on recordings that no parameter has seen, and the verdict.
 
     Attributes:

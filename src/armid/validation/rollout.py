@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from armid import kernel
 from armid.errors import ArmidError
-from armid.maths.stiction import settle_friction
+from armid.maths.stiction import solve_stiction
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.model.motion import Motion
@@ -216,7 +216,7 @@ class _RollOut:
         free = self.half + (mobility @ pull[:, :, None])[:, :, 0]
         new = free
         if dry.any():
-            _, new = settle_friction(mobility, free, dry, dry)
+            _, new = solve_stiction(mobility, free, dry, dry)
         self.alive &= np.abs(new).max(axis=1) < RUNAWAY
         new = np.where(self.alive[:, None], new, self.half)
         self.a = np.where(self.alive[:, None], (new - self.half) / h, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
-from armid.information.hysteresis_states import remember
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics import DynamicsModel
 from armid.validation.rollout import Feedback, Windows, roll_out
@@ -134,7 +134,7 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Wi
     for given in observations.runs:
         if not given.consecutive:
             continue
-        run = remember(model, given, observations.band)
+        run = with_hysteresis_states(model, given, observations.band)
         length, step = round(seconds * run.rate) + 1, 1.0 / run.rate
         count_from = run.rows[np.flatnonzero(run.mask.any(axis=1))[:1]]
         first = int(count_from[0]) if len(count_from) else run.motion.samples

@@ -11,10 +11,10 @@ import pytest
 from rich.console import Console
 
 from armid.cli.console import print_error, validation_table
-from armid.cli.parameter_tables import ladder_table, print_links
+from armid.cli.parameter_tables import friction_selection_table, print_links
 from armid.errors import ArmidError, Finding
 from armid.estimation.estimate import Estimate
-from armid.estimation.friction.selection import Evidence, Ladder
+from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.link_properties import link_table
 from armid.estimation.standard_fit import PriorUse
 from armid.model.terms import Hysteresis, Stribeck
@@ -30,14 +30,14 @@ def printed(table: Any, width: int = 80) -> str:
     return screen.getvalue()
 
 
-def ladder(weight: float | None = 421.0) -> Ladder:
-    evidence = (Evidence("joint_2", "hysteresis", "hysteresis 0.001, 0.03", 0.8, 0.02, chosen=True),)
+def ladder(weight: float | None = 421.0) -> FrictionSelection:
+    evidence = (SelectionEvidence("joint_2", "hysteresis", "hysteresis 0.001, 0.03", 0.8, 0.02, chosen=True),)
     added = (Hysteresis((0.001, 0.02, 0.03), ("joint_2",)), Stribeck(0.05, joints=("joint_2", "joint_3")))
-    return Ladder(small_model(), added, evidence, np.array([1.0, 0.8, 0.9]), np.full(3, 0.02), weight)
+    return FrictionSelection(small_model(), added, evidence, np.array([1.0, 0.8, 0.9]), np.full(3, 0.02), weight)
 
 
 def test_friction_stands_joint_by_joint_and_law_by_law():
-    text = printed(ladder_table(ladder(), small_model().robot), 100)
+    text = printed(friction_selection_table(ladder(), small_model().robot), 100)
     assert "RMS ratio, with / without" in " ".join(text.split())
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
     assert rows == [

@@ -9,25 +9,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.doctor import CHECKS, EFFECTS, EXPLAINS, Evidence
+from armid.doctor import CHECKS, EFFECTS, EXPLAINS, LogEvidence
 from armid.doctor.checks.dynamics import joint_order
-from armid.doctor.checks.dynamics.excitation_weak import hardly_told
+from armid.doctor.checks.dynamics.excitation_weak import poorly_determined
 from armid.doctor.checks.dynamics.gravity_direction import explain as explain_gravity
 from armid.doctor.checks.dynamics.position_offset import offsets_of
 from armid.doctor.checks.signals import velocity_mismatch
-from armid.doctor.explanation import Explanation, State
+from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import solve
 from armid.doctor.remedy_trial import left_out
 from armid.errors import Finding
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
-from armid.lab.sensors import Channel, Sensing
+from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
 from armid.maths.sampling import resample
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.remedy import BY_HAND
-from armid.measurement.robot_convention import interpret
+from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
 from armid.study.diagnosis import diagnose_recording
 from healing import delay_error
@@ -49,9 +49,9 @@ def codes(findings: tuple[Finding, ...], *severities: str) -> set[str]:
     return {f.code for f in findings if not severities or f.severity in severities}
 
 
-def state_of(case: Case) -> State:
-    log = interpret(case.recording, case.reading, case.robot).recording
-    state = Evidence(case.robot, case.recording, case.reading, log).state
+def state_of(case: Case) -> LogState:
+    log = to_robot_convention(case.recording, case.reading, case.robot).recording
+    state = LogEvidence(case.robot, case.recording, case.reading, log).state
     assert state is not None
     return state
 
@@ -132,8 +132,8 @@ def test_two_faults_are_told_apart():
 def test_a_reversed_velocity_is_not_a_scaled_one():
     texts: dict[int, str] = {}
     for case in (FAULTS["velocity-mismatch"](seed) for seed in range(8)):
-        log = interpret(case.recording, case.reading, case.robot).recording
-        (found, *_) = velocity_mismatch.check(Evidence(case.robot, case.recording, case.reading, log))
+        log = to_robot_convention(case.recording, case.reading, case.robot).recording
+        (found, *_) = velocity_mismatch.check(LogEvidence(case.robot, case.recording, case.reading, log))
         texts[case.truth["kind"]] = found.evidence
     assert "against" in texts[0] and "times" in texts[1] and "lag" in texts[3]
 
@@ -155,9 +155,9 @@ def test_what_could_not_be_looked_at_is_said():
     assert log.time is not None and log.effort is not None
     rows = slice(0, 60)
     short = replace(log, time=log.time[rows], q=log.q[rows], dq=None, effort=log.effort[rows], valid=True)
-    (found,) = diagnose_recording(sound(4).robot, short, Reading())
+    (found,) = diagnose_recording(sound(4).robot, short, LogFormat())
     assert "not looked at" in found.evidence
-    assert codes(diagnose_recording(sound(4).robot, replace(log, effort=None), Reading())) == {"channel-dead"}
+    assert codes(diagnose_recording(sound(4).robot, replace(log, effort=None), LogFormat())) == {"channel-dead"}
 
 
 @pytest.mark.parametrize("pushes", [1, 2, 3])
@@ -252,7 +252,7 @@ def test_a_zero_that_only_the_description_asks_for_is_no_error():
 
 
 def test_a_condition_number_that_is_rounding_is_not_told_as_a_number():
-    assert hardly_told(("FV_1",), np.ones(1), 1e9).endswith("apart at all, as far as numbers can show.")
+    assert poorly_determined(("FV_1",), np.ones(1), 1e9).endswith("apart at all, as far as numbers can show.")
 
 
 def test_where_orders_tie_nothing_is_called_an_error(tmp_path: Path):
@@ -307,16 +307,16 @@ def test_stamps_of_samples_taken_unevenly_are_used_and_nothing_is_to_do():
 
 def test_an_explanation_that_makes_left_out_motion_worse_is_not_believed():
     case = sound(4)
-    log = interpret(case.recording, case.reading, case.robot).recording
+    log = to_robot_convention(case.recording, case.reading, case.robot).recording
 
-    def wrong(state: State) -> Explanation:
+    def wrong(state: LogState) -> Explanation:
         after = state.with_torque(np.where(np.arange(state.rows.n) == 1, -1.0, 1.0))
         return Explanation("torque-sign", 1.0, "error", "", "Wrong.", lambda _: "torque_sign = -1", after)
 
-    def right(state: State) -> Explanation:
+    def right(state: LogState) -> Explanation:
         return Explanation("contact", 0.5, "warning", "", "Right.", lambda _: "exclude = []", state)
 
-    found = Evidence(case.robot, case.recording, case.reading, log, explains=(wrong, right)).explanations
+    found = LogEvidence(case.robot, case.recording, case.reading, log, explains=(wrong, right)).explanations
     assert [each.code for each in found] == ["contact"]
 
 
@@ -358,8 +358,8 @@ def test_friction_that_gives_way_is_no_delay(tmp_path: Path):
     path.write_text(f'<robot name="pendulum"><link name="stand"/>{PENDULUM}</robot>')
     robot = load_robot(path)
     a, b = 0.2 * np.random.default_rng(8).normal(size=(2, 2, 5))
-    sensing = Sensing(rate=250.0, effort=Channel(noise=0.03))
+    sensing = Sensing(rate=250.0, effort=SensorChannel(noise=0.03))
     plan = Excitation(2 * np.pi / 10.0, a, b, np.zeros(2))
     log = simulate(truth_of(robot), plan, LabOptions(repetitions=2, sensing=sensing), seed=1).recording
     # It mostly stands, which is said; nothing is wrong with the log.
-    assert codes(diagnose_recording(robot, log, Reading()), "error", "warning") == {"sticking"}
+    assert codes(diagnose_recording(robot, log, LogFormat()), "error", "warning") == {"sticking"}

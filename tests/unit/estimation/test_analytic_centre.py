@@ -11,10 +11,10 @@ from scipy.signal import lfilter
 
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem, standard_of
-from armid.estimation.standard_fit import lift
-from armid.estimation.uncertainty.covariance import cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.standard_fit import map_to_standard
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
@@ -52,7 +52,7 @@ def truth() -> Array:
     return theta
 
 
-def recorded(seed: int, seconds: float = 20.0, scale: float = 0.0, noise: float = NOISE) -> Problem:
+def recorded(seed: int, seconds: float = 20.0, scale: float = 0.0, noise: float = NOISE) -> EstimationProblem:
     """The small arm with noise that remembers a tenth of a second."""
     base = find_base_parameters(model())
     motion = lively_motion(np.random.default_rng(1), 3, RATE, seconds)
@@ -63,14 +63,14 @@ def recorded(seed: int, seconds: float = 20.0, scale: float = 0.0, noise: float 
     block = np.arange(motion.samples, dtype=np.int64) // int(RATE)
     run = ObservedRun(motion, torque, RATE, 1, 0, np.ones(motion.q.shape, dtype=bool), block)
     observations = Observations((run,), Band())
-    information = inform(model(), base, observations)
+    information = accumulate_information(model(), base, observations)
     information = replace(information, scale_deviation=np.full(3, scale))
-    return Problem(information, standard_of(model(), base), model(), base, observations)
+    return EstimationProblem(information, standard_of(model(), base), model(), base, observations)
 
 
-def found(problem: Problem, **options: object) -> Fit:
+def found(problem: EstimationProblem, **options: object) -> Fit:
     method = PhysicallyConsistent(**options)  # pyright: ignore[reportArgumentType]
-    return cover(method.estimate(problem), problem)
+    return estimate_covariance(method.estimate(problem), problem)
 
 
 @pytest.mark.parametrize("prior", ["mass", "log-det"])
@@ -115,7 +115,7 @@ def test_the_cone_narrows_what_weak_data_leave_open():
     shares: list[float] = []
     for seed in range(DRAWS):
         problem = recorded(seed, seconds=8.0, noise=6.0)
-        weak, plain = found(problem), cover(WeightedLeastSquares().estimate(problem), problem)
+        weak, plain = found(problem), estimate_covariance(WeightedLeastSquares().estimate(problem), problem)
         assert problem.base is not None
         ratios.append(np.sqrt(np.diag(weak.covariance) / np.diag(plain.covariance)))
         shares.append(inside(weak.intervals, problem.base.regrouping @ truth()).mean())
@@ -128,7 +128,7 @@ def test_a_lift_splits_the_posterior_into_what_base_parameters_say_and_the_rest(
     L = rng.normal(size=(3, 6))
     X, Y = rng.normal(size=(6, 6)), rng.normal(size=(3, 3))
     P, H = X @ X.T + np.eye(6), Y @ Y.T + np.eye(3)
-    split = lift(P, L, np.eye(6), 1.0, np.zeros(6), np.zeros(6))
+    split = map_to_standard(P, L, np.eye(6), 1.0, np.zeros(6), np.zeros(6))
     base = np.linalg.inv(H + np.linalg.inv(L @ np.linalg.inv(P) @ L.T))
     np.testing.assert_allclose(L @ split.share, np.eye(3), atol=1e-9)
     whole = split.share @ base @ split.share.T + split.rest

@@ -9,16 +9,16 @@ import pytest
 
 from armid.errors import EstimationError
 from armid.estimation.crossvalidation import (
-    beside,
     folds,
     held_out_error,
     held_out_squares,
     one_standard_error,
     split,
+    training_information,
 )
 from armid.estimation.least_squares import solve
 from armid.estimation.per_recording import separate_by_recording
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, stack, total
 from informed import RATE, branching_arm, dense, recorded
 from problems import one_run, raw
@@ -32,7 +32,7 @@ SAME = 1e-9
 def information_of(*seconds: float) -> Information:
     """A run for each duration."""
     runs = [one_run(*recorded(ARM, k, seconds=each), RATE) for k, each in enumerate(seconds)]
-    return inform(ARM[0], ARM[1], raw(*runs))
+    return accumulate_information(ARM[0], ARM[1], raw(*runs))
 
 
 def test_folds_are_stretches_of_one_run_with_about_the_same_rows():
@@ -72,7 +72,7 @@ def test_parts_are_what_they_are_made_of():
     parts = split(information, fold)
     assert len(parts) == len(np.unique(fold))
     for k, part in enumerate(parts):
-        near = beside(information, fold == k)
+        near = training_information(information, fold == k)
         for kept, blocks in ((part.held_out, fold == k), (part.training, (fold != k) & ~near)):
             expected = total(select(information, blocks))
             np.testing.assert_array_equal(kept.rows, expected.rows)
@@ -134,7 +134,7 @@ def test_squares_are_those_of_the_rows():
     run = one_run(motion, torque, RATE)
     rows = dense(ARM, run)
     values = np.random.default_rng(1).normal(size=ARM[1].count)
-    information = inform(ARM[0], ARM[1], raw(run))
+    information = accumulate_information(ARM[0], ARM[1], raw(run))
     expected = np.sum((rows[:, :, -1] - rows[:, :, :-1] @ values) ** 2, axis=0)
     np.testing.assert_allclose(held_out_squares(information, values), expected, rtol=SAME)
     weights = np.array([1.0, 2.0, 0.5, 3.0])

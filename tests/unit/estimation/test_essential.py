@@ -12,9 +12,9 @@ import pytest
 from armid.errors import EstimationError
 from armid.estimation.estimators import EssentialParameters, WeightedLeastSquares
 from armid.estimation.estimators import essential as module
-from armid.estimation.problem import Problem
-from armid.estimation.uncertainty.covariance import cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.information.information import stack, total
 from armid.values import Array
 from informed import NOISE, RATE, Arm, branching_arm, recorded
@@ -38,9 +38,9 @@ def arm() -> Arm:
 
 
 @cache
-def problem(seed: int = 1, noise: float = NOISE) -> Problem:
+def problem(seed: int = 1, noise: float = NOISE) -> EstimationProblem:
     motion, torque = recorded(arm(), seed, noise=noise)
-    return Problem(inform(arm()[0], arm()[1], raw(one_run(motion, torque, RATE))))
+    return EstimationProblem(accumulate_information(arm()[0], arm()[1], raw(one_run(motion, torque, RATE))))
 
 
 def uncorrelated(*given: object) -> float:
@@ -49,7 +49,7 @@ def uncorrelated(*given: object) -> float:
     return 1.0
 
 
-def refitted(given: Problem, choose: Callable[[Array, Array, float], int | None]) -> list[int]:
+def refitted(given: EstimationProblem, choose: Callable[[Array, Array, float], int | None]) -> list[int]:
     """Parameters left when after each one the others are fitted anew; told values, deviations and cost."""
     weights = WLS.estimate(given).weights
     A, y = stack(total(given.information), weights)
@@ -138,7 +138,7 @@ def test_intervals_are_no_shorter_for_having_chosen():
     given = problem()
     fit, plain = EssentialParameters().estimate(given), WLS.estimate(given)
     np.testing.assert_array_equal(fit.deviation, plain.deviation)
-    ends = cover(fit, given).intervals
+    ends = estimate_covariance(fit, given).intervals
     for name in fit.dropped:
         low, high = ends[fit.names.index(name)]
         assert low < 0.0 < high
@@ -153,7 +153,9 @@ def test_correlated_residuals_are_worth_fewer_rows():
     white = NOISE * rng.normal(size=torque.shape)
     counts = []
     for added in (noise, white):
-        given = Problem(inform(arm()[0], arm()[1], raw(one_run(motion, torque + added, RATE, block_rows=100))))
+        given = EstimationProblem(
+            accumulate_information(arm()[0], arm()[1], raw(one_run(motion, torque + added, RATE, block_rows=100)))
+        )
         counts.append(len(EssentialParameters("bic").estimate(given).dropped))
     assert counts[0] > counts[1] and counts[0] < arm()[1].count / 2
 

@@ -15,9 +15,9 @@ from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquar
 from armid.estimation.fit import POORLY_IDENTIFIED, Fit
 from armid.estimation.least_squares import Solution
 from armid.estimation.per_recording import separate_by_recording
-from armid.estimation.problem import Problem
-from armid.estimation.uncertainty.covariance import FEWEST_BLOCKS, cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.uncertainty.covariance import FEWEST_BLOCKS, estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, merge, select, total
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -51,7 +51,7 @@ def noisy_rows(seed: int = 1, noise: Array | float = NOISE, **kinds: object) -> 
     torque = torque + noise * np.random.default_rng(seed + 100).normal(size=torque.shape)
     run = replace(one_run(motion, torque, RATE), **kinds)  # pyright: ignore[reportArgumentType]
     rows = dense(arm(), run)
-    return inform(arm()[0], arm()[1], raw(run)), rows[:, :, :-1], rows[:, :, -1]
+    return accumulate_information(arm()[0], arm()[1], raw(run)), rows[:, :, :-1], rows[:, :, -1]
 
 
 def least_squares(rows: Array, torque: Array) -> tuple[Array, Array, Array]:
@@ -73,7 +73,7 @@ def assert_same(found: Array, expected: Array, tolerance: float = SAME) -> None:
 
 def test_ols_is_lstsq_of_the_stacked_rows_with_textbook_deviations():
     information, rows, torque = noisy_rows()
-    fit = OLS.estimate(Problem(information))
+    fit = OLS.estimate(EstimationProblem(information))
     values, covariance, residual = least_squares(rows, torque)
     assert_same(fit.values, values)
     np.testing.assert_allclose(fit.deviation, np.sqrt(np.diag(covariance)), rtol=SETTLED)
@@ -85,7 +85,7 @@ def test_ols_is_lstsq_of_the_stacked_rows_with_textbook_deviations():
 def test_wls_is_dense_reweighted_least_squares():
     """Weights are the deviations of the joints' residuals, each with the degrees of freedom that it spent."""
     information, rows, torque = noisy_rows(noise=UNEQUAL)
-    fit = WLS.estimate(Problem(information))
+    fit = WLS.estimate(EstimationProblem(information))
     deviation = np.ones(4)
     for _ in range(8):
         weighted = rows / deviation[:, None]
@@ -98,14 +98,14 @@ def test_wls_is_dense_reweighted_least_squares():
     np.testing.assert_allclose(fit.deviation, np.sqrt(np.diag(inverse)), rtol=SETTLED)
     np.testing.assert_allclose(deviation, UNEQUAL, rtol=0.1)  # which it was after
     better = np.linalg.norm((fit.values - arm()[2]) / fit.deviation)
-    plain = np.linalg.norm((OLS.estimate(Problem(information)).values - arm()[2]) / fit.deviation)
+    plain = np.linalg.norm((OLS.estimate(EstimationProblem(information)).values - arm()[2]) / fit.deviation)
     assert better < 0.5 * plain
 
 
 def test_masked_rows_count_for_nothing():
     mask = np.random.default_rng(0).random((1200, 4)) < 0.7
     information, rows, torque = noisy_rows(mask=mask)
-    fit = OLS.estimate(Problem(information))
+    fit = OLS.estimate(EstimationProblem(information))
     A, y = rows[mask], torque[mask]
     values = np.linalg.lstsq(A, y, rcond=None)[0]
     assert_same(fit.values, values)
@@ -130,7 +130,9 @@ def test_a_joint_of_which_no_row_counts_is_left_out(
         size=motion.q.shape
     )
     run = one_run(motion, torque, RATE)
-    fit = method.estimate(Problem(inform(model, base, raw(replace(run, mask=run.mask & (np.arange(4) != 2))))))
+    fit = method.estimate(
+        EstimationProblem(accumulate_information(model, base, raw(replace(run, mask=run.mask & (np.arange(4) != 2)))))
+    )
     assert fit.rows.tolist() == [1200, 1200, 0, 1200]
     assert (np.abs(fit.values - truth) < 5 * fit.deviation).all()
 
@@ -138,7 +140,7 @@ def test_a_joint_of_which_no_row_counts_is_left_out(
 def test_condition_numbers_are_those_of_the_stacked_regressor():
     information, rows, _ = noisy_rows()
     stacked = rows.reshape(-1, rows.shape[2])
-    fit = WLS.estimate(Problem(information))
+    fit = WLS.estimate(EstimationProblem(information))
     assert fit.condition == pytest.approx(np.linalg.cond(stacked), rel=SAME)
     scaled = stacked / np.linalg.norm(stacked, axis=0)
     assert fit.scaled_condition == pytest.approx(np.linalg.cond(scaled), rel=SAME)
@@ -152,14 +154,14 @@ def with_still_joint(joint: int) -> Information:
     q, dq, ddq = motion.q.copy(), motion.dq.copy(), motion.ddq.copy()
     q[:, joint], dq[:, joint], ddq[:, joint] = 0.3, 0.0, 0.0
     run = one_run(Motion(motion.time, q, dq, ddq), torque, RATE)
-    return inform(arm()[0], arm()[1], raw(run))
+    return accumulate_information(arm()[0], arm()[1], raw(run))
 
 
 @pytest.mark.parametrize(("joint", "unseen"), [(2, "FV_3, FS_3"), (3, "FV_4, FS_4")])
 @pytest.mark.parametrize("method", [OLS, WLS])
 def test_parameters_that_stand_alone_are_named_each_by_itself(method, joint: int, unseen: str):
     with pytest.raises(EstimationError) as caught:
-        method.estimate(Problem(with_still_joint(joint)))
+        method.estimate(EstimationProblem(with_still_joint(joint)))
     assert caught.value.problem.endswith(f"31 of 33 base parameters; they do not see {unseen}.")
     assert "moves the joints" in caught.value.remedy
 
@@ -167,7 +169,7 @@ def test_parameters_that_stand_alone_are_named_each_by_itself(method, joint: int
 def test_parameters_that_only_show_together_are_named_as_sets():
     """Joint 1 stands still: gravity's part of its torque is constant and cannot be told from the offset."""
     with pytest.raises(EstimationError) as caught:
-        OLS.estimate(Problem(with_still_joint(0)))
+        OLS.estimate(EstimationProblem(with_still_joint(0)))
     problem = caught.value.problem
     assert "26 of 33" in problem and "XXR_1, FV_1, FS_1;" in problem
     assert "MXR_1 and FO_1 apart" in problem and "MYR_1 and FO_1 apart" in problem
@@ -176,9 +178,9 @@ def test_parameters_that_only_show_together_are_named_as_sets():
 
 def test_fewer_rows_than_parameters_are_refused():
     motion, torque = recorded(arm(), 1)
-    few = inform(arm()[0], arm()[1], raw(one_run(motion[slice(0, 8)], torque[:8], RATE)))
+    few = accumulate_information(arm()[0], arm()[1], raw(one_run(motion[slice(0, 8)], torque[:8], RATE)))
     with pytest.raises(EstimationError, match="32 rows cannot determine 33 base parameters"):
-        OLS.estimate(Problem(few))
+        OLS.estimate(EstimationProblem(few))
 
 
 def test_as_many_rows_as_parameters_solve_exactly():
@@ -187,7 +189,9 @@ def test_as_many_rows_as_parameters_solve_exactly():
     model = DynamicsModel(robot, (RotorInertia(), Viscous()))
     base = find_base_parameters(model)
     motion = Motion([0.0, 0.1], [[0.0], [0.1]], [[1.0], [2.0]], [[0.5], [-1.0]])
-    fit = OLS.estimate(Problem(inform(model, base, raw(one_run(motion, np.array([[2.0], [1.0]]), 10.0)))))
+    fit = OLS.estimate(
+        EstimationProblem(accumulate_information(model, base, raw(one_run(motion, np.array([[2.0], [1.0]]), 10.0))))
+    )
     found = dict(zip(fit.names, fit.values, strict=True))
     # 0.5 IA + FV = 2 and -IA + 2 FV = 1
     assert found == pytest.approx({"IA_1": 1.5, "FV_1": 1.25})
@@ -196,7 +200,7 @@ def test_as_many_rows_as_parameters_solve_exactly():
 def test_weights_that_do_not_settle_are_an_error():
     information, _, _ = noisy_rows(noise=UNEQUAL)
     with pytest.raises(EstimationError, match="did not settle in 2 iterations") as caught:
-        WeightedLeastSquares(iterations=2).estimate(Problem(information))
+        WeightedLeastSquares(iterations=2).estimate(EstimationProblem(information))
     assert "ols" in caught.value.remedy
 
 
@@ -235,21 +239,21 @@ def test_intervals_are_those_of_student():
 def test_few_blocks_fall_back_to_white_residuals_and_say_so():
     motion, torque = recorded(arm(), 1)
     rows_each = motion.samples // (FEWEST_BLOCKS - 1) + 1
-    few = inform(arm()[0], arm()[1], raw(one_run(motion, torque, RATE, block_rows=rows_each)))
+    few = accumulate_information(arm()[0], arm()[1], raw(one_run(motion, torque, RATE, block_rows=rows_each)))
     assert few.blocks == FEWEST_BLOCKS - 1
-    fit = cover(OLS.estimate(Problem(few)), few)
+    fit = estimate_covariance(OLS.estimate(EstimationProblem(few)), few)
     assert fit.covariance_kind == "white" and (fit.freedom == 4 * motion.samples - 33).all()
     np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)), fit.deviation)
     rows_each = motion.samples // FEWEST_BLOCKS
-    enough = inform(arm()[0], arm()[1], raw(one_run(motion, torque, RATE, block_rows=rows_each)))
-    assert cover(OLS.estimate(Problem(enough)), enough).covariance_kind == "block"
+    enough = accumulate_information(arm()[0], arm()[1], raw(one_run(motion, torque, RATE, block_rows=rows_each)))
+    assert estimate_covariance(OLS.estimate(EstimationProblem(enough)), enough).covariance_kind == "block"
 
 
 def test_blocks_of_which_no_row_counts_are_no_blocks():
     """All rows stand in three of 24 blocks, whose gradients all but cancel: their scatter says nothing."""
     mask = np.repeat(np.isin(np.arange(1200) // 50, (2, 10, 17))[:, None], 4, axis=1)
     information, _, _ = noisy_rows(mask=mask)
-    fit = cover(OLS.estimate(Problem(information)), information)
+    fit = estimate_covariance(OLS.estimate(EstimationProblem(information)), information)
     assert information.blocks == 24 and fit.covariance_kind == "white"
     np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)), fit.deviation)
 
@@ -258,7 +262,7 @@ def test_blocks_of_which_no_row_counts_are_no_blocks():
 def test_block_covariance_is_the_jackknife_of_dense_estimates(method: OrdinaryLeastSquares | WeightedLeastSquares):
     """Each block of rows left out in turn, weights as they are."""
     information, rows, torque = noisy_rows(noise=UNEQUAL)
-    fit = cover(method.estimate(Problem(information)), information)
+    fit = estimate_covariance(method.estimate(EstimationProblem(information)), information)
     weights = fit.weights
     A, y = rows * weights[:, None], torque * weights
     changes = []
@@ -287,9 +291,9 @@ def test_intervals_cover_where_residuals_are_correlated():
         noise = np.random.default_rng(seed).normal(size=clean.shape)
         for k in range(1, len(noise)):
             noise[k] = CORRELATION * noise[k - 1] + np.sqrt(1 - CORRELATION**2) * noise[k]
-        information = inform(model, base, raw(one_run(motion, clean + noise, RATE, block_rows=100)))
-        fit = WLS.estimate(Problem(information))
-        for ends, inside in ((cover(fit, information).intervals, block), (fit.intervals, white)):
+        information = accumulate_information(model, base, raw(one_run(motion, clean + noise, RATE, block_rows=100)))
+        fit = WLS.estimate(EstimationProblem(information))
+        for ends, inside in ((estimate_covariance(fit, information).intervals, block), (fit.intervals, white)):
             inside.append((ends[:, 0] <= pair[2]) & (pair[2] <= ends[:, 1]))
     assert np.mean(white) < 0.5  # what the textbook covers of 95 %
     assert np.mean(block) > 0.85
@@ -311,7 +315,7 @@ def two_recordings(frictions: tuple[Array, Array]) -> tuple[Information, Array, 
         apart = [columns[:, :, own] * (index == k) for k in range(2)]
         rows.append(np.concatenate([columns[:, :, ~own], *apart], axis=2))
         sides.append(torque)
-    return inform(model, base, raw(*parts)), np.concatenate(rows), np.concatenate(sides)
+    return accumulate_information(model, base, raw(*parts)), np.concatenate(rows), np.concatenate(sides)
 
 
 def friction_columns() -> NDArray[np.bool_]:
@@ -328,7 +332,7 @@ def warm_and_cold() -> tuple[Array, Array]:
 def test_friction_of_each_recording_is_a_dense_problem_with_columns_of_its_own():
     information, rows, torque = two_recordings(warm_and_cold())
     apart = separate_by_recording(information, friction_columns())
-    fit = OLS.estimate(Problem(apart))
+    fit = OLS.estimate(EstimationProblem(apart))
     values, covariance, _ = least_squares(rows, torque)
     assert_same(fit.values, values)
     np.testing.assert_allclose(fit.deviation, np.sqrt(np.diag(covariance)), rtol=SETTLED)
@@ -340,10 +344,10 @@ def test_friction_of_each_recording_is_recovered():
     warm, cold = warm_and_cold()
     information, _, _ = two_recordings((warm, cold))
     own = friction_columns()
-    apart = WLS.estimate(Problem(separate_by_recording(information, own)))
+    apart = WLS.estimate(EstimationProblem(separate_by_recording(information, own)))
     truth = np.concatenate([warm[~own], warm[own], cold[own]])
     assert (np.abs(apart.values - truth) < 5 * apart.deviation).all()
-    together = WLS.estimate(Problem(information))
+    together = WLS.estimate(EstimationProblem(information))
     assert np.linalg.norm(together.residual_rms) > 1.5 * np.linalg.norm(apart.residual_rms)
 
 
@@ -363,8 +367,8 @@ def test_recordings_keep_their_blocks_and_merge_first_or_last():
     apart = separate_by_recording(mixed, friction_columns())
     np.testing.assert_array_equal(apart.recording, mixed.recording)
     np.testing.assert_array_equal(apart.rows, mixed.rows)
-    expected = OLS.estimate(Problem(separate_by_recording(information, friction_columns())))
-    assert_same(OLS.estimate(Problem(apart)).values, expected.values)
+    expected = OLS.estimate(EstimationProblem(separate_by_recording(information, friction_columns())))
+    assert_same(OLS.estimate(EstimationProblem(apart)).values, expected.values)
 
 
 # The estimate --------------------------------------------------------------------------------------------------
@@ -376,7 +380,7 @@ def estimate_of(fit: Fit) -> Estimate:
 
 def test_torque_parameters_give_the_torque_of_the_base_parameters():
     information, rows, _ = noisy_rows()
-    fit = OLS.estimate(Problem(information))
+    fit = OLS.estimate(EstimationProblem(information))
     motion, _ = recorded(arm(), 1)
     torque = arm()[0].torque(motion, torque_parameters(arm()[1], fit))
     assert_same(torque, rows @ fit.values)
@@ -385,7 +389,7 @@ def test_torque_parameters_give_the_torque_of_the_base_parameters():
 def test_of_several_frictions_the_mean_is_used():
     information, _, _ = two_recordings(warm_and_cold())
     own, base = friction_columns(), arm()[1]
-    fit = OLS.estimate(Problem(separate_by_recording(information, own)))
+    fit = OLS.estimate(EstimationProblem(separate_by_recording(information, own)))
     theta = torque_parameters(base, fit)[base.kept]
     shared = int((~own).sum())
     np.testing.assert_array_equal(theta[~own], fit.values[:shared])
@@ -394,7 +398,7 @@ def test_of_several_frictions_the_mean_is_used():
 
 def test_only_parameters_that_stand_alone_have_a_value_of_their_own():
     information, _, _ = noisy_rows()
-    estimate = estimate_of(OLS.estimate(Problem(information)))
+    estimate = estimate_of(OLS.estimate(EstimationProblem(information)))
     listed = {each["name"]: each for each in standard_parameters(estimate)}
     assert tuple(listed) == arm()[1].standard_names
     row = estimate.fit.names.index("FV_2")
@@ -417,9 +421,9 @@ def test_intervals_know_of_uncertain_drive_gains(method: OrdinaryLeastSquares | 
     """The share of the gains is the scatter of estimates from torques scaled at random."""
     information, _, _ = noisy_rows()
     deviation = np.array([0.1, 0.0, 0.05, 0.02])
-    plain = cover(method.estimate(Problem(information)), information)
+    plain = estimate_covariance(method.estimate(EstimationProblem(information)), information)
     unsure = replace(information, scale_deviation=deviation)
-    added = cover(method.estimate(Problem(unsure)), unsure).covariance - plain.covariance
+    added = estimate_covariance(method.estimate(EstimationProblem(unsure)), unsure).covariance - plain.covariance
     rng = np.random.default_rng(2)
     shifts = []
     for _ in range(400):

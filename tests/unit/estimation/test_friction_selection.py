@@ -13,19 +13,19 @@ from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.friction import selection as module
 from armid.estimation.friction.candidates import (
     REFINED,
-    Piece,
-    Superset,
+    Candidate,
+    CandidateModel,
+    candidate_model,
     candidates,
     described,
-    superset,
     terms_of,
 )
-from armid.estimation.friction.heldout_gains import Prior, make_stretches
-from armid.estimation.friction.search import Climb, Taken, Trial
+from armid.estimation.friction.heldout_gains import GainPrior, make_folds
+from armid.estimation.friction.search import HeldOutTrial, SelectedCandidate, SelectionPath
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.friction.shape_fit import refine
-from armid.estimation.whitening import Weighted, weigh
-from armid.information.accumulate import inform
+from armid.estimation.whitening import WhitenedSystem, whiten
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
@@ -61,16 +61,16 @@ def recorded(model: DynamicsModel, seconds: float = 24.0, seed: int = 5) -> Obse
 def test_a_gain_is_what_the_error_on_the_stretch_loses():
     model, observations = arm(), recorded(arm())
     base = find_base_parameters(model)
-    wide = superset(model, base, [frozenset({Piece("stribeck", 0.1), Piece("ripple", 3.0)})] * 3)
-    information = inform(wide.model, wide.base, observations)
+    wide = candidate_model(model, base, [frozenset({Candidate("stribeck", 0.1), Candidate("ripple", 3.0)})] * 3)
+    information = accumulate_information(wide.model, wide.base, observations)
     b = information.count
     weights = np.array([1.0, 2.0, 0.5])
     fold = np.arange(information.blocks) // 6
-    stretches = make_stretches(information, fold, weights, Prior(np.zeros(b), np.zeros((b, b))))
+    stretches = make_folds(information, fold, weights, GainPrior(np.zeros(b), np.zeros((b, b))))
     kept = np.flatnonzero(wide.own)
     reduced = stretches.reduced(kept, np.zeros(b), all_anew=True)
     for joint in range(3):
-        columns = wide.columns[joint, Piece("ripple", 3.0)]
+        columns = wide.columns[joint, Candidate("ripple", 3.0)]
         gains = reduced.gains(joint, columns, 0.0)
         assert gains is not None
         with_ = stretches.errors(np.sort(np.append(kept, columns)), np.zeros(b)) * weights**2
@@ -84,13 +84,13 @@ def test_a_gain_is_what_the_error_on_the_stretch_loses():
 def test_a_stretch_and_its_neighbours_do_not_train():
     model, observations = arm(), recorded(arm())
     base = find_base_parameters(model)
-    information = inform(model, base, observations)
+    information = accumulate_information(model, base, observations)
     fold = np.arange(information.blocks) // 6
     b = information.count
-    stretches = make_stretches(information, fold, np.ones(3), Prior(np.zeros(b), np.zeros((b, b))))
+    stretches = make_folds(information, fold, np.ones(3), GainPrior(np.zeros(b), np.zeros((b, b))))
     kept, none = np.arange(b), np.zeros(b)
     others = np.flatnonzero((np.arange(information.blocks) < 5) | (np.arange(information.blocks) > 12))
-    alone = make_stretches(
+    alone = make_folds(
         select(information, others), np.zeros(len(others), dtype=np.int64), np.ones(3), stretches.prior
     )
     values = alone.solve(alone.whole, kept, none)
@@ -103,21 +103,21 @@ def test_a_stretch_and_its_neighbours_do_not_train():
 
 def test_joints_with_the_same_shapes_share_a_term():
     model = arm()
-    wave, effect = Piece("ripple", 3.0), Piece("stribeck", 0.1)
-    chosen = [frozenset({wave, Piece("ripple", 2.0), effect}), frozenset({effect}), frozenset({wave})]
+    wave, effect = Candidate("ripple", 3.0), Candidate("stribeck", 0.1)
+    chosen = [frozenset({wave, Candidate("ripple", 2.0), effect}), frozenset({effect}), frozenset({wave})]
     names = model.robot.joint_names
     assert set(terms_of(model, chosen)) == {
         Ripple((2.0, 3.0), joints=(names[0],)),
         Ripple((3.0,), joints=(names[2],)),
         Stribeck(0.1, 2.0, 0.02, (names[0], names[1])),
     }
-    assert described((wave, Piece("ripple", 2.0), Piece("load-coulomb"))) == "ripple 2, 3 + load-coulomb"
+    assert described((wave, Candidate("ripple", 2.0), Candidate("load-coulomb"))) == "ripple 2, 3 + load-coulomb"
 
 
 def test_pieces_do_not_change_the_models_own_parameters():
     model = arm()
     base = find_base_parameters(model)
-    wide = superset(model, base, [frozenset({Piece("hysteresis", 0.01)})] * 3)
+    wide = candidate_model(model, base, [frozenset({Candidate("hysteresis", 0.01)})] * 3)
     assert tuple(np.array(wide.base.names)[wide.own]) == base.names
     assert wide.base.count == base.count + 3
 
@@ -142,7 +142,7 @@ def test_a_velocity_law_that_the_speeds_do_not_show_whole_is_no_candidate():
     found = {(piece.term, piece.shape) for pieces in allowed for piece in pieces}
     assert ("stribeck", 0.05) in found and ("stribeck", 0.4) not in found
     assert not any(term == "piecewise-viscous" and knot > 0.2 for term, knot in found)
-    assert all(Piece("stribeck", 0.4) in pieces for pieces in candidates(model, recorded(model)))
+    assert all(Candidate("stribeck", 0.4) in pieces for pieces in candidates(model, recorded(model)))
 
 
 @pytest.mark.parametrize("term", sorted(REFINED))
@@ -151,14 +151,16 @@ def test_a_slope_is_the_derivative_by_the_logarithm_of_the_shape(term: str):
     (run,) = recorded(model).runs
     base = find_base_parameters(model)
 
-    def column(piece: Piece) -> Array:
-        wide = superset(model, base, [frozenset({piece})] * 3)
+    def column(piece: Candidate) -> Array:
+        wide = candidate_model(model, base, [frozenset({piece})] * 3)
         theta = np.zeros(len(wide.model.parameters))
         theta[wide.base.kept[wide.columns[1, piece]]] = 1.0
         return wide.model.torque(run.motion, theta)[:, 1]
 
-    above, below = (column(Piece(term, float(shape * np.exp(sign * change)))) for sign in (1.0, -1.0))
-    np.testing.assert_allclose(column(Piece(term, shape, slope=True)), (above - below) / (2.0 * change), atol=1e-8)
+    above, below = (column(Candidate(term, float(shape * np.exp(sign * change)))) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(
+        column(Candidate(term, shape, slope=True)), (above - below) / (2.0 * change), atol=1e-8
+    )
 
 
 def test_shapes_go_from_the_grid_to_where_the_truth_is():
@@ -166,14 +168,14 @@ def test_shapes_go_from_the_grid_to_where_the_truth_is():
     observations, model = recorded(truth), arm()
     base = find_base_parameters(model)
 
-    def widen(pieces: Sequence[frozenset[Piece]]) -> tuple[Superset, Information]:
-        wide = superset(model, base, pieces)
-        return wide, inform(wide.model, wide.base, observations)
+    def widen(pieces: Sequence[frozenset[Candidate]]) -> tuple[CandidateModel, Information]:
+        wide = candidate_model(model, base, pieces)
+        return wide, accumulate_information(wide.model, wide.base, observations)
 
-    taken = tuple(Taken("velocity", j, (Piece("stribeck", 0.1),), 0.0) for j in range(3))
-    trials = tuple(Trial(each.joint, each.rung, each.pieces, 0.5, 0.1, True) for each in taken)
-    found = Climb(taken, np.arange(base.count), np.zeros(base.count), trials)
-    nothing = Prior(np.zeros(base.count), np.zeros((base.count, base.count)))
+    taken = tuple(SelectedCandidate("velocity", j, (Candidate("stribeck", 0.1),), 0.0) for j in range(3))
+    trials = tuple(HeldOutTrial(each.joint, each.rung, each.pieces, 0.5, 0.1, True) for each in taken)
+    found = SelectionPath(taken, np.arange(base.count), np.zeros(base.count), trials)
+    nothing = GainPrior(np.zeros(base.count), np.zeros((base.count, base.count)))
     refined = refine(found, widen, nothing, np.ones(3), 3)
     shapes = [each.pieces[0].shape for each in refined.taken]
     assert np.abs(np.log(np.array(shapes) / 0.14)).max() < NEAR
@@ -199,12 +201,12 @@ def test_a_few_seconds_are_no_evidence():
 def test_a_prior_without_a_known_unit_is_not_handed_on(monkeypatch: pytest.MonkeyPatch):
     calls = iter(range(10))
 
-    def unsettled(information: Information) -> Weighted:
+    def unsettled(information: Information) -> WhitenedSystem:
         if next(calls):  # the first is for the model without what was chosen
             raise EstimationError("The joints' weights do not settle.")
-        return weigh(information)
+        return whiten(information)
 
-    monkeypatch.setattr(module, "weigh", unsettled)
+    monkeypatch.setattr(module, "whiten", unsettled)
     ladder = choose_friction(arm(), recorded(arm()))
     assert ladder.evidence and ladder.prior_weight is None
     assert "left to the method" in ladder.why and "do not settle" in ladder.why

@@ -11,8 +11,8 @@ from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
 from armid.estimation.friction.selection import choose_friction
 from armid.estimation.per_recording import contrasted, offset_names, separate_by_recording
-from armid.estimation.problem import Problem, standard_of
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.information.accumulate import accumulate_information
 from armid.information.information import stack
 from armid.information.residuals import compare
 from armid.measurement.observations import Observations
@@ -65,7 +65,7 @@ def recorded(offsets: np.ndarray, *, seconds: float = 24.0, truth: DynamicsModel
 def test_a_mean_and_contrasts_are_the_values_of_each_recording():
     model, observations = arm(), recorded(OFFSETS)
     base = find_base_parameters(model)
-    information = inform(model, base, observations)
+    information = accumulate_information(model, base, observations)
     own = np.isin(information.names, offset_names(model))
     wide, apart = contrasted(information, offset_names(model)), separate_by_recording(information, own)
     assert wide.names[: information.count] == information.names
@@ -82,9 +82,12 @@ def test_a_mean_and_contrasts_are_the_values_of_each_recording():
 
 def test_one_recording_has_nothing_to_contrast():
     model, observations = arm(), recorded(OFFSETS[:1])
-    information = inform(model, find_base_parameters(model), observations)
+    information = accumulate_information(model, find_base_parameters(model), observations)
     assert contrasted(information, offset_names(model)) is information
-    assert contrasted(inform(model, find_base_parameters(model), recorded(OFFSETS)), ()).count == information.count
+    assert (
+        contrasted(accumulate_information(model, find_base_parameters(model), recorded(OFFSETS)), ()).count
+        == information.count
+    )
 
 
 def test_what_is_chosen_does_not_depend_on_offsets_between_recordings():
@@ -102,9 +105,9 @@ def test_what_is_chosen_does_not_depend_on_offsets_between_recordings():
 def test_each_offset_is_found_and_the_mean_stands_for_another_recording():
     model, observations = arm(Hysteresis((0.01,))), recorded(OFFSETS)
     base = find_base_parameters(model)
-    information = inform(model, base, observations)
+    information = accumulate_information(model, base, observations)
     apart = separate_by_recording(information, np.isin(information.names, offset_names(model)))
-    fit = Ridge(weight=1.0).estimate(Problem(apart, standard_of(model, base), model, base))
+    fit = Ridge(weight=1.0).estimate(EstimationProblem(apart, standard_of(model, base), model, base))
     found = dict(zip(fit.names, fit.values, strict=True))
     for r, own in enumerate(OFFSETS):
         assert np.abs([found[f"FO_{j + 1}[{r + 1}]"] - own[j] for j in range(3)]).max() < NEAR
@@ -112,7 +115,7 @@ def test_each_offset_is_found_and_the_mean_stands_for_another_recording():
     (unseen,) = recorded(OFFSETS.mean(axis=0)[None]).runs
     left = compare(model, theta, unseen, observations.band)
     assert np.sqrt(np.mean(left.residual[left.mask] ** 2)) < NOISE + NEAR
-    together = WeightedLeastSquares().estimate(Problem(information))
+    together = WeightedLeastSquares().estimate(EstimationProblem(information))
     assert together.residual_rms.max() > 5.0 * fit.residual_rms.max()
     said = drift_finding(model, fit)
     assert said is not None and said.code == "offset-drift" and "FO_1 0.9" in said.evidence
@@ -122,9 +125,9 @@ def test_each_offset_is_found_and_the_mean_stands_for_another_recording():
 def test_offsets_that_agree_are_not_remarked():
     model, observations = arm(Hysteresis((0.01,))), recorded(np.zeros((2, 3)))
     base = find_base_parameters(model)
-    information = inform(model, base, observations)
+    information = accumulate_information(model, base, observations)
     apart = separate_by_recording(information, np.isin(information.names, offset_names(model)))
-    assert drift_finding(model, WeightedLeastSquares().estimate(Problem(apart))) is None
+    assert drift_finding(model, WeightedLeastSquares().estimate(EstimationProblem(apart))) is None
 
 
 def test_recordings_that_cannot_show_an_offset_share_one():

@@ -9,8 +9,8 @@ import pytest
 
 from armid.errors import EstimationError
 from armid.estimation.update.joint_solution import solve_joined
-from armid.estimation.update.payload import LOAD_NAMES, Load, _Region, find_gains, find_load
-from armid.estimation.update.stacked_problem import Joined, join
+from armid.estimation.update.payload import LOAD_NAMES, PayloadEstimate, _Region, estimate_gains, estimate_payload
+from armid.estimation.update.stacked_problem import StackedProblem, stack_problems
 from armid.information.information import stack, total
 from armid.maths.inertia import about_com, com_inertia_to_vector, pseudo_inertia
 from armid.values import Array
@@ -34,9 +34,9 @@ POINT = com_inertia_to_vector(2.0, np.array([0.03, -0.02, 0.08]), np.diag([1e-5,
 """Next to a point mass: at the border of what is real."""
 
 
-def beside(unloaded: Carrying, loaded: Carrying, *, same_friction: bool = False) -> Joined:
+def beside(unloaded: Carrying, loaded: Carrying, *, same_friction: bool = False) -> StackedProblem:
     own = changing() & (not same_friction)
-    return join(unloaded.information, known(unloaded.information), loaded.information, own, load_columns())
+    return stack_problems(unloaded.information, known(unloaded.information), loaded.information, own, load_columns())
 
 
 def uncertain(carried: Carrying, deviation: float) -> Carrying:
@@ -44,7 +44,7 @@ def uncertain(carried: Carrying, deviation: float) -> Carrying:
     return carried._replace(information=information)
 
 
-def is_real(load: Load) -> bool:
+def is_real(load: PayloadEstimate) -> bool:
     return bool(np.linalg.eigvalsh(pseudo_inertia(load.values))[0] >= 0.0)
 
 
@@ -53,7 +53,7 @@ def holds(ends: Array, truth: Array) -> Array:
 
 
 def test_noise_free_the_load_is_exact_although_friction_has_changed():
-    load = find_load(beside(carrying(1, None), carrying(2, None, LOAD, friction=1.5)))
+    load = estimate_payload(beside(carrying(1, None), carrying(2, None, LOAD, friction=1.5)))
     np.testing.assert_allclose(load.unconstrained, LOAD, atol=EXACT * LOAD[0])
     np.testing.assert_allclose(load.values, LOAD, atol=CONE * LOAD[0])
     np.testing.assert_allclose(load.com, LOAD[1:4] / LOAD[0], atol=CONE)
@@ -63,7 +63,10 @@ def test_noise_free_the_load_is_exact_although_friction_has_changed():
 def test_friction_that_must_not_change_is_taken_for_a_load():
     rng = np.random.default_rng(0)
     unloaded, loaded = carrying(1, rng), carrying(2, rng, LOAD, friction=1.5)
-    free, held = find_load(beside(unloaded, loaded)), find_load(beside(unloaded, loaded, same_friction=True))
+    free, held = (
+        estimate_payload(beside(unloaded, loaded)),
+        estimate_payload(beside(unloaded, loaded, same_friction=True)),
+    )
     assert np.linalg.norm(free.unconstrained - LOAD) < 0.5 * np.linalg.norm(held.unconstrained - LOAD)
     assert held.solved.fit.residual_rms.sum() > 1.2 * free.solved.fit.residual_rms.sum()
 
@@ -73,7 +76,7 @@ def test_intervals_hold_the_truth_and_bodies_are_real(load: Array):
     inside, about = [], []
     for seed in range(DRAWS):
         rng = np.random.default_rng(seed)
-        found = find_load(beside(carrying(1, rng), carrying(2, rng, load, friction=1.2)))
+        found = estimate_payload(beside(carrying(1, rng), carrying(2, rng, load, friction=1.2)))
         inside.append(holds(found.intervals, load))
         about.append(holds(np.vstack([found.com_intervals, found.inertia_intervals]), about_com(load)[1:]))
         assert holds(found.inertia_intervals, about_com(found.values)[4:]).all()
@@ -89,7 +92,7 @@ def test_uncertain_gains_widen_the_intervals_until_they_hold_the_truth():
         rng = np.random.default_rng(seed)
         correction = 0.1 * rng.normal(size=6)
         pair = (carrying(1, rng, correction=correction), carrying(2, rng, LOAD, correction=correction))
-        found = find_load(beside(*(uncertain(each, 0.1) for each in pair)))
+        found = estimate_payload(beside(*(uncertain(each, 0.1) for each in pair)))
         inside.append(holds(found.intervals, LOAD)[0])
         narrow.append(holds(found.statistical, LOAD)[0])
     assert np.mean(inside) >= COVERED
@@ -109,7 +112,7 @@ def test_the_load_scales_with_all_torques_together():
 def test_noise_free_the_gains_are_exact():
     pair = carrying(1, None, correction=CORRECTION), carrying(2, None, LOAD, friction=1.5, correction=CORRECTION)
     mass = np.array([LOAD[0], *[np.nan] * 9])
-    load, gains = find_gains(beside(*pair), mass, np.full(6, np.inf))
+    load, gains = estimate_gains(beside(*pair), mass, np.full(6, np.inf))
     np.testing.assert_allclose(gains.correction, CORRECTION, atol=EXACT)
     np.testing.assert_allclose(load.unconstrained, LOAD, atol=10 * EXACT * LOAD[0])
     assert load.values[0] == load.intervals[0, 0] == load.intervals[0, 1] == LOAD[0]
@@ -121,7 +124,7 @@ def test_noisy_gains_lie_in_their_intervals_and_are_not_drawn_to_one_side():
     for seed in range(DRAWS):
         rng = np.random.default_rng(seed)
         pair = carrying(1, rng, correction=CORRECTION), carrying(2, rng, LOAD, friction=1.2, correction=CORRECTION)
-        _, gains = find_gains(beside(*pair), mass, np.full(6, np.inf))
+        _, gains = estimate_gains(beside(*pair), mass, np.full(6, np.inf))
         inside.append(holds(gains.intervals, CORRECTION))
         missed.append((gains.correction - CORRECTION) / (gains.intervals[:, 1] - gains.correction))
     assert np.mean(inside) >= COVERED
@@ -132,17 +135,17 @@ def test_gains_that_are_known_beforehand_stay_near_what_is_known():
     rng = np.random.default_rng(3)
     pair = carrying(1, rng, correction=CORRECTION), carrying(2, rng, LOAD, correction=CORRECTION)
     mass = np.array([LOAD[0], *[np.nan] * 9])
-    _, tight = find_gains(beside(*pair), mass, np.full(6, 1e-6))
+    _, tight = estimate_gains(beside(*pair), mass, np.full(6, 1e-6))
     assert np.abs(tight.correction).max() <= 1e-4
-    _, loose = find_gains(beside(*pair), mass, np.full(6, 10.0))
-    _, free = find_gains(beside(*pair), mass, np.full(6, np.inf))
+    _, loose = estimate_gains(beside(*pair), mass, np.full(6, 10.0))
+    _, free = estimate_gains(beside(*pair), mass, np.full(6, np.inf))
     np.testing.assert_allclose(loose.correction, free.correction, atol=1e-3)
 
 
 def test_a_whole_load_may_be_known():
     rng = np.random.default_rng(4)
     pair = carrying(1, rng, correction=CORRECTION), carrying(2, rng, LOAD, correction=CORRECTION)
-    load, gains = find_gains(beside(*pair), LOAD, np.full(6, np.inf))
+    load, gains = estimate_gains(beside(*pair), LOAD, np.full(6, np.inf))
     np.testing.assert_array_equal(load.values, LOAD)
     np.testing.assert_allclose(load.inertia_intervals.T, [about_com(LOAD)[4:]] * 2)
     assert holds(gains.intervals, CORRECTION).all()
@@ -151,7 +154,7 @@ def test_a_whole_load_may_be_known():
 def test_where_only_one_joint_moves_bodies_are_real_and_what_is_unknown_is_said():
     rng = np.random.default_rng(5)
     loaded = carrying(2, rng, LOAD, still=(0, 2, 3, 4, 5), seconds=8.0)
-    load = find_load(beside(carrying(1, rng), loaded))
+    load = estimate_payload(beside(carrying(1, rng), loaded))
     assert is_real(load)
     assert 1 <= load.status.count("identified") < 10
     assert load.status.count("not identifiable") >= 5
@@ -162,7 +165,7 @@ def test_without_any_motion_the_load_is_refused_and_named():
     rng = np.random.default_rng(6)
     loaded = carrying(2, rng, 1e-3 * LOAD, still=(0, 1, 2, 3, 4, 5), seconds=4.0)
     with pytest.raises(EstimationError, match=r"none of the load's parameters: M \(.*ZZ \("):
-        find_load(beside(carrying(1, rng), loaded))
+        estimate_payload(beside(carrying(1, rng), loaded))
 
 
 def test_constraints_on_the_arm_count_as_part_of_its_estimate():
@@ -170,11 +173,11 @@ def test_constraints_on_the_arm_count_as_part_of_its_estimate():
     rng = np.random.default_rng(7)
     unloaded, loaded = carrying(1, rng), carrying(2, None, LOAD)
     fit = replace(known(unloaded.information), values=unloaded.base_values)  # the truth, by whatever means
-    joined = join(unloaded.information, fit, loaded.information, changing(), load_columns())
+    joined = stack_problems(unloaded.information, fit, loaded.information, changing(), load_columns())
     assert joined.information.blocks == unloaded.information.blocks + loaded.information.blocks
-    found = find_load(joined)
+    found = estimate_payload(joined)
     np.testing.assert_allclose(found.unconstrained, LOAD, atol=1e-3)
-    plain = find_load(beside(unloaded, loaded))
+    plain = estimate_payload(beside(unloaded, loaded))
     assert np.linalg.norm(plain.unconstrained - LOAD) > 10.0 * np.linalg.norm(found.unconstrained - LOAD)
 
 
@@ -187,8 +190,10 @@ def test_a_prior_of_the_arm_counts_as_it_did():
     precision = 10.0 * A.T @ A  # knows ten times what the recording does, and is right
     values = np.linalg.solve(A.T @ A + precision, A.T @ y + precision @ unloaded.base_values)
     ridge = replace(fit, values=values, prior_precision=precision)
-    found = find_load(join(unloaded.information, ridge, loaded.information, changing(), load_columns()))
-    plain = find_load(beside(unloaded, loaded))
+    found = estimate_payload(
+        stack_problems(unloaded.information, ridge, loaded.information, changing(), load_columns())
+    )
+    plain = estimate_payload(beside(unloaded, loaded))
     assert (np.ptp(found.intervals, axis=1) < np.ptp(plain.intervals, axis=1)).all()
     assert np.mean(holds(found.intervals, LOAD)) >= 0.8
 
@@ -198,14 +203,14 @@ def test_an_arm_that_its_factors_do_not_determine_is_known_by_its_estimate():
     elsewhere = known(carrying(1, rng).information)
     weak = uncertain(carrying(3, rng, still=(0, 2, 3, 4, 5)), 0.0).information
     loaded = carrying(2, rng, LOAD, friction=1.2)
-    joined = join(weak, elsewhere, loaded.information, changing(), load_columns())
+    joined = stack_problems(weak, elsewhere, loaded.information, changing(), load_columns())
     assert joined.information.blocks == loaded.information.blocks
-    found, plain = find_load(joined), find_load(beside(carrying(1, np.random.default_rng(9)), loaded))
+    found, plain = estimate_payload(joined), estimate_payload(beside(carrying(1, np.random.default_rng(9)), loaded))
     assert (np.abs(found.unconstrained - plain.unconstrained) <= np.ptp(plain.intervals, axis=1)).all()
     ratio = np.ptp(found.intervals, axis=1) / np.ptp(plain.intervals, axis=1)
     assert ratio.min() > 0.5 and ratio.max() < 2.0
     mass = np.array([LOAD[0], *[np.nan] * 9])
-    _, gains = find_gains(joined, mass, np.full(6, 0.1))
+    _, gains = estimate_gains(joined, mass, np.full(6, 0.1))
     assert np.mean(holds(gains.intervals, np.zeros(6))) >= 0.5
 
 

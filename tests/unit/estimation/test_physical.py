@@ -15,11 +15,11 @@ from armid.estimation.estimate import Estimate, standard_parameters, torque_para
 from armid.estimation.estimators import LogCholesky, PhysicallyConsistent, ThesisNLP, WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import separate_by_recording, standard_per_recording
-from armid.estimation.prior import THINNEST, believe
-from armid.estimation.problem import Problem, standard_of
+from armid.estimation.prior import THINNEST, make_prior
+from armid.estimation.problem import EstimationProblem, standard_of
 from armid.estimation.standard_fit import IDENTIFIED, UNSEEN, StandardFit, shares, status_of
-from armid.estimation.whitening import weigh
-from armid.information.accumulate import inform
+from armid.estimation.whitening import whiten
+from armid.information.accumulate import accumulate_information
 from armid.maths.barrier_function import Smooth
 from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_from_pseudo_inertia
 from armid.model.base_parameters import find_base_parameters
@@ -62,7 +62,7 @@ def truth() -> Array:
 
 def problem_of(
     *, noise: float = NOISE, rotor: float = 0.05, moving: tuple[float, ...] = (1.0, 1.0, 1.0), recordings: int = 1
-) -> Problem:
+) -> EstimationProblem:
     """Recordings of the small arm, whose description says what it is but for friction and rotors."""
     base = find_base_parameters(model())
     theta = truth().copy()
@@ -75,14 +75,16 @@ def problem_of(
         torque = model().torque(motion, theta)
         torque = torque + noise * np.random.default_rng(9 + k).normal(size=torque.shape)
         parts.append(replace(one_run(motion, torque, RATE), recording=k))
-    return Problem(inform(model(), base, raw(*parts)), standard_of(model(), base), model(), base)
+    return EstimationProblem(
+        accumulate_information(model(), base, raw(*parts)), standard_of(model(), base), model(), base
+    )
 
 
 def names() -> list[str]:
     return [parameter.name for parameter in model().parameters]
 
 
-def estimate(problem: Problem | None = None, **options: object) -> tuple[Fit, StandardFit]:
+def estimate(problem: EstimationProblem | None = None, **options: object) -> tuple[Fit, StandardFit]:
     fit = PhysicallyConsistent(**options).estimate(problem or problem_of())  # pyright: ignore[reportArgumentType]
     assert fit.standard is not None
     return fit, fit.standard
@@ -206,7 +208,7 @@ def test_a_stronger_prior_comes_nearer_to_the_description():
     assert (np.diff(far) < 0.0).all() and far[-1] < 0.3 * far[0]
 
 
-def divergence(problem: Problem, weight: float) -> float:
+def divergence(problem: EstimationProblem, weight: float) -> float:
     """Log-det divergence of the estimate from the description, all links together."""
     _, standard = estimate(problem, prior="log-det", weight=weight)
     assert problem.standard is not None and problem.standard.nominal is not None
@@ -257,7 +259,7 @@ def test_log_det_does_not_depend_on_frames():
         return result
 
     def cost(nominal: Array, theta: Array) -> float:
-        belief = believe("log-det", replace(standard, nominal=nominal), weigh(problem.information))
+        belief = make_prior("log-det", replace(standard, nominal=nominal), whiten(problem.information))
         p = len(theta)
         terms = belief.log_det(standard, np.zeros(p), np.eye(p), 2.0)
         return Smooth(np.zeros((0, p)), np.zeros(0), terms, (), np.zeros(p)).objective(theta)
@@ -518,7 +520,11 @@ def test_a_model_without_bodies_has_friction_that_is_not_negative():
     motion = lively_motion(np.random.default_rng(1), 3, RATE, 12.0)
     true = np.array([1.0, 0.5, -0.3, -0.2, 2.0, 0.1])
     torque = lean.torque(motion, true) + NOISE * np.random.default_rng(2).normal(size=motion.q.shape)
-    fit, standard = estimate(Problem(inform(lean, base, raw(one_run(motion, torque, RATE))), standard_of(lean, base)))
+    fit, standard = estimate(
+        EstimationProblem(
+            accumulate_information(lean, base, raw(one_run(motion, torque, RATE))), standard_of(lean, base)
+        )
+    )
     np.testing.assert_allclose(standard.values, np.maximum(true, 0.0), atol=0.1)
     assert (standard.values >= 0.0).all()
     assert {finding.code for finding in fit.findings} >= {"held-at-zero"}
@@ -531,7 +537,9 @@ def test_a_joint_of_which_no_row_counts(prior: str):
     run = one_run(motion, torque, RATE)
     run = replace(run, mask=run.mask & (np.arange(3) != 2))
     base = find_base_parameters(model())
-    problem = Problem(inform(model(), base, raw(run)), standard_of(model(), base), model(), base)
+    problem = EstimationProblem(
+        accumulate_information(model(), base, raw(run)), standard_of(model(), base), model(), base
+    )
     fit, standard = estimate(problem, prior=prior, weight=1.0)
     assert fit.rows.tolist() == [600, 600, 0] and standard.proof.smallest_eigenvalue > 0.0
     (said,) = [finding for finding in fit.findings if finding.code == "prior-dominated"]

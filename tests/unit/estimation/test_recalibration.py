@@ -9,9 +9,9 @@ import pytest
 
 from armid.errors import EstimationError
 from armid.estimation.estimators import WeightedLeastSquares
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.update.recalibration import recalibrate_fit
-from armid.estimation.update.stacked_problem import join
+from armid.estimation.update.stacked_problem import stack_problems
 from carried import LOAD, arm, carrying, changing, known, load_columns
 
 EXACT = 1e-7
@@ -70,11 +70,11 @@ def test_the_new_factors_have_the_new_estimate_as_their_optimum(tool: np.ndarray
     old, new = carrying(1, rng), carrying(2, rng, None if tool is None else LOAD, friction=1.5)
     found = recalibrate_fit(old.information, known(old.information), new.information, changing(), tool)
     assert found.information.blocks == old.information.blocks + new.information.blocks
-    again = WeightedLeastSquares().estimate(Problem(found.information))
+    again = WeightedLeastSquares().estimate(EstimationProblem(found.information))
     # Ties of friction and other weights move it by a small part of its deviation.
     assert (np.abs(again.values - found.fit.values) <= 0.1 * found.fit.deviation).all()
     third = carrying(4, rng, None if tool is None else LOAD, friction=1.5)
-    joined = join(found.information, found.fit, third.information, changing())
+    joined = stack_problems(found.information, found.fit, third.information, changing())
     assert joined.information.blocks == found.information.blocks + third.information.blocks
 
 

@@ -9,15 +9,22 @@ import pytest
 
 from armid.errors import EstimationError
 from armid.estimation.estimators import WeightedLeastSquares
-from armid.estimation.problem import Problem
-from armid.estimation.recursive.forgetting import RETURN, put_aside, renew
-from armid.estimation.recursive.recursive_estimate import Memory, State, begin, fit, resume, update
-from armid.estimation.uncertainty.covariance import cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.recursive.forgetting import RETURN, discount, retained_rows
+from armid.estimation.recursive.recursive_estimate import (
+    ForgettingOptions,
+    RecursiveState,
+    begin,
+    fit,
+    resume,
+    update,
+)
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, stack, total
 from armid.lab.ideal_recording import Sensors
-from armid.measurement.processing.options import Processing
-from armid.measurement.processing.pipeline import observe
+from armid.measurement.processing.options import ProcessingOptions
+from armid.measurement.processing.pipeline import process_recordings
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from labs import small_model, small_recording, small_truth
 
@@ -36,24 +43,24 @@ def base() -> BaseParameters:
 def informed(seed: int, repetitions: int = 4) -> Information:
     """Noisy information in blocks of a second; filtered rows pull together."""
     recording = small_recording(seed, repetitions, SENSORS)
-    observations, _ = observe([recording], Processing(cutoff=10.0, decimate=50.0))
-    return inform(small_model(), base(), observations)
+    observations, _ = process_recordings([recording], ProcessingOptions(cutoff=10.0, decimate=50.0))
+    return accumulate_information(small_model(), base(), observations)
 
 
-def through(state: State, information: Information, seconds: float = 1.0) -> State:
+def through(state: RecursiveState, information: Information, seconds: float = 1.0) -> RecursiveState:
     for k in range(information.blocks):
         state = update(state, select(information, np.array([k])), seconds)
     return state
 
 
-def gram(state: State) -> np.ndarray:
+def gram(state: RecursiveState) -> np.ndarray:
     return state.whole[:, :-1].T @ state.whole[:, :-1]
 
 
 @pytest.mark.parametrize("fixed", [False, True])
 def test_without_forgetting_it_is_the_batch_estimate(fixed: bool):
     information = informed(1)
-    batch = WeightedLeastSquares().estimate(Problem(information))
+    batch = WeightedLeastSquares().estimate(EstimationProblem(information))
     found = fit(through(begin(information, weights=batch.weights if fixed else None), information))
     scale = np.abs(batch.values).max()
     np.testing.assert_allclose(found.values, batch.values, atol=EXACT * scale)
@@ -76,7 +83,7 @@ def test_a_block_that_brings_no_time_is_only_added():
     information = informed(1)
     weights = np.array([5.0, 5.0, 5.0])
     first, more = select(information, np.arange(20)), select(information, np.arange(20, 24))
-    known = update(begin(information, Memory(5.0), weights=weights), first, 1.0)
+    known = update(begin(information, ForgettingOptions(5.0), weights=weights), first, 1.0)
     A, _ = stack(total(more), weights)
     whole = gram(known) + A.T @ A
     np.testing.assert_allclose(gram(update(known, more, 0.0)), whole, rtol=0.0, atol=EXACT * np.abs(whole).max())
@@ -94,7 +101,7 @@ def test_forgetting_is_exponential_where_the_motion_goes_on():
     whole = informed(1, 6)
     periods = [total(select(whole, np.arange(8 * k + 4, 8 * k + 12))) for k in range(5)]
     weights, tau = np.array([5.0, 4.0, 6.0]), 20.0
-    state = begin(whole, Memory(tau), weights=weights)
+    state = begin(whole, ForgettingOptions(tau), weights=weights)
     for period in periods:
         state = update(state, period, 8.0)
     parts = [stack(period, weights) for period in periods]
@@ -109,7 +116,7 @@ def test_forgetting_is_exponential_where_the_motion_goes_on():
 def test_what_is_not_shown_is_not_forgotten():
     """An hour of rows that say nothing leaves estimate and information as they were."""
     information = informed(1)
-    state = through(begin(information, Memory(5.0), weights=np.full(3, 5.0)), information)
+    state = through(begin(information, ForgettingOptions(5.0), weights=np.full(3, 5.0)), information)
     still = select(information, np.array([0]))
     zero = tuple(type(joint)(joint.parameters, 0.0 * joint.R) for joint in still.joints)
     silent = Information(still.names, zero, 0 * still.rows, still.run, still.recording)
@@ -126,7 +133,7 @@ def test_one_joint_alone_does_not_make_the_others_drift():
     """Five minutes in which only the last joint's parameters show, with a memory of ten seconds."""
     information, truth = informed(1), base().values_of(small_truth())
     others = np.array([not name.endswith("_3") for name in information.names])
-    state = before = through(begin(information, Memory(10.0), weights=np.full(3, 5.0)), information)
+    state = before = through(begin(information, ForgettingOptions(10.0), weights=np.full(3, 5.0)), information)
     rng = np.random.default_rng(3)
     halfway = None
     for k in range(300):
@@ -157,7 +164,7 @@ def test_information_given_up_is_a_multiple_of_what_came(seed: int):
     changing = rng.random(b) < 0.7
     changing[seed] = True
     changing |= seed == 0
-    kept = put_aside(whole, np.linalg.qr(block, mode="r"), 0.3, changing)
+    kept = retained_rows(whole, np.linalg.qr(block, mode="r"), 0.3, changing)
     size = np.linalg.norm(whole[:, :-1], axis=0)
     H, K, G = (x[:, :-1].T @ x[:, :-1] / np.outer(size, size) for x in (whole, kept, block))
     lost = 0.3 * H - K
@@ -176,9 +183,9 @@ def test_a_renewal_adds_the_jump_to_the_covariance_and_moves_nothing():
     rng = np.random.default_rng(0)
     whole = np.linalg.qr(rng.normal(size=(20, 6)), mode="r")[:5]
     changing, jump = np.array([True, False, True, False, True]), np.array([3.0, 9.0, 0.1, 9.0, 20.0])
-    left = renew(whole, changing, jump)
+    left = discount(whole, changing, jump)
     for _ in range(3):
-        again = renew(left, changing, jump)
+        again = discount(left, changing, jump)
     before, after, twice = (np.linalg.inv(x[:, :-1].T @ x[:, :-1]) for x in (whole, left, again))
     added = np.diag(np.where(changing, jump, 0.0) ** 2)
     np.testing.assert_allclose(after, before + added, atol=1e-10)
@@ -193,7 +200,7 @@ def test_intervals_hold_the_truth(tau: float, least: float):
     truth = base().values_of(small_truth())
     inside = []
     for seed in range(20):
-        found = fit(through(begin(informed(seed), Memory(tau)), informed(seed)))
+        found = fit(through(begin(informed(seed), ForgettingOptions(tau)), informed(seed)))
         ends = found.intervals
         inside.append(np.mean((ends[:, 0] <= truth) & (truth <= ends[:, 1])))
     assert least <= np.mean(inside) <= 0.99
@@ -203,7 +210,7 @@ def test_the_effective_number_of_samples_is_twice_the_memory():
     """White noise, one motion over and over: the variance is that of 2 τ seconds, no more and no less."""
     information, tau = informed(1, 6), 40.0
     period = total(select(information, np.arange(8, 16)))
-    state = begin(information, Memory(tau), weights=np.full(3, 5.0))
+    state = begin(information, ForgettingOptions(tau), weights=np.full(3, 5.0))
     for _ in range(60):
         state = update(state, period, 8.0)
     _, plain = stack(period, np.full(3, 5.0)), state
@@ -219,7 +226,7 @@ def test_the_effective_number_of_samples_is_twice_the_memory():
 def test_it_goes_on_from_an_earlier_estimate():
     """As one estimate from both, but for the share of noise that each recording shows of its own."""
     first, second = informed(1), informed(2)
-    earlier = cover(WeightedLeastSquares().estimate(Problem(first)), first)
+    earlier = estimate_covariance(WeightedLeastSquares().estimate(EstimationProblem(first)), first)
     state = resume(second, earlier)
     np.testing.assert_allclose(state.values, earlier.values, atol=1e-8)
     found = fit(through(state, second))
@@ -235,12 +242,12 @@ def test_bad_input_is_one_message():
         information.joints, information.rows, information.run, information.recording,
     )  # fmt: skip
     with pytest.raises(EstimationError, match="longer than 0 s"):
-        Memory(0.0)
+        ForgettingOptions(0.0)
     with pytest.raises(EstimationError, match="forwards"):
         update(begin(information), information, -1.0)
     with pytest.raises(EstimationError, match="so far determine"):
         fit(begin(information))
     with pytest.raises(EstimationError, match="other parameters"):
-        resume(other, WeightedLeastSquares().estimate(Problem(information)))
+        resume(other, WeightedLeastSquares().estimate(EstimationProblem(information)))
     with pytest.raises(EstimationError, match="shape"):
-        begin(information, Memory(changing=np.ones(3, dtype=np.bool_)))
+        begin(information, ForgettingOptions(changing=np.ones(3, dtype=np.bool_)))

@@ -12,11 +12,11 @@ from scipy.signal import lfilter
 from armid.errors import EstimationError
 from armid.estimation.estimators import Ridge, WeightedLeastSquares
 from armid.estimation.per_recording import separate_by_recording
-from armid.estimation.prior import believe, carried
-from armid.estimation.problem import Problem, Standard, standard_of
-from armid.estimation.uncertainty.covariance import cover
-from armid.estimation.whitening import weigh
-from armid.information.accumulate import inform
+from armid.estimation.prior import make_prior, project_covariance
+from armid.estimation.problem import EstimationProblem, StandardParameters, standard_of
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.estimation.whitening import whiten
+from armid.information.accumulate import accumulate_information
 from armid.information.information import select, stack, total
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -50,7 +50,7 @@ def arm() -> Arm:
     return model, base, base.values_of(theta)
 
 
-def described(off: float = 0.2) -> Standard:
+def described(off: float = 0.2) -> StandardParameters:
     """Standard parameters whose description is off by a share of each link."""
     model, base, _ = arm()
     nominal = np.zeros(len(model.parameters))
@@ -61,17 +61,19 @@ def described(off: float = 0.2) -> Standard:
 
 
 @cache
-def problem(seed: int = 1, seconds: float = 20.0, off: float = 0.2, recordings: int = 1) -> Problem:
+def problem(seed: int = 1, seconds: float = 20.0, off: float = 0.2, recordings: int = 1) -> EstimationProblem:
     model, base, _ = arm()
     runs = [
         replace(one_run(*recorded(arm(), seed + k, seconds, NOISE, RATE), RATE), recording=k)
         for k in range(recordings)
     ]
     observations = raw(*runs)
-    return Problem(inform(model, base, observations), described(off), model, base, observations)
+    return EstimationProblem(
+        accumulate_information(model, base, observations), described(off), model, base, observations
+    )
 
 
-def weak() -> Problem:
+def weak() -> EstimationProblem:
     """A second of motion: it sees every parameter, and most of them badly."""
     given = problem(seconds=20.0)
     return replace(given, information=select(given.information, np.arange(2)))
@@ -81,7 +83,7 @@ def distance(values: np.ndarray) -> float:
     return float(np.linalg.norm(values - arm()[2]))
 
 
-def nominal(given: Problem) -> np.ndarray:
+def nominal(given: EstimationProblem) -> np.ndarray:
     standard = given.require_standard("a test")
     assert standard.nominal is not None
     return standard.regrouping @ standard.nominal
@@ -145,11 +147,11 @@ def test_data_that_do_not_determine_parameters_are_enough_with_a_prior():
     model, base, _ = arm()
     motion, torque = recorded(arm(), 1, 20.0, NOISE, RATE)
     still = replace(motion, dq=np.zeros_like(motion.dq), ddq=np.zeros_like(motion.ddq))
-    given = replace(problem(), information=inform(model, base, raw(one_run(still, torque, RATE))))
+    given = replace(problem(), information=accumulate_information(model, base, raw(one_run(still, torque, RATE))))
     fit = Ridge().estimate(given)
     (finding,) = [finding for finding in fit.findings if finding.code == "prior-dominated"]
     assert all(name in finding.evidence for name in ("FV_1", "FV_2", "FV_3"))
-    assert np.isfinite(cover(fit, given).covariance).all()
+    assert np.isfinite(estimate_covariance(fit, given).covariance).all()
     with pytest.raises(EstimationError, match="do not see"):
         Ridge(weight=0.0).estimate(given)
 
@@ -158,7 +160,7 @@ def test_intervals_know_the_prior():
     """Intervals where only the prior speaks are no shorter than it allows, however alike the blocks."""
     given = problem(off=0.0)
     fit = Ridge("nominal", 1e8).estimate(given)
-    covered = cover(fit, given)
+    covered = estimate_covariance(fit, given)
     P = fit.prior_precision
     assert P is not None
     least = np.sqrt(np.diag(np.linalg.inv(P)))
@@ -200,14 +202,18 @@ def test_intervals_hold_truths_drawn_from_the_prior_where_noise_is_coloured(weig
         rng = np.random.default_rng(seed)
         noise = 20.0 * lfilter([np.sqrt(1.0 - COLOUR**2)], [1.0, -COLOUR], rng.normal(size=plain.shape), axis=0)
         described_ = described()
-        known = weigh(inform(model, base, raw(one_run(motion, plain + noise, RATE, block_rows=25))))
-        belief = believe("log-det", described_, known)
-        half = np.linalg.cholesky(carried(belief.precision, base.regrouping) / weight)
+        known = whiten(accumulate_information(model, base, raw(one_run(motion, plain + noise, RATE, block_rows=25))))
+        belief = make_prior("log-det", described_, known)
+        half = np.linalg.cholesky(project_covariance(belief.precision, base.regrouping) / weight)
         truth = base.regrouping @ belief.mean + half @ rng.normal(size=base.count)
         theta = np.zeros(len(model.parameters))
         theta[base.kept] = truth
         observations = raw(one_run(motion, model.torque(motion, theta) + noise, RATE, block_rows=25))
-        problem = Problem(inform(model, base, observations), described_, model, base, observations)
-        low, high = cover(Ridge(towards="nominal", weight=weight).estimate(problem), problem).intervals.T
+        problem = EstimationProblem(
+            accumulate_information(model, base, observations), described_, model, base, observations
+        )
+        low, high = estimate_covariance(
+            Ridge(towards="nominal", weight=weight).estimate(problem), problem
+        ).intervals.T
         held.append(float(((low <= truth) & (truth <= high)).mean()))
     assert HELD[0] < np.mean(held) < HELD[1]

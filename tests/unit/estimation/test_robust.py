@@ -15,9 +15,9 @@ from armid.estimation.estimators.robust import HUBER, TUKEY
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import Solution
 from armid.estimation.per_recording import separate_by_recording
-from armid.estimation.problem import Problem, standard_of
-from armid.estimation.uncertainty.covariance import cover
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.information.accumulate import accumulate_information
 from armid.information.information import stack, total
 from armid.values import Array
 from informed import NOISE, RATE, Arm, branching_arm, dense, recorded
@@ -42,7 +42,7 @@ def arm() -> Arm:
     return branching_arm()
 
 
-def problem(seed: int, *, touched: float = 0.0, noise: float = NOISE, recordings: int = 1) -> Problem:
+def problem(seed: int, *, touched: float = 0.0, noise: float = NOISE, recordings: int = 1) -> EstimationProblem:
     """Recordings with noise, during a share of which something touches the arm."""
     model, base, _ = arm()
     runs = []
@@ -54,7 +54,9 @@ def problem(seed: int, *, touched: float = 0.0, noise: float = NOISE, recordings
             torque[start : start + LASTING] += CONTACT * rng.normal(size=model.n)
         runs.append(replace(one_run(motion, torque, RATE), recording=k))
     observations = raw(*runs)
-    return Problem(inform(model, base, observations), standard_of(model, base), model, base, observations)
+    return EstimationProblem(
+        accumulate_information(model, base, observations), standard_of(model, base), model, base, observations
+    )
 
 
 def error(fit: Fit) -> float:
@@ -108,7 +110,7 @@ def test_intervals_cover_the_truth(loss: str, share: float):
     inside: list[NDArray[np.bool_]] = []
     for seed in range(20):
         given = problem(seed, touched=share)
-        covered = cover(RobustLeastSquares(loss).estimate(given), given)  # pyright: ignore[reportArgumentType]
+        covered = estimate_covariance(RobustLeastSquares(loss).estimate(given), given)  # pyright: ignore[reportArgumentType]
         ends = covered.intervals
         inside.append((ends[:, 0] <= arm()[2]) & (arm()[2] <= ends[:, 1]))
         off.append((covered.values - arm()[2]) / np.sqrt(np.diag(covered.covariance)))
@@ -146,7 +148,9 @@ def test_masked_rows_stay_out():
     torque = run.torque.copy()
     torque[300:400, 1] = 1e6
     observations = raw(replace(run, mask=mask, torque=torque))
-    masked = replace(given, information=inform(given.model, given.base, observations), observations=observations)
+    masked = replace(
+        given, information=accumulate_information(given.model, given.base, observations), observations=observations
+    )
     fit = RobustLeastSquares().estimate(masked)
     assert (np.abs(fit.values - arm()[2]) < 5.0 * fit.deviation).all()
     assert fit.rows[1] == fit.rows[0] - 100
@@ -161,12 +165,12 @@ def test_friction_of_each_recording_is_robust_too():
     truth = dict(zip(arm()[1].names, arm()[2], strict=True))
     exact = np.array([truth[name.split("[", 1)[0]] for name in fit.names])
     assert (np.abs(fit.values - exact) < 5.0 * fit.deviation).all()
-    assert np.isfinite(cover(fit, apart).intervals).all()
+    assert np.isfinite(estimate_covariance(fit, apart).intervals).all()
 
 
 def test_without_samples_it_says_what_it_lacks():
     with pytest.raises(EstimationError, match="second time") as caught:
-        RobustLeastSquares().estimate(Problem(problem(1).information))
+        RobustLeastSquares().estimate(EstimationProblem(problem(1).information))
     assert "observations" in caught.value.remedy
 
 

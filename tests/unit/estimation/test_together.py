@@ -13,10 +13,10 @@ from armid import identify, load_study
 from armid.estimation.fit import Fit
 from armid.estimation.uncertainty.jackknife import filled
 from armid.estimation.update.joint_solution import solve_joined
-from armid.estimation.update.stacked_problem import join
+from armid.estimation.update.stacked_problem import stack_problems
 from armid.lab.ideal_recording import record
 from armid.maths.inertia import com_inertia_to_vector
-from armid.runs.new_recordings import beside_run
+from armid.runs.new_recordings import load_new_recordings
 from armid.runs.payload import find_payload, payload_record
 from armid.runs.recalibration import Changed, recalibrate
 from armid.runs.run import Run, load_run, save_run
@@ -111,16 +111,16 @@ def test_intervals_of_a_load_hold_the_truth(folder: Path):
 
 def test_factors_alone_say_that_they_are_factors_alone(folder: Path):
     run = load_run(folder / "run")
-    beside = beside_run(run, [str(folder / "worn.npz")], {})
-    solved = solve_joined(join(beside.earlier, run.estimate.fit, beside.new, beside.changing))
+    beside = load_new_recordings(run, [str(folder / "worn.npz")], {})
+    solved = solve_joined(stack_problems(beside.earlier, run.estimate.fit, beside.new, beside.changing))
     assert solved.fit.covariance_kind == "block" and "factors and no samples" in solved.fit.report.why
 
 
 def test_what_reversals_do_to_both_recordings_is_added_with_its_sign(folder: Path):
     """The same motion twice has the same move, which a second recording does not average out."""
     run = load_run(folder / "run")
-    beside = beside_run(run, [str(folder / "worn.npz")], {})
-    joined = join(beside.earlier, run.estimate.fit, beside.new, beside.changing, samples=beside.samples)
+    beside = load_new_recordings(run, [str(folder / "worn.npz")], {})
+    joined = stack_problems(beside.earlier, run.estimate.fit, beside.new, beside.changing, samples=beside.samples)
     shared = [k for k, own in enumerate(beside.changing) if not own]
     after = (joined.to_new @ solve_joined(joined).fit.report.moved)[shared]
     before = run.estimate.fit.report.moved[shared]
@@ -151,7 +151,7 @@ def test_a_run_that_says_nothing_of_reversals_is_read(folder: Path):
         del header["value"]["report"][name]
     arrays["value.json"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     np.savez(path, **arrays)  # pyright: ignore[reportArgumentType]
-    beside = beside_run(run, [str(folder / "worn.npz")], {})
-    joined = join(beside.earlier, load(Fit, path), beside.new, beside.changing, samples=beside.samples)
+    beside = load_new_recordings(run, [str(folder / "worn.npz")], {})
+    joined = stack_problems(beside.earlier, load(Fit, path), beside.new, beside.changing, samples=beside.samples)
     values = joined.to_new @ solve_joined(joined).values
     assert np.isfinite(values).all()

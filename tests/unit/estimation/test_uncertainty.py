@@ -9,13 +9,13 @@ import pytest
 
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import separate_by_recording
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.bootstrap import bootstrap
-from armid.estimation.uncertainty.covariance import FEWEST_PERIODS, choose, cover
-from armid.estimation.uncertainty.frequency_bands import band_edges, band_products, repeats, residual_moments
-from armid.estimation.uncertainty.jackknife import grouped, periods
-from armid.estimation.uncertainty.noise_spectrum import NoiseModel, hats
-from armid.information.accumulate import inform
+from armid.estimation.uncertainty.covariance import FEWEST_PERIODS, choose_covariance_kind, estimate_covariance
+from armid.estimation.uncertainty.frequency_bands import band_edges, band_products, has_repetitions, residual_moments
+from armid.estimation.uncertainty.jackknife import group_blocks, periods
+from armid.estimation.uncertainty.noise_spectrum import NoiseModel, leverages
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, JointFactors, select, stack
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
@@ -33,7 +33,7 @@ SAME = 1e-9
 def test_white_residuals_keep_the_textbook_covariance_and_the_report_says_why():
     given = once(3, memory=0.0)
     fit = WLS.estimate(given)
-    found = cover(fit, given)
+    found = estimate_covariance(fit, given)
     assert found.covariance_kind == "white" and "uncorrelated in time" in found.report.why
     assert found.report.whiteness is not None and found.report.whiteness > 0.05
     np.testing.assert_array_equal(found.covariance, fit.covariance)
@@ -64,7 +64,7 @@ def test_what_the_model_lacks_repeats_and_is_not_taken_for_precision():
     given = problem(motion, missing + noise, np.repeat(np.arange(8), motion.samples // 8))
     found = covered(given)
     assert found.covariance_kind == "spectral" and "repeats with the motion" in found.report.why
-    between = cover(WLS.estimate(given), given.information)
+    between = estimate_covariance(WLS.estimate(given), given.information)
     assert between.covariance_kind == "period"
     assert np.median(np.diag(found.covariance) / np.diag(between.covariance)) > 4.0
 
@@ -72,10 +72,10 @@ def test_what_the_model_lacks_repeats_and_is_not_taken_for_precision():
 def test_without_samples_the_blocks_of_the_factors_have_to_do():
     given = once(1)
     fit = WLS.estimate(given)
-    found = cover(fit, given.information)
+    found = estimate_covariance(fit, given.information)
     assert found.covariance_kind == "block" and "no samples" in found.report.why
     assert found.report.whiteness is None
-    weighted = cover(replace(fit, information=given.information), given)
+    weighted = estimate_covariance(replace(fit, information=given.information), given)
     assert weighted.covariance_kind == "block" and "weights of their own" in weighted.report.why
 
 
@@ -92,11 +92,11 @@ def test_friction_of_each_recording_has_a_spectrum_too():
     parts = [once(1), once(2, 30.0)]
     runs = [replace(part.observations.runs[0], recording=k) for k, part in enumerate(parts) if part.observations]
     observations = Observations(tuple(runs), Band())
-    information = inform(model, base, observations)
+    information = accumulate_information(model, base, observations)
     own = np.array([name.startswith("FV") for name in base.names])
-    given = Problem(separate_by_recording(information, own), None, model, base, observations)
+    given = EstimationProblem(separate_by_recording(information, own), None, model, base, observations)
     fit = WLS.estimate(given)
-    found, blocks = cover(fit, given), cover(fit, given.information)
+    found, blocks = estimate_covariance(fit, given), estimate_covariance(fit, given.information)
     assert found.covariance_kind == "spectral" and blocks.covariance_kind == "block"
     assert len(found.names) == base.count + own.sum()
     ratio = np.sqrt(np.diag(found.covariance) / np.diag(blocks.covariance))
@@ -121,8 +121,8 @@ def test_neighbouring_blocks_that_pull_alike_are_merged():
     assert fast.report.parts == 40 and slow.report.parts < 40
 
 
-def covered_by_factors(given: Problem) -> Fit:
-    return cover(WLS.estimate(given), given.information)
+def covered_by_factors(given: EstimationProblem) -> Fit:
+    return estimate_covariance(WLS.estimate(given), given.information)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def covered_by_factors(given: Problem) -> Fit:
     [(0.5, 9, 1.0, "white"), (0.01, None, 1.0, "spectral"), (0.01, 9, 1.0, "period"), (0.01, 9, 3.0, "spectral")],
 )
 def test_the_choice(white: float, free: int | None, repeats: float, kind: str):
-    assert choose(white, free, repeats)[0] == kind
+    assert choose_covariance_kind(white, free, repeats)[0] == kind
 
 
 # What each of them is --------------------------------------------------------------------------------------------
@@ -222,7 +222,7 @@ def test_what_joints_have_in_common_is_seen_where_a_filter_left_noise():
 
 
 def test_hats_share_every_band_out():
-    basis = hats(band_products(once(1), WLS.estimate(once(1)).values))
+    basis = leverages(band_products(once(1), WLS.estimate(once(1)).values))
     np.testing.assert_allclose(basis.sum(axis=0), 1.0)
     assert (basis >= 0.0).all()
 
@@ -252,8 +252,8 @@ def test_the_order_of_joints_does_not_matter():
     given = once(1)
     fit = WLS.estimate(given)
     turned = replace(given.information, joints=given.information.joints[::-1], rows=given.information.rows[:, ::-1])
-    other = cover(WLS.estimate(Problem(turned)), turned)
-    assert_same(other.covariance, cover(fit, given.information).covariance)
+    other = estimate_covariance(WLS.estimate(EstimationProblem(turned)), turned)
+    assert_same(other.covariance, estimate_covariance(fit, given.information).covariance)
 
 
 def test_chunks_of_one_block_merge_to_the_block():
@@ -263,7 +263,7 @@ def test_chunks_of_one_block_merge_to_the_block():
     assert given.observations is not None
     run = replace(given.observations.runs[0], block=halves)
     model, base, _ = arm()
-    fine = inform(model, base, Observations((run,), Band()))
+    fine = accumulate_information(model, base, Observations((run,), Band()))
     joints = tuple(
         JointFactors(joint.parameters, np.stack([np.linalg.qr(np.vstack(pair))[1] for pair in _pairs(joint.R)]))
         for joint in fine.joints
@@ -271,7 +271,7 @@ def test_chunks_of_one_block_merge_to_the_block():
     rows = fine.rows.reshape(8, 2, -1).sum(axis=1)
     merged = replace(fine, joints=joints, rows=rows, run=fine.run[::2], recording=fine.recording[::2])
     expected = covered_by_factors(given)
-    found = cover(WLS.estimate(Problem(merged)), merged)
+    found = estimate_covariance(WLS.estimate(EstimationProblem(merged)), merged)
     assert found.covariance_kind == expected.covariance_kind == "period"
     assert_same(found.covariance, expected.covariance)
 
@@ -292,7 +292,7 @@ def test_units_of_torque_scale_the_covariance():
     run = replace(one.observations.runs[0], torque=1000.0 * one.observations.runs[0].torque)
     model, base, _ = arm()
     observations = Observations((run,), Band())
-    other = Problem(inform(model, base, observations), None, model, base, observations)
+    other = EstimationProblem(accumulate_information(model, base, observations), None, model, base, observations)
     assert_same(covered(other).covariance, 1e6 * covered(one).covariance)
 
 
@@ -301,10 +301,10 @@ def test_a_strong_prior_leaves_its_own_uncertainty_and_little_else():
     fit = WLS.estimate(given)
     precision = np.zeros_like(fit.covariance)
     precision[2, 2] = 1e8 / fit.covariance[2, 2]
-    found = cover(replace(fit, prior_precision=precision), given)
+    found = estimate_covariance(replace(fit, prior_precision=precision), given)
     assert np.sqrt(found.covariance[2, 2]) == pytest.approx(np.sqrt(1.0 / precision[2, 2]), rel=0.01)
     assert found.freedom[2] > 1e3  # nothing of it had to be learned from the residual
-    free = cover(fit, given)
+    free = estimate_covariance(fit, given)
     assert (np.diag(found.covariance) <= np.diag(free.covariance) * 1.5).all()
 
 
@@ -316,7 +316,9 @@ def test_a_joint_of_which_no_row_counts_is_no_hindrance():
     run = replace(given.observations.runs[0], mask=mask)
     model, base, _ = arm()
     observations = Observations((run,), Band())
-    found = covered(Problem(inform(model, base, observations), None, model, base, observations))
+    found = covered(
+        EstimationProblem(accumulate_information(model, base, observations), None, model, base, observations)
+    )
     assert found.covariance_kind == "spectral" and np.isfinite(found.intervals).all()
 
 
@@ -329,7 +331,9 @@ def test_dense_rows_are_averaged_and_say_the_same():
     torque = model.regressor(motion)[:, :, base.kept] @ truth + noise
     mask, block = np.ones((motion.samples, 2), dtype=bool), np.arange(motion.samples) // int(8 * RATE)
     observations = Observations((ObservedRun(motion, torque, 8 * RATE, 1, 0, mask, block),), Band())
-    found = covered(Problem(inform(model, base, observations), None, model, base, observations))
+    found = covered(
+        EstimationProblem(accumulate_information(model, base, observations), None, model, base, observations)
+    )
     assert found.covariance_kind == "spectral"
     ratio = np.sqrt(np.diag(found.covariance) / np.diag(slow.covariance))
     assert (ratio > 0.9).all() and (ratio < 1.1).all()
@@ -341,16 +345,16 @@ def test_periods_are_known_by_their_products_and_motions_by_their_positions():
     assert given.observations is not None and other.observations is not None
     np.testing.assert_array_equal(periods(given.information), 0)
     assert periods(other.information) is None
-    found = repeats(given.observations.runs[0])
+    found = has_repetitions(given.observations.runs[0])
     assert found is not None
     np.testing.assert_array_equal(found, [0, 400, 800, 1200, 1600, 400])
-    assert repeats(other.observations.runs[0]) is None
+    assert has_repetitions(other.observations.runs[0]) is None
 
 
 def test_groups_stay_within_runs():
     given = once(1).information
     two = replace(given, run=np.repeat([0, 1], [13, 7]))
-    np.testing.assert_array_equal(np.bincount(grouped(two, 4)), [5, 4, 4, 7])
+    np.testing.assert_array_equal(np.bincount(group_blocks(two, 4)), [5, 4, 4, 7])
 
 
 # Coverage, small: the benchmark has the thousands -----------------------------------------------------------------
@@ -397,13 +401,13 @@ def test_intervals_cover_with_a_prior_that_is_right():
         torque = X @ truth + coloured(rng, len(X), 0.2)
         run = replace(given.observations.runs[0], torque=torque)
         observations = Observations((run,), Band())
-        one = Problem(inform(model, base, observations), None, model, base, observations)
+        one = EstimationProblem(accumulate_information(model, base, observations), None, model, base, observations)
         fit = WLS.estimate(one)
         # What the prior is worth beside weights that take rows for independent, ten of which say as much as one.
         weights, precision = fit.weights / np.sqrt(10.0), np.diag(1.0 / spread**2)
         A, y = (x.reshape(-1, *x.shape[2:]) for x in (X * weights[:, None], torque * weights))
         values = np.linalg.solve(A.T @ A + precision, A.T @ y)
-        found = cover(replace(fit, values=values, weights=weights, prior_precision=precision), one)
+        found = estimate_covariance(replace(fit, values=values, weights=weights, prior_precision=precision), one)
         assert found.covariance_kind == "spectral"
         ends = found.intervals
         shares.append((ends[:, 0] <= truth) & (truth <= ends[:, 1]))

@@ -10,19 +10,19 @@ import pytest
 from armid.errors import ArmidError
 from armid.excitation.certification import fine_grid, margins
 from armid.excitation.collision import coal
-from armid.excitation.collision.collision_model import cell_of, collision_of, kept_apart
+from armid.excitation.collision.collision_model import collision_of, kept_apart, make_collision_model
 from armid.excitation.collision.distances import floor
 from armid.excitation.collision.environment import load_environment
 from armid.excitation.collision.mesh_hulls import capsules_of
 from armid.excitation.collision.required_distances import LEFT_OUT
-from armid.excitation.design.objective import Goal, Objective
-from armid.excitation.design.sqp import Problem, drawn_together
+from armid.excitation.design.objective import CriterionGoal, Objective
+from armid.excitation.design.sqp import DescentProblem, shrink_to_feasible
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.limits.workspace import SCALE
 from armid.excitation.preflight import preflight
 from armid.excitation.series_basis import SeriesBasis
-from armid.excitation.start_pose import choose_start, room, usual_pose
+from armid.excitation.start_pose import choose_start, free_range, usual_pose
 from armid.maths.spatial import homogeneous
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -86,7 +86,7 @@ def test_gradient(collision, size):
 def test_nothing_hides_between_the_points_of_a_grid(collision):
     robot, start, made = collision
     model = DynamicsModel(robot, (RigidBody(),))
-    goal = Goal(model, find_base_parameters(model))
+    goal = CriterionGoal(model, find_base_parameters(model))
     basis = SeriesBasis(1.0, 4, start)
     x = 0.15 * np.random.default_rng(2).normal(size=basis.unknowns)
     coarse, fine = (States(Objective(goal, basis, samples), x) for samples in (200, 2000))
@@ -101,8 +101,8 @@ def test_the_certificate_of_a_long_motion_asks_for_no_more_than_its_speed():
     made = collision_of(robot, limits_of(robot), start, [floor()])
     model = DynamicsModel(robot, (RigidBody(),))
     basis = SeriesBasis(2.0 * np.pi / 10.0, 4, start)
-    problem = Problem(Goal(model, find_base_parameters(model)), basis, (made.every,))
-    x = drawn_together(problem, problem.fine, basis.project(np.random.default_rng(1).normal(size=(6, 9))))
+    problem = DescentProblem(CriterionGoal(model, find_base_parameters(model)), basis, (made.every,))
+    x = shrink_to_feasible(problem, problem.fine, basis.project(np.random.default_rng(1).normal(size=(6, 9))))
     assert x is not None
     grid = fine_grid(problem)
     assert len(grid) > 1
@@ -122,7 +122,7 @@ def test_the_closest_approach_of_a_slow_motion_is_that_of_all_its_poses(name):
     model = DynamicsModel(robot, (RigidBody(),))
     basis = SeriesBasis(2.0 * np.pi / 20.0, 3, start)
     x = 0.1 * np.random.default_rng(2).normal(size=basis.unknowns)
-    problem = Problem(Goal(model, find_base_parameters(model)), basis, (made.every,))
+    problem = DescentProblem(CriterionGoal(model, find_base_parameters(model)), basis, (made.every,))
     found = {each.pair: each.distance for each in preflight(problem, x, made).approaches}
     q = basis.excitation(x).sample(50.0).q
     every = coal.distances(made.shapes, made.pairs, forward_kinematics(robot, q)).min(axis=0)
@@ -205,14 +205,14 @@ def test_what_touches_in_every_pose_is_left_out_and_told():
     assert [(each.pair, each.share) for each in made.skipped] == [("elbow - flange", 1.0)]
     assert made.every.labels == ("foot - elbow", "foot - flange")
     robot = replace(iiwa, shapes=(ball("foot", -1, 0.36), ball("elbow", 3, 0.35)))
-    cell = cell_of(robot, limits, margin=0.01)
+    cell = make_collision_model(robot, limits, margin=0.01)
     assert 0.5 < cell.touching[0] < 0.98 and not cell.keeping.kind.any()
 
 
 def test_links_that_are_built_close_keep_part_of_what_is_between_them():
     """They may collide, so they are looked at, but what is asked of others would leave them no pose."""
     near = load_robot("panda")
-    tight = cell_of(near, limits_of(near))
+    tight = make_collision_model(near, limits_of(near))
     k = tight.bodies.labels.index("link_5 - link_7")
     assert 0.5 < tight.touching[k] < 0.99 and tight.keeping.kind[k] != LEFT_OUT
     made = kept_apart(tight, np.array(START["panda"]))
@@ -226,7 +226,7 @@ def test_the_floor_is_touched_by_construction_by_the_first_link_alone():
     iiwa = load_robot("iiwa14-r820")
     limits = limits_of(iiwa)
     robot = replace(iiwa, shapes=(ball("shoulder", 0, 0.4), ball("upper arm", 1, 0.4)))
-    cell = cell_of(robot, limits, [floor()])
+    cell = make_collision_model(robot, limits, [floor()])
     assert dict(zip(cell.bodies.labels, cell.keeping.of(LEFT_OUT), strict=True)) == {
         "shoulder - floor": True,
         "upper arm - floor": False,
@@ -240,7 +240,7 @@ def test_of_many_pairs_a_stage_looks_at_those_that_come_near():
     robot = load_robot("iiwa14-r820")
     model = DynamicsModel(robot, (RigidBody(),))
     basis = SeriesBasis(1.0, 3, np.zeros(7))
-    objective = Objective(Goal(model, find_base_parameters(model)), basis, 64)
+    objective = Objective(CriterionGoal(model, find_base_parameters(model)), basis, 64)
     states = States(objective, np.zeros(basis.unknowns))
     balls = [
         Shape(f"ball {k}", -1, "sphere", np.array([0.05]), homogeneous(np.eye(3), [x, 0.0, 0.8]))
@@ -356,14 +356,14 @@ def test_the_start_that_is_found_has_room():
     """Lying flat on the floor the UR10e has nowhere to go; a pose is found that has, the same every time."""
     robot = load_robot("ur10e")
     limits = limits_of(robot)
-    cell = cell_of(robot, limits, [floor()])
+    cell = make_collision_model(robot, limits, [floor()])
     found = choose_start(cell, limits)
-    usual = room(cell, limits, usual_pose(limits))
+    usual = free_range(cell, limits, usual_pose(limits))
     assert not found.usual and found.room > usual + 0.3
     assert (found.pose == choose_start(cell, limits).pose).all()
     assert cell.room(found.pose[None])[0] > 0.0
     upright = load_robot("iiwa14-r820")
-    assert choose_start(cell_of(upright, limits_of(upright), [floor()]), limits_of(upright)).usual
+    assert choose_start(make_collision_model(upright, limits_of(upright), [floor()]), limits_of(upright)).usual
     # Where gravity asks too much of poses that are bent, one that stands is chosen.
     held = choose_start(cell, limits, lambda q: np.abs(q[:, 1] + 1.5) < 0.3)
     assert abs(held.pose[1] + 1.5) < 0.3
@@ -371,7 +371,7 @@ def test_the_start_that_is_found_has_room():
         choose_start(cell, limits, lambda q: np.zeros(len(q), dtype=np.bool_))
     full = Shape("block", -1, "box", np.array([3.0, 3.0, 3.0]), homogeneous(np.eye(3), [0.0, 0.0, 1.0]))
     with pytest.raises(ArmidError, match=r"In the start pose link_\d - block"):
-        choose_start(cell_of(upright, limits_of(upright), [floor(), full]), limits_of(upright))
+        choose_start(make_collision_model(upright, limits_of(upright), [floor(), full]), limits_of(upright))
 
 
 def test_a_capsule_of_no_size():
@@ -396,4 +396,4 @@ def test_meshes_that_are_missing_are_what_is_missing(tmp_path):
     (tmp_path / "arm.urdf").write_text(text)
     robot = load_robot(tmp_path / "arm.urdf")
     with pytest.raises(ArmidError, match=r"(?s)mesh package://arm/a.stl is not there.*--package NAME=DIR"):
-        cell_of(robot, limits_of(robot))
+        make_collision_model(robot, limits_of(robot))

@@ -10,11 +10,11 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.excitation.collision import coal
-from armid.excitation.collision.collision_model import cell_of, collision_of, kept_apart
+from armid.excitation.collision.collision_model import collision_of, kept_apart, make_collision_model
 from armid.excitation.collision.convex_hulls import Hulls, prism
 from armid.excitation.collision.distances import floor
 from armid.excitation.collision.mesh_hulls import hull_points
-from armid.excitation.design.objective import Goal, Objective
+from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.series_basis import SeriesBasis
@@ -118,7 +118,7 @@ def test_between_capsules_and_bodies(elbow, tmp_path):
 def test_a_pair_that_needs_them_is_looked_at(elbow):
     """Capsules overlap always, bodies do not: the pair is kept apart, with exact gradients and a certificate."""
     limits = limits_of(elbow)
-    cell = cell_of(elbow, limits, margin=0.02)
+    cell = make_collision_model(elbow, limits, margin=0.02)
     k = cell.bodies.labels.index(PAIR)
     assert 0.2 < cell.touching[k] < 0.8 and not cell.keeping.kind[k]
     made = kept_apart(cell, STRAIGHT)
@@ -131,7 +131,7 @@ def test_a_pair_that_needs_them_is_looked_at(elbow):
         wrong, corners = slopes_wrong(elbow, STRAIGHT, made.every, size)
         assert not wrong and corners < CORNERS
     model = DynamicsModel(elbow, (RigidBody(),))
-    goal, basis = Goal(model, find_base_parameters(model)), SeriesBasis(1.0, 4, STRAIGHT)
+    goal, basis = CriterionGoal(model, find_base_parameters(model)), SeriesBasis(1.0, 4, STRAIGHT)
     x = 0.3 * np.random.default_rng(2).normal(size=basis.unknowns)
     coarse, fine = (States(Objective(goal, basis, samples), x) for samples in (200, 2000))
     seen = made.every.values(coarse).max(axis=0) + made.every.between(coarse, basis.period / 200)
@@ -156,7 +156,7 @@ def test_a_start_pose_is_refused_for_bodies_and_not_for_capsules(elbow):
     """Capsules that touch in a few poses, the start among them, are no reason where the bodies are apart."""
     shelf = Shape("shelf", -1, "box", np.array([0.4, 0.4, 0.02]), np.eye(4))
     shelf = shelf.on(-1, np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1.32], [0, 0, 0, 1]]))
-    cell = cell_of(elbow, limits_of(elbow), [shelf], margin=0.005)
+    cell = make_collision_model(elbow, limits_of(elbow), [shelf], margin=0.005)
     k = cell.bodies.labels.index("fore - shelf")
     assert cell.touching[k] < 0.5 and cell.distances(STRAIGHT[None])[0, k] < 0.0
     made = kept_apart(cell, STRAIGHT)

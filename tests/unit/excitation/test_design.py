@@ -11,8 +11,16 @@ from armid.errors import ArmidError
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.design.interior_point import descend_inside
 from armid.excitation.design.multistart import random_start, search, single_threaded_pool
-from armid.excitation.design.objective import Goal, along, information_along, known_sizes
-from armid.excitation.design.sqp import STAGES, Problem, about_start, drawn_together, from_pose, highest, utilisation
+from armid.excitation.design.objective import CriterionGoal, along, information_along, known_sizes
+from armid.excitation.design.sqp import (
+    STAGES,
+    DescentProblem,
+    about_start,
+    from_pose,
+    max_utilisation,
+    shrink_to_feasible,
+    utilisation,
+)
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.joint_limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
 from armid.excitation.series_basis import SeriesBasis
@@ -30,7 +38,7 @@ def two_joints(criterion="d-optimal", **more):
     turned = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     robot = robot_of(chain("RR", [np.eye(3), turned], [[0, 0, 0.3], [0.0, 0.2, 0.0]], [0.0, 0.0, -9.81]))
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
-    goal = Goal(model, find_base_parameters(model), criterion)
+    goal = CriterionGoal(model, find_base_parameters(model), criterion)
     basis = SeriesBasis(1.2, 4, np.zeros(2), **more)
     return goal, basis
 
@@ -43,7 +51,7 @@ def limits(velocity=(1.0, 2.0), **more):
 @pytest.fixture(scope="module")
 def problem():
     goal, basis = two_joints()
-    return Problem(goal, basis, motion_channels(limits(acceleration=[5.0, 6.0], jerk=[50.0, 60.0])))
+    return DescentProblem(goal, basis, motion_channels(limits(acceleration=[5.0, 6.0], jerk=[50.0, 60.0])))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +60,7 @@ def found(problem):
 
 
 def test_the_best_plan_keeps_every_limit_and_uses_some(problem, found):
-    share = highest(problem, problem.grid(5000), found.best.x)
+    share = max_utilisation(problem, problem.grid(5000), found.best.x)
     assert 0.97 < share < 1.001
     assert (found.rounds, found.descents) == (2, 16)
 
@@ -61,12 +69,14 @@ def test_a_start_near_a_limit_is_left_by_the_barrier_too():
     """From 95 % of a limit there is a way down that never leaves the limits, as between two bodies that are near."""
     goal, basis = two_joints(literal=False)
     basis = replace(basis, start=np.array([0.95, 0.0]))
-    near = Problem(goal, basis, motion_channels(replace(limits(), lower=np.array([-1.0, -2.0]), upper=np.ones(2))))
+    near = DescentProblem(
+        goal, basis, motion_channels(replace(limits(), lower=np.array([-1.0, -2.0]), upper=np.ones(2)))
+    )
     x = random_start(near, near.fine, np.random.default_rng(0))
-    still = highest(near, near.fine, about_start(basis, x, 0.0))
+    still = max_utilisation(near, near.fine, about_start(basis, x, 0.0))
     assert 0.94 < still < 1.0
     reached = descend_inside(near, x, STAGES[0])
-    assert highest(near, near.fine, reached) < 1.0
+    assert max_utilisation(near, near.fine, reached) < 1.0
     assert near.fine.value(reached) < near.fine.value(x)
 
 
@@ -76,7 +86,7 @@ def test_better_than_random_plans(problem, found):
     others = []
     for _ in range(20):
         x = problem.basis.project(rng.uniform(-1.5, 1.5, (2, 9)))
-        others.append(grid.value(drawn_together(problem, grid, x)))
+        others.append(grid.value(shrink_to_feasible(problem, grid, x)))
     assert found.best.value < min(others) - 0.2
 
 
@@ -93,7 +103,7 @@ def test_the_same_for_a_seed_whatever_the_number_of_workers(problem, found):
 def test_stops_in_time_with_a_plan(problem):
     stopped = search(problem, seed=1, budget=0.05)
     assert stopped.seconds < 2.0
-    assert highest(problem, problem.grid(1000), stopped.best.x) < 1.001
+    assert max_utilisation(problem, problem.grid(1000), stopped.best.x) < 1.001
 
 
 def test_stopped_by_hand_with_a_plan(problem):
@@ -103,7 +113,7 @@ def test_stopped_by_hand_with_a_plan(problem):
 
     stopped = search(problem, seed=1, budget=None, rounds=1, progress=stop)
     assert stopped.interrupted and stopped.descents == 3
-    assert highest(problem, problem.grid(1000), stopped.best.x) < 1.001
+    assert max_utilisation(problem, problem.grid(1000), stopped.best.x) < 1.001
 
 
 @pytest.mark.parametrize("budget", [0.0, -1.0, float("nan")])
@@ -119,7 +129,7 @@ def test_a_plan_that_is_given_is_no_worse_afterwards(problem, found):
 
 def test_free_start_and_offset_are_worth_something(problem, found):
     goal, basis = two_joints(free=True, literal=False)
-    free = search(Problem(goal, basis, problem.channels), seed=3, budget=None, rounds=1)
+    free = search(DescentProblem(goal, basis, problem.channels), seed=3, budget=None, rounds=1)
     assert free.best.value < found.best.value
 
 
@@ -127,10 +137,10 @@ def test_a_free_start_begins_where_the_arm_can_be():
     """Random coefficients may start anywhere; beside a limit a search begins at the pose that is given."""
     goal, _ = two_joints()
     basis = SeriesBasis(1.2, 4, np.array([-0.95, 0.0]), free=True, literal=False)
-    made = Problem(goal, basis, motion_channels(limits()))
+    made = DescentProblem(goal, basis, motion_channels(limits()))
     for seed in range(20):
         x = random_start(made, made.fine, np.random.default_rng(seed))
-        assert highest(made, made.fine, x) <= 1.0 + 1e-9
+        assert max_utilisation(made, made.fine, x) <= 1.0 + 1e-9
         moved = basis.excitation(from_pose(basis, 3.0 * x)).at([0.0])
         assert np.abs(moved.q - basis.start).max() < 1e-12 and np.abs(moved.dq).max() < 1e-12
 
@@ -140,18 +150,18 @@ def test_torque_and_what_cannot_be_kept():
     values = np.array([1.0 if name.startswith(("MX", "MY", "ZZ")) else 0.1 for name in goal.base.names])
     still = np.abs(goal.base.count and problem_torque(goal, basis, values)).max()
     wide = torque_channel(limits(effort=[100.0, 2.0 * still]), values, 0.2)
-    made = Problem(goal, basis, (*motion_channels(limits()), wide))
+    made = DescentProblem(goal, basis, (*motion_channels(limits()), wide))
     best = search(made, budget=None, rounds=1).best
-    assert highest(made, made.grid(2000), best.x) < 1.001
+    assert max_utilisation(made, made.grid(2000), best.x) < 1.001
     narrow = torque_channel(limits(effort=[100.0, 0.5 * still]), values, 0.0)
     with pytest.raises(ArmidError, match="Not even standing still") as error:
-        search(Problem(goal, basis, (narrow,)), budget=None, rounds=1)
+        search(DescentProblem(goal, basis, (narrow,)), budget=None, rounds=1)
     assert "torque of joint_2" in error.value.remedy
 
 
 def problem_torque(goal, basis, values):
     """Torque at the start pose."""
-    grid = Problem(goal, basis, ()).grid(64)
+    grid = DescentProblem(goal, basis, ()).grid(64)
     return States(grid, np.zeros(basis.unknowns)).torque(values)[0]
 
 
@@ -160,7 +170,7 @@ def test_prior_information_counts(problem):
     x = np.random.default_rng(1).normal(size=basis.unknowns)
     first = basis.excitation(x).sample(100.0)
     prior = information_along(goal, first)
-    after = Goal(goal.model, goal.base, "a-optimal", prior=prior)
+    after = CriterionGoal(goal.model, goal.base, "a-optimal", prior=prior)
     assert along(after, first) == pytest.approx(2.0 * prior)
     assert after.value(along(after, first)) == pytest.approx(goal.value(prior) - np.log(2.0))
 
@@ -176,7 +186,7 @@ def test_what_has_no_size_does_not_count():
     G = information_along(goal, basis.excitation(np.random.default_rng(1).normal(size=basis.unknowns)).sample(100.0))
     scale = np.full(goal.base.count, np.inf)
     scale[1] = 2.0
-    worst = Goal(goal.model, goal.base, "worst", scale=scale).value(G)
+    worst = CriterionGoal(goal.model, goal.base, "worst", scale=scale).value(G)
     assert worst == pytest.approx(0.5 * np.log(np.linalg.inv(G)[1, 1]) - np.log(2.0))
 
 
@@ -193,7 +203,7 @@ def test_table_a1_as_the_thesis_has_it():
     """63.22 by way of the objective, and its own bounds hold but for the printed (3.55f)."""
     robot = load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
-    goal = Goal(model, find_base_parameters(model), "condition")
+    goal = CriterionGoal(model, find_base_parameters(model), "condition")
     plan = builtin_plan("thesis-a1")
     for seconds, condition in ((20.0, 63.22), (27.0, 113.68)):
         value = goal.value(along(goal, plan.stretched(seconds).sample(100.0)))
@@ -201,7 +211,7 @@ def test_table_a1_as_the_thesis_has_it():
     basis = SeriesBasis(plan.base_frequency, 10, np.zeros(7))
     x = basis.unknowns_of(plan)
     for form, keeps in (("thesis", True), ("thesis-literal", False)):
-        own = Problem(goal, basis, thesis_channels(limits_of(robot), basis, form=form))
+        own = DescentProblem(goal, basis, thesis_channels(limits_of(robot), basis, form=form))
         shares = utilisation(own, own.grid(200), x)
         assert (max(u.max() for u in shares) < 1.001) == keeps
     printed = utilisation(own, own.grid(64), x)[-1].reshape(7, 2, 10).max(axis=1)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from armid.excitation.design.multistart import Candidate, Search
+from armid.excitation.design.multistart import Search, SearchCandidate
 from armid.excitation.settled import STILL, unsettled
 
 START = (0.2, 2.0)
@@ -13,7 +13,7 @@ START = (0.2, 2.0)
 
 def searched(*descents, seconds=10.2, interrupted=False):
     """A search with the start and the ends of its descents: seconds, and value of the best so far."""
-    best = Candidate(np.zeros(1), (START, *descents)[-1][1], 0, "random")
+    best = SearchCandidate(np.zeros(1), (START, *descents)[-1][1], 0, "random")
     return Search(best, 0, len(descents), seconds, interrupted, (START, *descents))
 
 

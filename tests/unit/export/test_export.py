@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armid import find_base_parameters, inform
+from armid import accumulate_information, find_base_parameters
 from armid.errors import OutputError
 from armid.estimation.estimators import PhysicallyConsistent
-from armid.estimation.problem import Problem, standard_of
+from armid.estimation.problem import EstimationProblem, standard_of
 from armid.excitation.builtin_plans import builtin_plan
 from armid.export import standard_values, verification
 from armid.export.body_split import share_out
@@ -182,7 +182,9 @@ def smallest_bodies(folder: Path, size: float) -> tuple[Run, Path]:
     truth[model.inertial_columns] = np.ravel(model.robot.inertial_vector)
     noise = 0.3 * size * np.random.default_rng(0).normal(size=(motion.samples, model.n))
     observations = raw(one_run(motion, model.torque(motion, truth) + noise, 50.0, block_rows=50))
-    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    problem = EstimationProblem(
+        accumulate_information(model, base, observations), standard_of(model, base), model, base
+    )
     fit = PhysicallyConsistent(prior="mass").estimate(problem).standard
     assert fit is not None
     return run_with(folder / "run", path, model, fit.values), path

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from armid.errors import ArmidError, ModelError
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
-from armid.information.hysteresis_states import memory_findings, remember
+from armid.information.hysteresis_states import memory_findings, with_hysteresis_states
 from armid.information.regressor_rows import all_rows
 from armid.information.residuals import compare
 from armid.maths.signals import edge_samples, low_pass
@@ -93,10 +93,10 @@ def test_nodes_are_shared_by_laws_of_one_coordinate(arm):
 def test_what_remembers_nothing_is_left_alone(arm, recorded):
     plain = DynamicsModel(arm[0].robot, (RigidBody(), Viscous()))
     run = one_run(*recorded, RATE)
-    assert remember(plain, run, PAD) is run
+    assert with_hysteresis_states(plain, run, PAD) is run
     assert plain.remember(run.motion) is run.motion
-    once = remember(arm[0], run, PAD)
-    assert remember(arm[0], once, PAD) is once
+    once = with_hysteresis_states(arm[0], run, PAD)
+    assert with_hysteresis_states(arm[0], once, PAD) is once
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_what_remembers_nothing_is_left_alone(arm, recorded):
 def test_rows_that_an_unknown_state_reaches_do_not_count(arm, recorded, band):
     model = arm[0]
     run = one_run(*recorded, RATE, step=3, offset=1)
-    kept = remember(model, run, band).mask
+    kept = with_hysteresis_states(model, run, band).mask
     since = joints_known_from(model, run.motion)
     assert since[0] == 0 < since[1] < 200
     assert kept[:, 0].all()
@@ -117,9 +117,9 @@ def test_rows_that_an_unknown_state_reaches_do_not_count(arm, recorded, band):
 def test_the_truth_comes_back_whatever_the_arm_remembered_before(arm, recorded):
     model, base, truth = arm
     run = one_run(*recorded, RATE)
-    assert solved(inform(model, base, raw(run))) == pytest.approx(truth, abs=1e-9)
+    assert solved(accumulate_information(model, base, raw(run))) == pytest.approx(truth, abs=1e-9)
     states = model.remember(run.motion)  # its mask is not touched, so the guess at the beginning counts
-    fooled = solved(inform(model, base, raw(replace(run, motion=states))))
+    fooled = solved(accumulate_information(model, base, raw(replace(run, motion=states))))
     assert np.abs(fooled - truth).max() > 1e-3
     theta = np.zeros(len(model.parameters))
     theta[base.kept] = truth
@@ -140,7 +140,7 @@ def test_second_passes_see_the_same_rows(arm, recorded):
         for j, parameters in enumerate(source.layout.parameters):
             own = x[source.layout.offset[j] : source.layout.offset[j + 1]]
             assert np.abs(own.T - rows[:, j][:, [*parameters, base.count]]).max() <= 1e-7 * np.abs(rows[:, j]).max()
-        assert np.array_equal(x, all_rows(source, remember(model, run, band), band))
+        assert np.array_equal(x, all_rows(source, with_hysteresis_states(model, run, band), band))
 
 
 def test_samples_that_do_not_follow_each_other_are_refused(arm, recorded):
@@ -148,7 +148,7 @@ def test_samples_that_do_not_follow_each_other_are_refused(arm, recorded):
     theta = np.zeros(len(model.parameters))
     loose = replace(one_run(*recorded, RATE), consecutive=False, recording=2)
     for call in (
-        lambda: inform(model, base, raw(loose)),
+        lambda: accumulate_information(model, base, raw(loose)),
         lambda: compare(model, theta, loose, PAD),
         lambda: all_rows(column_source(model, base), loose, PAD),
     ):
@@ -164,7 +164,7 @@ def test_a_joint_that_does_not_move_far_enough_is_named(arm, recorded):
     run = one_run(motion, torque, RATE)
     base = find_base_parameters(model)
     with pytest.raises(ArmidError, match=r"No row of joint_2 is left.* 80 rad"):
-        inform(model, base, raw(run))
+        accumulate_information(model, base, raw(run))
     (finding,) = memory_findings(model, raw(run))
     assert (finding.code, finding.severity, finding.channel) == ("memory-unknown", "warning", "joint_2")
     assert f"{motion.samples} of {motion.samples} rows" in finding.evidence
@@ -178,7 +178,7 @@ def test_a_run_in_which_a_joint_rests_leaves_the_others_their_say(arm, recorded)
     still = motion.q * [1.0, 0.0]
     resting = Motion(motion.time, still, motion.dq * [1.0, 0.0], motion.ddq * [1.0, 0.0])
     runs = Observations((one_run(motion, torque, RATE), one_run(resting, 0.0 * torque, RATE)), Band())
-    information = inform(model, base, runs)
+    information = accumulate_information(model, base, runs)
     assert information.rows[information.run == 1].sum(axis=0).tolist() == [motion.samples, 0]
 
 
@@ -201,7 +201,7 @@ def test_a_load_that_is_not_known_is_asked_for(arm, recorded):
     model = DynamicsModel(arm[0].robot, (RigidBody(), LoadCoulomb()))
     base = find_base_parameters(model)  # the structure needs no load
     with pytest.raises(ModelError, match="'load-coulomb' depends on the load") as caught:
-        inform(model, base, raw(one_run(*recorded, RATE)))
+        accumulate_information(model, base, raw(one_run(*recorded, RATE)))
     assert "identify once without 'load-coulomb'" in caught.value.remedy
     with pytest.raises(ArmidError, match="load_parameters must have shape"):
         replace(model, load_parameters=np.zeros((3, 10)))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from armid.information import weighted_rows
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
 from armid.information.information import total
-from armid.information.weighted_rows import Rows, Segment, weighted_information
+from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations
 from armid.values import Array
@@ -44,8 +44,8 @@ def observations(band: Band | None = None) -> Observations:
 @pytest.mark.parametrize("band", [Band(), Band("butterworth", 8.0, 4, "drop")], ids=["open", "filtered"])
 def test_weights_of_one_give_the_information_itself(band: Band):
     given = observations(band)
-    expected = inform(MODEL, BASE, given)
-    found = weighted_information(Rows(column_source(MODEL, BASE), given), once)
+    expected = accumulate_information(MODEL, BASE, given)
+    found = weighted_information(WeightedRows(column_source(MODEL, BASE), given), once)
     for name in ("names", "rows", "run", "recording"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     for a, b in zip(found.joints, expected.joints, strict=True):
@@ -61,13 +61,13 @@ def test_rows_are_multiplied_by_the_roots_of_their_weights():
     def weigh(segment: Segment, joint: int) -> Array:
         return weights[segment.begin : segment.begin + len(segment.block), joint]
 
-    found = weighted_information(Rows(column_source(MODEL, BASE), raw(run)), weigh)
+    found = weighted_information(WeightedRows(column_source(MODEL, BASE), raw(run)), weigh)
     assert_says(found, dense(ARM, run) * np.sqrt(weights)[:, :, None], EXACT)
     np.testing.assert_array_equal(found.rows.sum(axis=0), len(run.block))  # rows, whatever their weight
 
 
 def test_a_run_as_one_block_says_the_same():
-    every = Rows(column_source(MODEL, BASE), observations())
+    every = WeightedRows(column_source(MODEL, BASE), observations())
     apart, together = (weighted_information(every, once, blocks=blocks) for blocks in (True, False))
     assert together.blocks == 2
     for a, b in zip(total(apart).joints, total(together).joints, strict=True):
@@ -76,10 +76,10 @@ def test_a_run_as_one_block_says_the_same():
 
 def test_rows_are_kept_only_while_they_are_few(monkeypatch: pytest.MonkeyPatch):
     source, given = column_source(MODEL, BASE), observations()
-    few = Rows(source, given)
+    few = WeightedRows(source, given)
     assert [id(segment) for segment in few] == [id(segment) for segment in few]
     monkeypatch.setattr(weighted_rows, "KEPT", 1000)
-    many = Rows(source, given)
+    many = WeightedRows(source, given)
     first = weighted_information(many, once)
     assert {id(segment.x) for segment in list(many)}.isdisjoint({id(segment.x) for segment in list(few)})
     assert first.joints[0].R.tobytes() == weighted_information(few, once).joints[0].R.tobytes()
@@ -87,6 +87,6 @@ def test_rows_are_kept_only_while_they_are_few(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_pass_that_was_broken_off_keeps_nothing():
-    every = Rows(column_source(MODEL, BASE), observations())
+    every = WeightedRows(column_source(MODEL, BASE), observations())
     next(iter(every))
     assert len(list(every)) == 2

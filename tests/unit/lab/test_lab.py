@@ -18,9 +18,9 @@ from armid.lab.ideal_recording import Sensors, record
 from armid.lab.known_arms import with_effects
 from armid.lab.options import Arm, LabOptions, load_options, parse_options
 from armid.lab.plant import Plant, stable_rate, write_mjcf
-from armid.lab.sensors import Channel, Sensing
-from armid.lab.simulation import doubts, simulate, true_model, truth_record
-from armid.lab.true_motion import MARGIN, Trace, closed_loop, inverse_dynamics
+from armid.lab.sensors import Sensing, SensorChannel
+from armid.lab.simulation import simulate, simulation_findings, true_model, truth_record
+from armid.lab.true_motion import MARGIN, TrueMotion, closed_loop, inverse_dynamics
 from armid.model.motion import Motion
 from armid.robot import load_robot
 from plants import EXACT, lab, short_plan, small_arm, smooth_arm
@@ -64,7 +64,9 @@ def test_a_file_says_everything(tmp_path: Path):
     found = load_options(path)
     assert (found.repetitions, found.controller.kind, found.drive.bandwidth) == (2, "pid", 200)
     assert found.faults == (LostRows(0.02), Gap())
-    assert found.sensing.velocity == Channel(noise=1e-3) and found.sensing.position == Channel(resolution=1e-4)
+    assert found.sensing.velocity == SensorChannel(noise=1e-3) and found.sensing.position == SensorChannel(
+        resolution=1e-4
+    )
     truth = found.arm.of(small_arm())
     np.testing.assert_array_equal(truth.friction.viscous, [1.0, 2.0, 3.0])
     np.testing.assert_array_equal(truth.rotor, [0.1, 0.2, 0.3])
@@ -109,7 +111,7 @@ def test_an_unreadable_file_is_refused(tmp_path: Path, text: str | None):
 # Moving ----------------------------------------------------------------------------------------------------------
 
 
-def off_the_plan(trace: Trace, plan: Excitation) -> float:
+def off_the_plan(trace: TrueMotion, plan: Excitation) -> float:
     """Largest distance from the plan after the lead-in [rad]."""
     after = trace.from_time(0.0)
     return float(np.abs(after.q - plan.at(after.time).q).max())
@@ -209,23 +211,23 @@ def test_what_the_real_arm_could_not_do_is_said():
     plan = short_plan(period=2.0)
     wide = replace(plan, offset=plan.offset + np.array([0.0, 2.9, 0.0]))
     done = simulate(small_arm(), wide, lab(mode="inverse-dynamics"))
-    assert {(f.code, f.channel) for f in doubts(done)} >= {("plan-outside-limits", "joint_2")}
+    assert {(f.code, f.channel) for f in simulation_findings(done)} >= {("plan-outside-limits", "joint_2")}
     fast = simulate(small_arm(), plan.stretched(0.3), lab(mode="inverse-dynamics"))
-    assert "plan-too-fast" in {f.code for f in doubts(fast)}
+    assert "plan-too-fast" in {f.code for f in simulation_findings(fast)}
     weak = simulate(small_arm(), plan, lab(drive=Drive(saturation=0.1)))
     closed = simulate(small_arm(), plan, lab())
-    assert "limit-overshot" not in {f.code for f in doubts(closed)}
+    assert "limit-overshot" not in {f.code for f in simulation_findings(closed)}
     top = np.abs(plan.sample(1000.0).dq).max(axis=0)
     robot = small_arm().robot
     joints = [replace(joint, velocity_limit=v) for joint, v in zip(robot.joints, top, strict=True)]
     at_limit = replace(small_arm(), robot=replace(robot, joints=tuple(joints)))
-    assert not doubts(simulate(at_limit, plan, lab(mode="inverse-dynamics")))
-    loose = doubts(simulate(at_limit, plan, lab(controller=Controller("pid"))))
+    assert not simulation_findings(simulate(at_limit, plan, lab(mode="inverse-dynamics")))
+    loose = simulation_findings(simulate(at_limit, plan, lab(controller=Controller("pid"))))
     overshot = [f for f in loose if f.code == "limit-overshot"]
     assert overshot and all("The plan asks for" in f.evidence and ".velocity=" in f.remedy for f in overshot)
     assert "plan-too-fast" not in {f.code for f in loose}
-    assert "drive-saturated" in {f.code for f in doubts(weak)}
-    assert not doubts(simulate(small_arm(), short_plan(), lab(mode="inverse-dynamics")))
+    assert "drive-saturated" in {f.code for f in simulation_findings(weak)}
+    assert not simulation_findings(simulate(small_arm(), short_plan(), lab(mode="inverse-dynamics")))
 
 
 def test_inverse_dynamics_is_what_the_demo_records():

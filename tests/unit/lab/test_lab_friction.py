@@ -9,8 +9,8 @@ import pytest
 
 from armid import kernel
 from armid.errors import LabError
-from armid.lab.friction import Friction, MaxwellSlip, Stribeck, ToothRipple, Warmth, friction_along
-from armid.lab.known_arms import EFFECTS, Truth, truth_of, with_effects
+from armid.lab.friction import Friction, MaxwellSlip, StribeckEffect, ToothRipple, Warmth, friction_along
+from armid.lab.known_arms import EFFECTS, KnownArm, truth_of, with_effects
 from armid.lab.plant import Plant
 from armid.model.motion import Motion
 from armid.robot import load_robot
@@ -48,7 +48,7 @@ def test_parts_are_what_the_terms_say():
         "asymmetric": (replace(plain, asymmetry=-0.5 * ONE), -0.5 * np.abs(forward)),
         "load": (replace(plain, load=0.1 * ONE), 0.1 * 20.0 * forward),
         "stribeck": (
-            replace(plain, stribeck=Stribeck(2.0 * ONE, 0.3 * ONE)),
+            replace(plain, stribeck=StribeckEffect(2.0 * ONE, 0.3 * ONE)),
             2.0 * np.exp(-((dq / 0.3) ** 2)) * forward,
         ),
         "ripple": (
@@ -94,8 +94,8 @@ def test_warmth_thins_the_grease_and_cools_down():
         lambda: Friction(ONE, np.ones(2)),
         lambda: Friction(ONE, ONE, asymmetry=2.0 * ONE),
         lambda: Friction(ONE, ONE, load=-ONE),
-        lambda: Friction(ONE, ONE, stribeck=Stribeck(np.ones(2), np.ones(2))),
-        lambda: Stribeck(ONE, 0.0 * ONE),
+        lambda: Friction(ONE, ONE, stribeck=StribeckEffect(np.ones(2), np.ones(2))),
+        lambda: StribeckEffect(ONE, 0.0 * ONE),
         lambda: MaxwellSlip(ONE[None], 0.0 * ONE[None]),
         lambda: Warmth(ONE, ONE, 0.0 * ONE, ONE),
         lambda: with_effects(small_arm(), ["magic"]),
@@ -141,7 +141,7 @@ def test_effects_leave_what_they_do_not_name():
 def test_an_arm_without_numbers_of_its_own_gets_friction_from_its_limits():
     robot = small_model().robot
     truth = truth_of(robot)
-    assert isinstance(truth, Truth)
+    assert isinstance(truth, KnownArm)
     np.testing.assert_allclose(truth.friction.coulomb, [3.2, 3.2, 3.2])  # a 25th of 80 N·m
     built_in = truth_of(load_robot("iiwa14-r820"))
     assert (built_in.friction.viscous[0], built_in.friction.coulomb[6]) == (28.404, 3.030)

@@ -28,8 +28,8 @@ from armid.lab.faults import (
     WrappedPosition,
     spoil,
 )
-from armid.lab.sensors import Channel, Sensing, sense
-from armid.lab.true_motion import MARGIN, Trace, inverse_dynamics
+from armid.lab.sensors import Sensing, SensorChannel, sense
+from armid.lab.true_motion import MARGIN, TrueMotion, inverse_dynamics
 from armid.measurement.recording import Recording
 from plants import short_plan, small_arm
 
@@ -37,12 +37,12 @@ RATE = 1000.0
 NAMES = ("a", "b", "c")
 
 
-def trace(rate: float = RATE) -> Trace:
+def trace(rate: float = RATE) -> TrueMotion:
     return inverse_dynamics(small_arm(), short_plan(), rate, 1)
 
 
 def logged(seed: int = 0, truth_rate: float = RATE, **changes) -> Recording:
-    sensing = Sensing(**{"rate": RATE, "position": Channel(), "effort": Channel()} | changes)
+    sensing = Sensing(**{"rate": RATE, "position": SensorChannel(), "effort": SensorChannel()} | changes)
     return sense(trace(truth_rate), sensing, NAMES, "lab", np.random.default_rng(seed))
 
 
@@ -50,7 +50,7 @@ TRUE = trace().from_time(0.0)
 
 
 def test_perfect_sensors_say_what_is():
-    found = logged(velocity=Channel())
+    found = logged(velocity=SensorChannel())
     np.testing.assert_array_equal(found.q, TRUE.q)
     np.testing.assert_array_equal(found.dq, TRUE.dq)
     np.testing.assert_array_equal(found.effort, TRUE.effort)
@@ -66,29 +66,29 @@ def test_a_slower_log_takes_every_so_many_instants():
 
 
 def test_noise_is_white_and_as_large_as_said():
-    noise = logged(effort=Channel(noise=0.5)).effort - TRUE.effort
+    noise = logged(effort=SensorChannel(noise=0.5)).effort - TRUE.effort
     assert noise.std() == pytest.approx(0.5, rel=0.02)  # 24000 samples
     assert abs(np.corrcoef(noise[1:, 0], noise[:-1, 0])[0, 1]) < 0.05
     assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.05
 
 
 def test_resolution_bias_and_drift():
-    stepped = logged(position=Channel(resolution=1e-3)).q
+    stepped = logged(position=SensorChannel(resolution=1e-3)).q
     np.testing.assert_allclose(np.rint(stepped / 1e-3), stepped / 1e-3, atol=1e-9)
     assert np.abs(stepped - TRUE.q).max() <= 0.5e-3 + 1e-12
-    off = logged(effort=Channel(bias=2.0, drift=0.25)).effort - TRUE.effort
+    off = logged(effort=SensorChannel(bias=2.0, drift=0.25)).effort - TRUE.effort
     np.testing.assert_allclose(off, 2.0 + 0.25 * TRUE.time[:, None] * np.ones(3), atol=1e-12)
 
 
 @pytest.mark.parametrize("late", [0.004, 0.0123])
 def test_a_delayed_channel_says_what_was(late: float):
     exact = short_plan().at(np.arange(8000) / RATE - late).q
-    np.testing.assert_allclose(logged(position=Channel(delay=late)).q, exact, atol=1e-8)
+    np.testing.assert_allclose(logged(position=SensorChannel(delay=late)).q, exact, atol=1e-8)
 
 
 def test_a_low_pass_before_logging_is_causal():
     """Far below its corner it delays by its group delay: √2 / ω of a Butterworth filter of second order."""
-    found = logged(position=Channel(cutoff=20.0)).q
+    found = logged(position=SensorChannel(cutoff=20.0)).q
     late = np.sqrt(2.0) / (2.0 * np.pi * 20.0)
     np.testing.assert_allclose(found, short_plan().at(np.arange(8000) / RATE - late).q, atol=2e-3)
     assert np.abs(found - TRUE.q).max() > 5e-3
@@ -114,15 +114,15 @@ def test_the_link_side_feels_no_friction():
 
 
 def test_the_seed_makes_the_log():
-    noisy = {"position": Channel(noise=1e-4), "jitter": 1e-5}
+    noisy = {"position": SensorChannel(noise=1e-4), "jitter": 1e-5}
     assert logged(1, **noisy).sha256 == logged(1, **noisy).sha256 != logged(2, **noisy).sha256
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: Channel(noise=-1.0),
-        lambda: Channel(delay=2.0 * MARGIN),
+        lambda: SensorChannel(noise=-1.0),
+        lambda: SensorChannel(delay=2.0 * MARGIN),
         lambda: Sensing(rate=8001.0),
         lambda: Sensing(rate=0.0),
         lambda: Sensing(side="moon"),  # pyright: ignore[reportArgumentType]
@@ -141,7 +141,7 @@ def test_what_cannot_be_is_refused(wrong):
 
 # Faults ----------------------------------------------------------------------------------------------------------
 
-CLEAN = logged(velocity=Channel())
+CLEAN = logged(velocity=SensorChannel())
 
 
 def same_but(found: Recording, *names: str) -> None:

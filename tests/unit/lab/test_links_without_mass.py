@@ -12,7 +12,7 @@ from armid.excitation.fourier import save_plan
 from armid.lab.known_arms import truth_of
 from armid.lab.plant import write_mjcf
 from armid.robot import load_robot
-from armid.robot.missing_inertia import moving_nothing
+from armid.robot.missing_inertia import massless_joints
 from labs import small_plan
 
 ROW = '[[joint]]\nname = "J{}"\na = 0.3\nalpha = {}\nposition = [-2, 2]\nvelocity = 3\neffort = 40\n'
@@ -33,8 +33,8 @@ def table(tmp_path, *with_mass):
 
 
 def test_joints_that_move_no_mass(tmp_path):
-    assert moving_nothing(load_robot(table(tmp_path, 1, 1, 0, 0))) == ("J3", "J4")
-    assert moving_nothing(load_robot(table(tmp_path, 0, 0, 1))) == ()
+    assert massless_joints(load_robot(table(tmp_path, 1, 1, 0, 0))) == ("J3", "J4")
+    assert massless_joints(load_robot(table(tmp_path, 0, 0, 1))) == ()
 
 
 def test_they_are_not_simulated_and_the_key_to_add_is_said(tmp_path):

@@ -12,7 +12,7 @@ from armid.lab.friction import Friction
 from armid.lab.known_arms import OWN, truth_of
 from armid.lab.options import Arm, LabOptions
 from armid.lab.placeholders import placeholder_finding
-from armid.lab.simulation import doubts, simulate
+from armid.lab.simulation import simulate, simulation_findings
 from armid.robot import load_robot
 from labs import LINK, small_plan
 
@@ -34,7 +34,7 @@ def arm(tmp_path, *efforts):
 def told(robot, friction=None, effects=()):
     plan: Excitation = small_plan(1)
     options = LabOptions(mode="inverse-dynamics", arm=Arm(effects=effects, friction=friction))
-    found = doubts(simulate(truth_of(robot), plan, options))
+    found = simulation_findings(simulate(truth_of(robot), plan, options))
     return [each for each in found if each.code == "limits-placeholder"]
 
 

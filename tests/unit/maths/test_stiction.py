@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armid.maths import stiction
-from armid.maths.stiction import settle_friction
+from armid.maths.stiction import solve_stiction
 
 TOLERANCE = 1e-10
 """Relative: one solution of a few equations with a condition number of at most a thousand."""
 
 
 def settled(mobility, free, lower, upper):
-    f, v = settle_friction(*(np.array(x, dtype=float)[None] for x in (mobility, free, lower, upper)))
+    f, v = solve_stiction(*(np.array(x, dtype=float)[None] for x in (mobility, free, lower, upper)))
     return f[0], v[0]
 
 
@@ -35,7 +35,7 @@ def test_without_friction_nothing_changes():
 
 
 def check(mobility, free, lower, upper):
-    f, v = settle_friction(mobility, free, lower, upper)
+    f, v = solve_stiction(mobility, free, lower, upper)
     scale = np.abs(free).max() + 1.0
     np.testing.assert_allclose(v, free - np.einsum("wij,wj->wi", mobility, f), atol=1e-7 * scale)
     assert (f <= upper + TOLERANCE).all() and (f >= -lower - TOLERANCE).all()
@@ -65,7 +65,7 @@ def test_sweeping_finds_the_same(monkeypatch: pytest.MonkeyPatch):
     root = 0.3 * rng.normal(size=(4, 5, 5))
     mobility = root @ np.swapaxes(root, 1, 2) + np.eye(5)
     free, bound = rng.normal(size=(4, 5)), rng.uniform(0.0, 1.0, (4, 5))
-    expected = settle_friction(mobility, free, bound, bound)
+    expected = solve_stiction(mobility, free, bound, bound)
     monkeypatch.setattr(stiction, "ROUNDS", 1)
-    for found, right in zip(settle_friction(mobility, free, bound, bound), expected, strict=True):
+    for found, right in zip(solve_stiction(mobility, free, bound, bound), expected, strict=True):
         np.testing.assert_allclose(found, right, atol=1e-9)

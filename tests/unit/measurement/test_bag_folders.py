@@ -8,9 +8,9 @@ import pytest
 
 from armid.errors import RecordingError
 from armid.measurement.bag_files import sha256_of_recording
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
-from armid.measurement.robot_convention import interpret
+from armid.measurement.robot_convention import to_robot_convention
 from armid.robot.robot import Frame, Joint, Link, Robot
 from armid.values import sha256_of_file
 from recordings import JOINT_STATE, joint_state, message, ros_types, write_bag, write_bag_folder
@@ -47,8 +47,8 @@ def states(names=NAMES, take=(0, 1, 2), at=AT, **options):
 
 def read(path, robot=None, **reading):
     robot = robot or arm()
-    how = Reading(**reading)
-    return interpret(load_recording(path, how, robot), how, robot)
+    how = LogFormat(**reading)
+    return to_robot_convention(load_recording(path, how, robot), how, robot)
 
 
 def found(read_, code):

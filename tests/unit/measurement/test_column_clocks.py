@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.columns.clocks import Question, clock_columns
+from armid.measurement.columns.clocks import ClockRequest, clock_columns
 from armid.measurement.columns.names import time_unit
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.cleaning import settle
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.cleaning import clean
 from armid.measurement.readers import load_recording
 from recordings import write_csv, write_workbook
 
@@ -20,9 +20,9 @@ BODY = {"q1": Q[:, 0], "q2": Q[:, 1], "tau1": Q[:, 1], "tau2": Q[:, 0]}
 
 
 def read(path, **said):
-    how = Reading(**said)
+    how = LogFormat(**said)
     raw = load_recording(path, how)
-    return raw, settle(raw, Reading(**(raw.guessed | said)))[0]
+    return raw, clean(raw, LogFormat(**(raw.guessed | said)))[0]
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_two_clocks_of_one_time_are_one_and_of_two_a_question():
     columns = {"Zeitmarke [s]": T, "Laufzeit [ms]": 1e3 * T}
     assert clock_columns(list(columns), columns.__getitem__) == ("Zeitmarke [s]",)
     columns["Laufzeit [ms]"] = 2e3 * T
-    assert isinstance(clock_columns(list(columns), columns.__getitem__), Question)
+    assert isinstance(clock_columns(list(columns), columns.__getitem__), ClockRequest)
 
 
 def test_a_clock_with_a_fault_is_still_the_clock():

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.columns.guesses import Guess, Question, guess_columns
+from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.names import clock_of, column_unit, named
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
-from armid.measurement.robot_convention import interpret, understood
+from armid.measurement.robot_convention import to_robot_convention, understood
 from armid.robot.robot import Frame, Joint, Link, Robot
 from recordings import write_csv
 
@@ -210,7 +210,7 @@ def test_the_page_says_what_is_guessed(example, said):
 )
 def test_two_that_are_as_good_are_a_question(names, quantity):
     question = guess_columns(names, ALL, wanted=JOINTS)
-    assert isinstance(question, Question)
+    assert isinstance(question, ClockRequest)
     assert question.quantity == quantity and len(question.sets) == 2
 
 
@@ -292,8 +292,8 @@ def table(q="q{}", tau="tau{}", time="t", of=(1, 2, 3), order=(0, 1, 2), scale=1
 
 
 def read(path, robot=None, **reading):
-    robot, how = robot or arm(), Reading(**reading)
-    return interpret(load_recording(path, how, robot), how, robot)
+    robot, how = robot or arm(), LogFormat(**reading)
+    return to_robot_convention(load_recording(path, how, robot), how, robot)
 
 
 def test_names_of_joints_choose_and_order_columns(tmp_path):
@@ -383,6 +383,6 @@ def test_what_cannot_be_guessed_is_asked_in_the_form_of_the_arm(tmp_path):
 
 def test_the_reading_of_a_study_knows_what_was_guessed(tmp_path):
     path = write_csv(tmp_path / "run.csv", table("{}_pos", "{}_tau", of=JOINTS))
-    raw = load_recording(path, Reading(), arm())
-    assert understood(raw, Reading(rate=None)).columns["q"] == tuple(each("{}_pos", of=JOINTS))
+    raw = load_recording(path, LogFormat(), arm())
+    assert understood(raw, LogFormat(rate=None)).columns["q"] == tuple(each("{}_pos", of=JOINTS))
     assert raw.columns["effort"] == tuple(each("{}_tau", of=JOINTS))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from armid.measurement.log_format import PRESETS, Reading
+from armid.measurement.log_format import PRESETS, LogFormat
 from armid.measurement.readers import load_recording
 from recordings import DDQ, DQ, RNG, TABLE, TAU, N, Q, T, assert_same, refused, write_csv
 
@@ -12,11 +12,11 @@ def test_columns_by_pattern_by_list_and_left_out(tmp_path):
         {"zeit": T} | {f"qm{i + 1}": Q[:, i] for i in range(3)} | {f"f_{n}": TAU[:, i] for i, n in enumerate("xyz")}
     )
     path = write_csv(tmp_path / "run.csv", table)
-    chosen = load_recording(path, Reading(columns={"time": "zeit", "q": "qm{}", "effort": ["f_z", "f_x", "f_y"]}))
+    chosen = load_recording(path, LogFormat(columns={"time": "zeit", "q": "qm{}", "effort": ["f_z", "f_x", "f_y"]}))
     np.testing.assert_array_equal(chosen.q, Q)
     np.testing.assert_array_equal(chosen.effort, TAU[:, [2, 0, 1]])
     np.testing.assert_array_equal(chosen.time, T)
-    plain = load_recording(write_csv(tmp_path / "plain.csv"), Reading(columns={"time": "", "dq": ""}, rate=100))
+    plain = load_recording(write_csv(tmp_path / "plain.csv"), LogFormat(columns={"time": "", "dq": ""}, rate=100))
     assert plain.time is None and plain.dq is None and plain.rate == 100.0
 
 
@@ -44,7 +44,7 @@ def test_a_gap_in_the_numbers_is_refused(tmp_path):
     np.testing.assert_array_equal(guessed.q, Q[:, [2, 0, 1]])
     assert [f.code for f in guessed.findings] == ["columns-guessed"]
     columns = {"q": "q{0}", "dq": "dq{0}", "effort": "tau{0}"}
-    np.testing.assert_array_equal(load_recording(path, Reading(columns=columns)).q, Q[:, [2, 0, 1]])
+    np.testing.assert_array_equal(load_recording(path, LogFormat(columns=columns)).q, Q[:, [2, 0, 1]])
 
 
 def test_a_missing_channel_is_refused(tmp_path):
@@ -64,7 +64,7 @@ def test_currents_are_known_by_their_names(tmp_path):
     both = write_csv(tmp_path / "both.csv", TABLE | {f"i{i + 1}": DDQ[:, i] for i in range(3)})
     np.testing.assert_array_equal(load_recording(both).effort, TAU)
     refused("drive_gain does not say which", both, drive_gain=[1.0, 2.0, 3.0])
-    named = load_recording(both, Reading(drive_gain=[1.0, 2.0, 3.0], columns={"effort": "i{}"}))
+    named = load_recording(both, LogFormat(drive_gain=[1.0, 2.0, 3.0], columns={"effort": "i{}"}))
     np.testing.assert_array_equal(named.effort, DDQ)
     assert named.effort_is_current
 
@@ -76,10 +76,10 @@ def test_a_log_of_the_rtde_recorder(tmp_path):
         for i in range(3)
     }
     path = write_csv(tmp_path / "robot_data.csv", table, delimiter=" ")
-    recording = load_recording(path, Reading(preset="ur-rtde"))
+    recording = load_recording(path, LogFormat(preset="ur-rtde"))
     assert_same(recording)
     assert recording.effort_is_current
-    model = load_recording(path, Reading(preset="ur-rtde", columns={"effort": "target_q_{0}"}))
+    model = load_recording(path, LogFormat(preset="ur-rtde", columns={"effort": "target_q_{0}"}))
     np.testing.assert_array_equal(model.effort, DDQ)
     assert not model.effort_is_current
 
@@ -88,7 +88,7 @@ def test_a_log_of_pyfri(tmp_path):
     nanoseconds = 999_000_000 + 5_000_000 * np.arange(N)
     table = {"index": np.arange(N), "tsec": 1_700_000_000 + nanoseconds // 10**9, "tnsec": nanoseconds % 10**9}
     table |= {f"{name}{i + 1}": x[:, i] for name, x in (("mp", Q), ("ip", DDQ), ("mt", TAU)) for i in range(3)}
-    recording = load_recording(write_csv(tmp_path / "fri.csv", table), Reading(preset="kuka-fri"))
+    recording = load_recording(write_csv(tmp_path / "fri.csv", table), LogFormat(preset="kuka-fri"))
     assert recording.dq is None
     np.testing.assert_array_equal(recording.q, Q)
     np.testing.assert_array_equal(recording.effort, TAU)
@@ -102,7 +102,7 @@ def test_a_log_of_libfranka_counts_milliseconds(tmp_path):
         for name, x in (("q", Q), ("q_d", DDQ), ("dq", DQ), ("tau_J", TAU), ("tau_ext_hat_filtered", DDQ))
         for i in range(3)
     }
-    recording = load_recording(write_csv(tmp_path / "franka.csv", table), Reading(preset="libfranka"))
+    recording = load_recording(write_csv(tmp_path / "franka.csv", table), LogFormat(preset="libfranka"))
     assert_same(recording, t=np.arange(N) * 1e-3)
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.delay import in_time
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.delay import compensate_delay
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import interpret
+from armid.measurement.robot_convention import to_robot_convention
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
 from healing import healed
@@ -43,7 +43,7 @@ def clock(seconds: float) -> np.ndarray:
 @pytest.mark.parametrize("late", [0.02, -0.03, 0.0133, [0.01, 0.0, -0.0021]])
 def test_the_torque_is_that_of_its_time(late: float | list[float]):
     t = clock(10.0)
-    found = in_time(log(t, np.array(late)), Reading(delay=late))
+    found = compensate_delay(log(t, np.array(late)), LogFormat(delay=late))
     assert found.effort is not None
     off = np.abs(found.effort - torque(t))
     assert off[found.valid].max() < (ROUNDING if np.allclose(np.multiply(late, RATE) % 1.0, 0.0) else SPLINE)
@@ -54,15 +54,15 @@ def test_the_torque_is_that_of_its_time(late: float | list[float]):
 
 def test_without_a_delay_nothing_is_touched():
     given = log(clock(1.0))
-    assert in_time(given, Reading()) is given
+    assert compensate_delay(given, LogFormat()) is given
     silent = replace(given, effort=None)
-    assert in_time(silent, Reading(delay=0.1)) is silent
+    assert compensate_delay(silent, LogFormat(delay=0.1)) is silent
 
 
 @pytest.mark.parametrize("late", [0.0213, -0.0213])
 def test_where_the_motion_repeats_no_row_is_lost(late: float):
     t = clock(3 * PERIOD)
-    found = in_time(log(t, late), Reading(delay=late, period=PERIOD))
+    found = compensate_delay(log(t, late), LogFormat(delay=late, period=PERIOD))
     assert (~found.valid).sum() == 0 and found.effort is not None
     assert np.abs(found.effort - torque(t)).max() < SPLINE
 
@@ -71,7 +71,7 @@ def test_nothing_is_read_across_a_gap():
     t = clock(10.0)
     t = t[(t < 4.0) | (t >= 4.5)]
     given = log(t, 0.02)
-    found = in_time(given, Reading(delay=0.02))
+    found = compensate_delay(given, LogFormat(delay=0.02))
     assert found.effort is not None
     lost = np.flatnonzero(~found.valid[:, 0])
     assert set(t[lost]) == set(t[((t > 3.9799) & (t < 4.0)) | (t > t[-1] - 0.0199)])
@@ -82,7 +82,7 @@ def test_rows_whose_torque_does_not_count_do_not_count():
     t = clock(2.0)
     valid = np.ones((len(t), 3), dtype=bool)
     valid[100:110, 1] = False
-    found = in_time(log(t, 0.02, valid=valid), Reading(delay=0.02))
+    found = compensate_delay(log(t, 0.02, valid=valid), LogFormat(delay=0.02))
     assert not found.valid[96:110, 1].any() and found.valid[:95, 1].all() and found.valid[110:-4, 1].all()
     assert found.valid[:-4, [0, 2]].all()
 
@@ -90,15 +90,15 @@ def test_rows_whose_torque_does_not_count_do_not_count():
 @pytest.mark.parametrize("wrong", [20.0, [0.1, 2.0], "late", [[0.1]], np.nan])
 def test_what_is_no_delay_is_refused(wrong: object):
     with pytest.raises(RecordingError, match="delay"):
-        Reading(delay=wrong)  # pyright: ignore[reportArgumentType]
+        LogFormat(delay=wrong)  # pyright: ignore[reportArgumentType]
 
 
 def test_delays_must_be_those_of_the_joints_and_of_rows_in_time():
     case = sound(4)
     with pytest.raises(RecordingError, match="delay has 2 entries"):
-        interpret(case.recording, Reading(delay=[0.01, 0.02]), case.robot)
+        to_robot_convention(case.recording, LogFormat(delay=[0.01, 0.02]), case.robot)
     with pytest.raises(RecordingError, match="do not follow each other"):
-        in_time(replace(log(clock(1.0)), consecutive=False), Reading(delay=0.01))
+        compensate_delay(replace(log(clock(1.0)), consecutive=False), LogFormat(delay=0.01))
 
 
 def test_a_study_that_says_the_delay_identifies_what_a_log_in_time_does():

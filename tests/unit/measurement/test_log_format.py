@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.log_format import PRESETS, QUANTITIES, Reading
+from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
 from armid.values import load, save
 
 
@@ -24,7 +24,7 @@ def test_the_keys_are_those_of_a_study():
         "period": 10,
         "start": 2,
     }
-    reading = Reading(**table)
+    reading = LogFormat(**table)
     assert reading.rate == 50.0 and reading.period == 10.0 and reading.start == 2.0
     np.testing.assert_array_equal(reading.torque_sign, [-1.0])
     np.testing.assert_array_equal(reading.drive_gain_deviation, [0.1])
@@ -34,10 +34,10 @@ def test_the_keys_are_those_of_a_study():
 
 
 def test_saving_and_loading_gives_the_same_reading(tmp_path):
-    reading = Reading(
+    reading = LogFormat(
         torque_sign=[1, -1], drive_gain=[2.0, 3.0], columns={"q": "qm{}"}, joints={"x": "y"}, exclude=[(0, 1)]
     )
-    again = load(Reading, save(reading, tmp_path / "reading.npz"))
+    again = load(LogFormat, save(reading, tmp_path / "reading.npz"))
     np.testing.assert_array_equal(again.torque_sign, [1, -1])
     np.testing.assert_array_equal(again.drive_gain, [2, 3])
     assert (again.columns, again.joints, again.exclude) == (reading.columns, reading.joints, reading.exclude)
@@ -78,18 +78,18 @@ def test_saving_and_loading_gives_the_same_reading(tmp_path):
 )
 def test_nonsense_is_refused_when_it_is_said(wrong, words):
     with pytest.raises(RecordingError, match=words):
-        Reading(**wrong)
+        LogFormat(**wrong)
 
 
 def test_a_wrong_word_is_answered_with_the_known_ones():
     with pytest.raises(RecordingError) as caught:
-        Reading(preset="ur")
+        LogFormat(preset="ur")
     assert all(name in caught.value.possible for name in PRESETS)
     with pytest.raises(RecordingError) as caught:
-        Reading(columns={"torque": "tau{}"})
+        LogFormat(columns={"torque": "tau{}"})
     assert all(name in caught.value.possible for name in QUANTITIES)
 
 
 def test_a_one_joint_arm_needs_no_special_case():
-    reading = Reading(torque_sign=-1, drive_gain=[2.0], transmission=[[50.0]], joint_offset=[0.1])
+    reading = LogFormat(torque_sign=-1, drive_gain=[2.0], transmission=[[50.0]], joint_offset=[0.1])
     assert np.shape(reading.transmission) == (1, 1)

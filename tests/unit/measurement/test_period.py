@@ -9,10 +9,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from armid.errors import RecordingError
-from armid.estimation.uncertainty.frequency_bands import repeats
-from armid.measurement.log_format import Reading
+from armid.estimation.uncertainty.frequency_bands import has_repetitions
+from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.period import SHORTEST, repetition
-from armid.measurement.processing.pipeline import Processing, process
+from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
 from armid.values import Array
 from motions import codes, recording
 
@@ -110,14 +110,14 @@ def test_the_period_is_the_shortest_after_which_all_joints_are_back():
 def test_a_found_period_is_told_and_makes_repetitions_of_short_blocks():
     t, q = with_ways(8.0, 3, 1.0, 0.0, 200.0, seed=4)
     log = recording(t, q=q[:, :2])
-    (run,), findings = process(log, Processing(), period="find")
+    (run,), findings = process_recording(log, ProcessingOptions(), period="find")
     (told,) = [each for each in findings if each.code == "period-found"]
     assert told.severity == "info" and "8 s, 3 times" in told.evidence and "do not count" in told.evidence
     assert run.repetition is not None
     counted = run.mask.any(axis=1)
     assert set(run.repetition[counted]) == {0, 1, 2}
     assert not counted[run.motion.time[run.rows] < 0.2].any()
-    periods = repeats(run)
+    periods = has_repetitions(run)
     assert periods is not None and len(periods) == 4
     assert np.ptp(np.bincount(run.block[counted])) <= 50  # of about a second
     assert len(np.unique(run.block[counted])) == 24
@@ -127,12 +127,14 @@ def test_a_stated_period_overrides_and_none_looks_for_nothing():
     t, q = with_ways(8.0, 3, 0.0, 0.0, 200.0, seed=4)
     log = recording(t, q=q[:, :2])
     assert (
-        Reading().repeats == "find" and Reading(period=4.0).repeats == 4.0 and Reading(period="none").repeats is None
+        LogFormat().repeats == "find"
+        and LogFormat(period=4.0).repeats == 4.0
+        and LogFormat(period="none").repeats is None
     )
-    for reading, blocks in ((Reading(period=12.0), 2), (Reading(period="none"), 24)):
-        (run,), findings = process(log, Processing(), period=reading.repeats)
+    for reading, blocks in ((LogFormat(period=12.0), 2), (LogFormat(period="none"), 24)):
+        (run,), findings = process_recording(log, ProcessingOptions(), period=reading.repeats)
         assert "period-found" not in codes(findings) and run.repetition is None
         assert len(np.unique(run.block[run.mask.any(axis=1)])) == blocks
     for wrong in ("never", -1.0, True):
         with pytest.raises(RecordingError, match="period"):
-            Reading(period=wrong)  # pyright: ignore[reportArgumentType]
+            LogFormat(period=wrong)  # pyright: ignore[reportArgumentType]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
 from recordings import NAMES, SECONDS, N, assert_same, message, refused, write_bag
 
@@ -40,7 +40,7 @@ def test_one_topic_of_joint_states_is_found_and_several_must_be_chosen_from(tmp_
     other = [message(i, order=(1, 0, 2)) for i in range(N)]
     path = write_bag(tmp_path, suffix, {"/left": messages, "/right": other, "/clock": []})
     assert "/left, /right" in refused("2 topics with joint states", path).possible
-    assert load_recording(path, Reading(topic="/right")).joint_names == ("a2", "a1", "a3")
+    assert load_recording(path, LogFormat(topic="/right")).joint_names == ("a2", "a1", "a3")
     refused("topic /arm is not in the bag", path, topic="/arm")
     refused("holds std_msgs/msg/Header", path, topic="/clock")
 
@@ -56,9 +56,9 @@ def test_publishers_that_share_a_topic_are_told_apart(tmp_path):
     mixed = [m for pair in zip(arm, hand, strict=True) for m in pair]
     path = write_bag(tmp_path, ".mcap", {"/joint_states": mixed})
     refused("2 publishers share /joint_states.*a1, a2, a3.*f1, f2, f3", path)
-    chosen = load_recording(path, Reading(joints={name: name for name in NAMES}))
+    chosen = load_recording(path, LogFormat(joints={name: name for name in NAMES}))
     assert_same(chosen, t=SECONDS)
-    both = load_recording(path, Reading(joints={"a1": "x", "f1": "y"}))
+    both = load_recording(path, LogFormat(joints={"a1": "x", "f1": "y"}))
     assert set(both.joint_names) == {*NAMES, "f1"}  # the hand's other joints are nobody's
 
 

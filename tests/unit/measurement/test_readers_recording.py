@@ -9,7 +9,7 @@ import scipy.io
 
 from armid.errors import MissingExtraError
 from armid.measurement import readers
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import READERS, load_recording
 from armid.measurement.recording import Recording
 from armid.values import save, sha256_of_file
@@ -103,7 +103,7 @@ def test_npz_saved_by_armid_keeps_what_it_knows(tmp_path):
     recording = load_recording(tmp_path / "lab.npz")
     assert (recording.rate, recording.consecutive, recording.joint_names) == (50.0, True, ("a", "b", "c"))
     np.testing.assert_array_equal(recording.effort, TAU)
-    assert load_recording(tmp_path / "lab.npz", Reading(rate=60)).rate == 60.0
+    assert load_recording(tmp_path / "lab.npz", LogFormat(rate=60)).rate == 60.0
 
 
 def test_matlab_version_5(tmp_path):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.cleaning import settle
-from armid.measurement.processing.pipeline import Processing, process
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.cleaning import clean
+from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
 from armid.measurement.processing.resampling import Stretch, is_even, jitter, uniform
 from armid.measurement.recording import Recording
 from motions import clock, codes, motion, one, recording
@@ -16,7 +16,7 @@ from motions import clock, codes, motion, one, recording
 
 def test_a_gap_splits_the_run_and_is_named():
     t = np.r_[clock(5.0), 5.16 + clock(6.0)]
-    runs, findings = process(recording(t), Processing(family="none"))
+    runs, findings = process_recording(recording(t), ProcessingOptions(family="none"))
     assert [run.motion.samples for run in runs] == [500, 600]
     assert codes(findings) == ["clock-gap"] and "0.17 s" in findings[0].evidence
     # Across the gap nothing is differentiated: velocities stay those of the motion.
@@ -26,27 +26,27 @@ def test_a_gap_splits_the_run_and_is_named():
 
 def test_a_short_step_is_no_gap_for_a_low_cutoff_but_one_for_none():
     t = np.delete(clock(10.0), slice(500, 501))  # one sample lost: 20 ms, a tenth of a period of 5 Hz
-    runs, findings = process(recording(t), Processing())
+    runs, findings = process_recording(recording(t), ProcessingOptions())
     assert len(runs) == 1 and codes(findings) == ["clock-jitter"]
     t = np.delete(clock(10.0), slice(500, 502))
-    assert len(process(recording(t), Processing(cutoff=2.0))[0]) == 1
-    assert len(process(recording(t), Processing())[0]) == 2
-    assert len(process(recording(t), Processing(family="none"))[0]) == 2
+    assert len(process_recording(recording(t), ProcessingOptions(cutoff=2.0))[0]) == 1
+    assert len(process_recording(recording(t), ProcessingOptions())[0]) == 2
+    assert len(process_recording(recording(t), ProcessingOptions(family="none"))[0]) == 2
 
 
 def test_a_stub_between_gaps_is_left_out_and_named():
     t = np.r_[clock(0.3), 1.0 + clock(6.0)]
-    runs, findings = process(recording(t), Processing())
+    runs, findings = process_recording(recording(t), ProcessingOptions())
     assert len(runs) == 1 and runs[0].motion.time[0] == 1.0
     assert codes(findings) == ["clock-gap", "run-short"]
     with pytest.raises(RecordingError, match=r"no row is left.*0\.5 s at each end"):
-        process(recording(clock(0.9)), Processing())
+        process_recording(recording(clock(0.9)), ProcessingOptions())
 
 
 def test_a_jittered_clock_is_moved_to_a_multiple_of_the_row_rate():
     rng = np.random.default_rng(1)
     t = (np.arange(2000) + rng.uniform(-0.4, 0.4, 2000)) / 97.0
-    run, findings = one(recording(t), Processing())
+    run, findings = one(recording(t), ProcessingOptions())
     assert codes(findings) == ["clock-jitter"]
     assert (run.rate, run.step) == (100.0, 4)
     np.testing.assert_allclose(np.diff(run.motion.time), 0.01, rtol=1e-9)
@@ -65,9 +65,9 @@ def test_samples_left_out_of_an_even_clock_are_filled_and_no_other_is_moved(time
     q, dq, _ = motion(t)
     x = {"q": q[again], "effort": dq[again], "source": "log.csv"}
     raw = Recording(time=t, **x) if timed else Recording(time=None, rate=1000.0, **x)
-    log, noticed = settle(raw, Reading())
+    log, noticed = clean(raw, LogFormat())
     assert codes(noticed) == ["rows-repeated"]
-    run, findings = one(log, Processing())
+    run, findings = one(log, ProcessingOptions())
     assert codes(findings) == ["rows-filled"] and "600 of 20000" in findings[0].evidence
     assert run.rate == 1000.0
     kept = np.isin(np.arange(len(t)), lost, invert=True)
@@ -81,7 +81,7 @@ def test_jitter_is_that_of_the_stamps_as_recorded_whatever_was_left_out():
     number = np.flatnonzero(np.random.default_rng(6).random(2000) > 0.1)
     assert jitter(t[number], number) == pytest.approx(jitter(t), rel=0.1)
     assert jitter(t[number]) > 10 * jitter(t)
-    _, findings = one(recording(t[number], number=number), Processing(cutoff=2.0))
+    _, findings = one(recording(t[number], number=number), ProcessingOptions(cutoff=2.0))
     assert codes(findings) == ["clock-jitter"]
     assert "0.099 steps off an even clock of 99.995 Hz" in findings[0].evidence
 
@@ -91,7 +91,7 @@ def test_a_jittered_clock_is_left_where_nothing_needs_an_even_one():
     t = (np.arange(500) + rng.uniform(-0.4, 0.4, 500)) / 97.0
     _, dq, ddq = motion(t)
     log = recording(t, dq=dq, ddq=ddq)
-    run, findings = one(log, Processing(family="none"))
+    run, findings = one(log, ProcessingOptions(family="none"))
     assert np.array_equal(run.motion.time, t) and np.array_equal(run.torque, log.effort)
     assert codes(findings) == ["clock-jitter"] and "left where they are" in findings[0].remedy
 
@@ -107,28 +107,28 @@ def test_jitter_is_measured_in_steps_and_a_lost_sample_near_an_end_is_seen():
 
 def test_a_rate_stands_for_a_missing_clock_and_neither_is_refused():
     t = clock(5.0)
-    run, _ = one(recording(t, time=None, rate=100.0), Processing())
+    run, _ = one(recording(t, time=None, rate=100.0), ProcessingOptions())
     assert run.rate == 100.0
     np.testing.assert_allclose(run.motion.time, t, atol=1e-12)
     with pytest.raises(RecordingError, match="no clock"):
-        process(recording(t, time=None), Processing())
+        process_recording(recording(t, time=None), ProcessingOptions())
 
 
 def test_bad_clocks_and_values_are_refused_with_the_sample():
     t = clock(5.0)
     with pytest.raises(RecordingError, match=r"does not increase from t = 1\.99 s \(sample 199\)"):
-        process(recording(np.r_[t[:200], t[150:]]), Processing())
+        process_recording(recording(np.r_[t[:200], t[150:]]), ProcessingOptions())
     effort = np.ones((500, 2))
     effort[123, 1] = np.nan
     with pytest.raises(RecordingError, match="sample 123"):
-        process(recording(t, effort=effort), Processing())
+        process_recording(recording(t, effort=effort), ProcessingOptions())
     with pytest.raises(RecordingError, match="no effort"):
-        process(recording(t, effort=None), Processing())
+        process_recording(recording(t, effort=None), ProcessingOptions())
 
 
 def test_a_cutoff_above_half_the_rate_is_refused():
     with pytest.raises(Exception, match="between 0 and 50 Hz"):
-        process(recording(clock(5.0)), Processing(cutoff=60.0))
+        process_recording(recording(clock(5.0)), ProcessingOptions(cutoff=60.0))
 
 
 def test_uniform_marks_samples_beside_a_bad_one():

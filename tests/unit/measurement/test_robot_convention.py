@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.measurement.robot_convention import interpret
+from armid.measurement.robot_convention import to_robot_convention
 from armid.robot.robot import Frame, Joint, Link, Robot
 
 RATE = 100.0
@@ -43,7 +43,7 @@ def recorded(**change):
 
 
 def read(recording, robot=None, **reading):
-    return interpret(recording, Reading(**reading), robot or arm())
+    return to_robot_convention(recording, LogFormat(**reading), robot or arm())
 
 
 def refused(words, recording, robot=None, **reading):

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from armid.doctor import EXPLAINS, examine
-from armid.doctor.evidence import Evidence
+from armid.doctor.evidence import LogEvidence
 from armid.lab.controller import Controller
 from armid.lab.friction import Friction
 from armid.lab.options import LabOptions
-from armid.lab.sensors import Channel, Sensing
+from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import Simulated, simulate
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.pipeline import THESIS, Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.pipeline import THESIS, ProcessingOptions
 from armid.measurement.processing.standstill import BESIDE, SLIDING, position_noise, standing
-from armid.measurement.robot_convention import interpret
+from armid.measurement.robot_convention import to_robot_convention
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.study.diagnosis import diagnose_recording
@@ -128,7 +128,7 @@ def test_coarse_positions_on_an_uneven_clock_do_not_stick(cutoff: float):
     rng = np.random.default_rng(3)
     t = clock(30.0, 500.0) + rng.uniform(-0.3, 0.3, 15000) / 500.0
     log = recording(t, q=COARSE * np.round(motion(t)[0] / COARSE))
-    assert "sticking" not in codes(one(log, Processing(cutoff=cutoff))[1])
+    assert "sticking" not in codes(one(log, ProcessingOptions(cutoff=cutoff))[1])
 
 
 def test_noise_of_positions_is_found_whatever_their_clock():
@@ -148,7 +148,7 @@ def both(seconds: float, pause: float) -> np.ndarray:
 
 def test_rows_at_standstill_do_not_count_for_their_joint_and_are_named():
     log = recording(clock(24.0, RATE), q=both(24.0, 0.2))
-    processing = Processing(cutoff=20.0, decimate=100.0)
+    processing = ProcessingOptions(cutoff=20.0, decimate=100.0)
     kept, silent = one(log, replace(processing, standstill="keep"))
     run, findings = one(log, processing)
     assert codes(silent) == []
@@ -164,7 +164,7 @@ def test_rows_at_standstill_do_not_count_for_their_joint_and_are_named():
 
 def test_a_joint_that_mostly_stands_keeps_its_rows_with_a_warning():
     log = recording(clock(24.0, RATE), q=both(24.0, 0.9))
-    run, findings = one(log, Processing())  # at 5 Hz standstill reaches 0.4 s to each side
+    run, findings = one(log, ProcessingOptions())  # at 5 Hz standstill reaches 0.4 s to each side
     assert np.array_equal(run.mask[:, 0], run.mask[:, 1])
     assert [(f.code, f.severity) for f in findings] == [("sticking", "warning")]
 
@@ -179,15 +179,17 @@ def test_the_preset_of_the_thesis_leaves_nothing_out():
 def sticking(delay: float = 0.0) -> Simulated:
     """The small arm with four times its dry friction under feedback that knows none of it, logged at 1 kHz."""
     friction = Friction(np.array(FRICTION["FV"]), 4.0 * np.array(FRICTION["FS"]))
-    effort = Channel(noise=0.02, delay=delay)
-    options = LabOptions(repetitions=2, controller=Controller(), sensing=Sensing(RATE, Channel(noise=1e-6), effort))
+    effort = SensorChannel(noise=0.02, delay=delay)
+    options = LabOptions(
+        repetitions=2, controller=Controller(), sensing=Sensing(RATE, SensorChannel(noise=1e-6), effort)
+    )
     return simulate(small_arm(friction=friction), short_plan(1, 8.0), options, seed=1)
 
 
 def told(done: Simulated) -> list[str]:
     model = DynamicsModel(small_arm().robot, (RigidBody(), Viscous(), Coulomb(0.0)))
     log = replace(done.recording, joint_names=model.robot.joint_names)
-    found = examine(Evidence(model.robot, log, Reading(), log, (), model, EXPLAINS))
+    found = examine(LogEvidence(model.robot, log, LogFormat(), log, (), model, EXPLAINS))
     return [f.code for f in found if f.severity == "error"]
 
 
@@ -201,9 +203,9 @@ def test_joints_that_stick_are_no_delay_and_a_delay_is_one():
 def test_the_doctor_tells_of_joints_that_stick_as_an_identification_does():
     done, robot = sticking(), small_arm().robot
     log = replace(done.recording, joint_names=robot.joint_names)
-    read = interpret(log, Reading(), robot).recording
-    (named,) = (f for f in one(read, Processing())[1] if f.code == "sticking")
-    (finding,) = (f for f in diagnose_recording(robot, log, Reading()) if f.code == "sticking")
+    read = to_robot_convention(log, LogFormat(), robot).recording
+    (named,) = (f for f in one(read, ProcessingOptions())[1] if f.code == "sticking")
+    (finding,) = (f for f in diagnose_recording(robot, log, LogFormat()) if f.code == "sticking")
     assert (finding.severity, finding.evidence, finding.remedy) == (named.severity, named.evidence, named.remedy)
-    kept = diagnose_recording(robot, log, Reading(), processing=Processing(standstill="keep"))
+    kept = diagnose_recording(robot, log, LogFormat(), processing=ProcessingOptions(standstill="keep"))
     assert "sticking" not in codes(kept)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import ENDINGS, load_recording
 from recordings import DQ, TABLE, TAU, N, Q, T, assert_same, refused, text, write_csv, write_workbook
 
@@ -166,4 +166,4 @@ def test_a_workbook(tmp_path):
     spoilt = {"t": T, "q1": [*Q[:-1, 0], "off"], "q2": Q[:, 1]}
     refused("row 26: q1 is 'off', not a number", write_workbook(tmp_path / "off.xlsx", spoilt))
     refused("has no sheet with a table", write_workbook(tmp_path / "none.xlsx", {"t": []}))
-    assert load_recording(tmp_path / "run.xlsx", Reading(columns={"dq": ""})).dq is None
+    assert load_recording(tmp_path / "run.xlsx", LogFormat(columns={"dq": ""})).dq is None

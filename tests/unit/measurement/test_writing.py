@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid.errors import MissingExtraError, OutputError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import READERS, load_recording
 from armid.measurement.recording import Recording
 from armid.measurement.writing import WRITERS, save_recording
@@ -43,7 +43,7 @@ def test_a_recording_comes_back(tmp_path: Path, suffix: str):
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_without_clock_and_velocity(tmp_path: Path, suffix: str):
     given = replace(recording(), time=None, dq=None, rate=100.0)
-    found = load_recording(save_recording(given, tmp_path / f"log{suffix}"), Reading(rate=100.0))
+    found = load_recording(save_recording(given, tmp_path / f"log{suffix}"), LogFormat(rate=100.0))
     assert found.time is None and found.dq is None
     np.testing.assert_array_equal(found.effort, given.effort)  # pyright: ignore[reportArgumentType]
 

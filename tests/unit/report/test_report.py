@@ -18,13 +18,13 @@ from armid.errors import ArmidError, Finding, MissingExtraError
 from armid.report import rendering
 from armid.report.comparison import changes, pair_of
 from armid.report.data import recording_data
-from armid.report.data.page_data import Material, gather, records_of
-from armid.report.data.recording_data import look_at
+from armid.report.data.page_data import PageData, gather, records_of
+from armid.report.data.recording_data import evaluate_recording
 from armid.report.page import render, write_comparison, write_report
 from armid.report.sections.provenance import show_provenance
 from armid.runs.run import Run, load_run, save_run
 from armid.study.config import Study, load_study
-from armid.study.identify import identify, observe_recordings, read_recording
+from armid.study.identify import identify, process_study_recordings, read_recording
 from armid.study.records import to_json
 from armid.validation.prediction import score
 from labs import (
@@ -58,12 +58,12 @@ def run(folder: Path) -> Run:
 
 
 @pytest.fixture(scope="module")
-def material(run: Run) -> Material:
+def material(run: Run) -> PageData:
     return gather(run)
 
 
 @pytest.fixture(scope="module")
-def html(material: Material) -> str:
+def html(material: PageData) -> str:
     return render(material)
 
 
@@ -207,7 +207,7 @@ def test_the_same_run_gives_the_same_page(html: str, run: Run):
     assert render(gather(run)) == html
 
 
-def test_names_cannot_inject(material: Material):
+def test_names_cannot_inject(material: PageData):
     evil = '<b>x</b></script><script>alert("1")</script>'
     run = material.run
     joints = tuple(replace(joint, name=f"{evil}{k}") for k, joint in enumerate(run.robot.joints))
@@ -222,7 +222,7 @@ def test_names_cannot_inject(material: Material):
     assert evil in page.data["tables"]["torque"]["csv"].replace('""', '"')
 
 
-def test_prediction_and_bands_are_those_of_the_validation(material: Material, run: Run):
+def test_prediction_and_bands_are_those_of_the_validation(material: PageData, run: Run):
     record = material.validation["recordings"][0]
     (unseen,) = material.of_role("validate")
     known = np.isfinite(unseen.residual)
@@ -236,7 +236,7 @@ def test_prediction_and_bands_are_those_of_the_validation(material: Material, ru
     np.testing.assert_allclose(rms, run.estimate.fit.residual_rms, rtol=0.01)
 
 
-def test_friction_is_the_part_that_the_laws_make(material: Material):
+def test_friction_is_the_part_that_the_laws_make(material: PageData):
     """Of a model that is right, what is seen of friction is the law and the noise of the sensor."""
     (unseen,) = material.of_role("validate")
     assert np.abs(unseen.friction).max() > 1.0
@@ -330,13 +330,13 @@ def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
     study = replace(study, recordings=train, estimation=replace(study.estimation, friction_per_recording=own))
     made = load_run(save_run(identify(study), tmp_path / "run"))
     recording, _ = read_recording(train[1], study.folder, made.robot)
-    drawn = look_at(made, train[1], recording)
-    observations, _ = observe_recordings([(train[1], recording)], made.processing, made.robot)
+    drawn = evaluate_recording(made, train[1], recording)
+    observations, _ = process_study_recordings([(train[1], recording)], made.processing, made.robot)
     judged = score(made.model, made.estimate, observations)
     inside = np.mean(np.abs(drawn.residual) <= drawn.half_band, axis=0, where=np.isfinite(drawn.residual))
     np.testing.assert_allclose(inside, judged.coverage95, atol=1e-12)  # the same rows
     monkeypatch.setattr(recording_data, "BAND_ROWS", len(drawn.time) // 4)
-    between = look_at(made, train[1], recording).half_band
+    between = evaluate_recording(made, train[1], recording).half_band
     np.testing.assert_allclose(between, drawn.half_band, rtol=0.2)  # it changes as slowly as the motion
 
 

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from armid.estimation.link_properties import QUANTITIES, link_table
-from armid.excitation.collision.closest_approach import Approach
+from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Hysteresis, Ripple, Viscous
 from armid.report.data.friction_laws import law_text
 from armid.report.data.joint_names import by_joint, heading_of, label_of, number_of
-from armid.report.data.page_data import Material, gather, records_of
+from armid.report.data.page_data import PageData, gather, records_of
 from armid.report.heading import commands_of
 from armid.report.page import render
 from armid.report.plots.arm_picture import skeleton
@@ -30,10 +30,10 @@ from armid.report.sections.links import show_links
 from armid.report.sections.parameters import show_parameters
 from armid.report.sections.residuals import show_residuals
 from armid.report.sections.torque import show_torque
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.robot import Robot, load_robot
 from armid.runs.run import load_run
-from armid.study.provenance import Made
+from armid.study.provenance import RunOrigin
 from paged import understood
 from reports import Page, make_run
 
@@ -45,22 +45,22 @@ NAMES = ("base_yaw", "shoulder", "elbow")
 
 
 @pytest.fixture(scope="module")
-def material(tmp_path_factory: pytest.TempPathFactory) -> Material:
+def material(tmp_path_factory: pytest.TempPathFactory) -> PageData:
     return named(gather(make_run(tmp_path_factory.mktemp("small"))))
 
 
 @pytest.fixture(scope="module")
-def bodies(tmp_path_factory: pytest.TempPathFactory) -> Material:
+def bodies(tmp_path_factory: pytest.TempPathFactory) -> PageData:
     """A run that has standard parameters, most of them not identifiable."""
     return records_of(make_run(tmp_path_factory.mktemp("physical"), "physical"))
 
 
 @pytest.fixture(scope="module")
-def html(material: Material) -> str:
+def html(material: PageData) -> str:
     return render(material)
 
 
-def named(material: Material) -> Material:
+def named(material: PageData) -> PageData:
     """The run with joints of other names."""
     run = material.run
     joints = tuple(replace(joint, name=name) for joint, name in zip(run.robot.joints, NAMES, strict=True))
@@ -104,7 +104,7 @@ def test_a_folded_table_is_there_to_be_searched(html: str):
 # Names of joints ------------------------------------------------------------------------------------------------
 
 
-def test_labels_of_joints(material: Material):
+def test_labels_of_joints(material: PageData):
     joints = material.run.robot.joints
     assert (heading_of(joints, 2), label_of(joints, 2)) == ("joint 3 · elbow", "3 · elbow")
     numbered = tuple(replace(joint, name=name) for joint, name in zip(joints, ("A1", "joint_0", "j3"), strict=True))
@@ -114,7 +114,7 @@ def test_labels_of_joints(material: Material):
     assert said == "FV_1, FS_1 (base_yaw); XX_3 (elbow)"
 
 
-def test_parameters_stand_below_the_names_of_their_joints(material: Material, html: str):
+def test_parameters_stand_below_the_names_of_their_joints(material: PageData, html: str):
     (table,) = show_parameters(material).tables
     names = [row[0].text for row in table.rows]
     starts = sorted(table.groups)
@@ -128,7 +128,7 @@ def test_parameters_stand_below_the_names_of_their_joints(material: Material, ht
     assert re.search(r"\d+ inertial \+ \d+ friction", html)
 
 
-def test_every_part_of_the_page_says_the_names(material: Material, html: str):
+def test_every_part_of_the_page_says_the_names(material: PageData, html: str):
     page = Page(html)
     for key in ("torque", "friction", "laws", "excitation", "residuals"):
         rows = list(csv.reader(io.StringIO(page.data["tables"][key]["csv"])))
@@ -140,7 +140,7 @@ def test_every_part_of_the_page_says_the_names(material: Material, html: str):
 
 
 def test_groups_of_a_table_are_in_its_copies():
-    rows = [[Cell("a", 1.0)], [Cell("b", 2.0)], [Cell("c", 3.0)]]
+    rows = [[TableCell("a", 1.0)], [TableCell("b", 2.0)], [TableCell("c", 3.0)]]
     table = Table("t", "Three", (Column("x"),), rows, groups={0: "joint 1 · base", 2: "joint 2 · top"})
     assert table.csv() == "x,group\n1.0,joint 1 · base\n2.0,joint 1 · base\n3.0,joint 2 · top\n"
     latex = table.latex().splitlines()
@@ -151,7 +151,7 @@ def test_groups_of_a_table_are_in_its_copies():
 # Friction -------------------------------------------------------------------------------------------------------
 
 
-def test_a_basis_with_memory_is_one_sum(material: Material):
+def test_a_basis_with_memory_is_one_sum(material: PageData):
     """Five elements of hysteresis beside other laws are one line and not five terms of their stiffness."""
     robot = material.run.robot
     terms = (
@@ -196,7 +196,7 @@ def test_a_few_spikes_do_not_flatten_a_residual():
     assert Sight.of(np.full(3, np.nan)).span is None
 
 
-def test_the_page_scales_residuals_to_most_rows_and_says_what_is_cut(material: Material):
+def test_the_page_scales_residuals_to_most_rows_and_says_what_is_cut(material: PageData):
     (held_out,) = material.of_role("validate")
     measured = held_out.measured.copy()
     measured[len(measured) // 2, 0] += 50.0
@@ -213,7 +213,7 @@ def test_the_page_scales_residuals_to_most_rows_and_says_what_is_cut(material: M
     assert "beyond the picture, up to 50" in plot.caption
 
 
-def test_the_residual_stands_below_each_torque(material: Material):
+def test_the_residual_stands_below_each_torque(material: PageData):
     for _, plots in show_torque(material).plots:
         assert len(plots) == 2 * len(NAMES)
         for upper, lower in zip(plots[::2], plots[1::2], strict=True):
@@ -224,14 +224,14 @@ def test_the_residual_stands_below_each_torque(material: Material):
 # The head of the page -------------------------------------------------------------------------------------------
 
 
-def test_date_host_and_recordings_are_at_the_top(material: Material):
-    made = Made("2024-02-29T13:05:07+02:00", "bench-7", "9.9")
+def test_date_host_and_recordings_are_at_the_top(material: PageData):
+    made = RunOrigin("2024-02-29T13:05:07+02:00", "bench-7", "9.9")
     top = Page(render(replace(material, run=replace(material.run, made=made)))).prose.split("Verdict", 2)[1]
     for said in ("29 February 2024, 13:05 (UTC+02:00) on bench-7, armid 9.9", "run1.csv (", "run2.csv ("):
         assert said in top
 
 
-def test_a_run_keeps_when_and_where_it_was_made_and_older_ones_are_read(material: Material, tmp_path: Path):
+def test_a_run_keeps_when_and_where_it_was_made_and_older_ones_are_read(material: PageData, tmp_path: Path):
     made = load_run(material.run.folder).made
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]\d\d:\d\d", made.at) and made.host and made.version
     old = shutil.copytree(material.run.folder, tmp_path / "run")
@@ -239,11 +239,11 @@ def test_a_run_keeps_when_and_where_it_was_made_and_older_ones_are_read(material
     del kept["made"]
     (old / "model.json").write_text(json.dumps(kept))
     run = load_run(old)
-    assert run.made == Made()
+    assert run.made == RunOrigin()
     assert "date not recorded" in render(records_of(run))
 
 
-def test_the_next_commands_have_the_path_of_the_run(material: Material, tmp_path: Path):
+def test_the_next_commands_have_the_path_of_the_run(material: PageData, tmp_path: Path):
     commands = [command for command, _ in commands_of(material)]
     assert {command.split()[1] for command in commands} >= {"export", "validate", "preview", "certify"}
     for command in commands:
@@ -258,7 +258,7 @@ def test_the_page_has_no_placeholder_where_the_run_is_meant(html: str):
 
 
 @pytest.mark.parametrize("name", ["iiwa14-r820", "two-arms"])
-def test_the_picture_shows_every_joint_once(name: str, material: Material):
+def test_the_picture_shows_every_joint_once(name: str, material: PageData):
     robot: Robot = load_robot(name) if name == "iiwa14-r820" else material.run.robot
     poses = np.random.default_rng(1).uniform(-1.5, 1.5, (40, robot.n))
     page = Page(f"<main>{skeleton(robot, poses)}</main>")
@@ -274,7 +274,7 @@ def test_the_picture_shows_every_joint_once(name: str, material: Material):
 # What is known, and words ---------------------------------------------------------------------------------------
 
 
-def test_what_is_not_identifiable_has_no_interval(bodies: Material):
+def test_what_is_not_identifiable_has_no_interval(bodies: PageData):
     section, fit = show_links(bodies), bodies.run.estimate.fit.standard
     assert section is not None and fit is not None and "not identifiable" in fit.status
     (table,) = section.tables
@@ -297,7 +297,7 @@ BANNED = (
 )
 
 
-def test_the_page_speaks_the_words_of_the_field(html: str, bodies: Material):
+def test_the_page_speaks_the_words_of_the_field(html: str, bodies: PageData):
     for prose in (Page(html).prose, Page(render(bodies)).prose):
         assert [word for word in BANNED if word in prose] == []
     assert "root of the sum over joints" in Page(html).prose and "(median)" in Page(html).prose
@@ -306,9 +306,9 @@ def test_the_page_speaks_the_words_of_the_field(html: str, bodies: Material):
 def test_links_of_several_bodies_are_one_pair_and_the_worst_of_it_is_shown():
     found = nearest_of_links(
         [
-            Approach("base_link (2) - gripper_link (3)", 0.030, 1.0, 0.02),
-            Approach("base_link - gripper_link", 0.040, 2.0, 0.05),
-            Approach("upper_arm - gripper_link (2)", 0.010, 3.0, 0.02),
+            ClosestApproach("base_link (2) - gripper_link (3)", 0.030, 1.0, 0.02),
+            ClosestApproach("base_link - gripper_link", 0.040, 2.0, 0.05),
+            ClosestApproach("upper_arm - gripper_link (2)", 0.010, 3.0, 0.02),
         ]
     )
     # One that comes too close is not hidden behind a nearer one that may.
@@ -321,7 +321,7 @@ def test_links_of_several_bodies_are_one_pair_and_the_worst_of_it_is_shown():
 # Bodies ---------------------------------------------------------------------------------------------------------
 
 
-def test_links_show_their_bodies_as_described_and_as_identified(bodies: Material):
+def test_links_show_their_bodies_as_described_and_as_identified(bodies: PageData):
     section, table = show_bodies(bodies), link_table(bodies.run.model, bodies.run.estimate)
     assert section is not None
     (shown,) = section.tables
@@ -340,7 +340,7 @@ def test_links_show_their_bodies_as_described_and_as_identified(bodies: Material
     assert all(("±" in cell.text) is (cell.kind != "guessed") for cell in cells)
 
 
-def test_base_parameters_have_the_bodies_of_the_description_and_the_way_to_others(material: Material):
+def test_base_parameters_have_the_bodies_of_the_description_and_the_way_to_others(material: PageData):
     section = show_bodies(material)
     assert section is not None and "--method physical" in section.content["note"]
     assert {row[1].text for row in section.tables[0].rows} == {"CAD/URDF"}

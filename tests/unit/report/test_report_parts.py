@@ -11,16 +11,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
 from armid.report.data.friction_at_reversals import HALF_WINDOW, find_reversals, since_reversal
 from armid.report.data.number_format import decimals_of, fixed, percent, share, short
-from armid.report.data.recording_data import Evidence, Spectrum, amplitude_density
-from armid.report.data.residual_analysis import classes, explained, find_remains
+from armid.report.data.recording_data import RecordingData, Spectrum, amplitude_density
+from armid.report.data.residual_analysis import classes, explained, residual_shares
 from armid.report.plots.encoding import packed
-from armid.report.plots.style import CLOUDS, LINES, colours, resolved, trace_look
+from armid.report.plots.style import CLOUDS, LINES, colours, resolved, trace_style
 from armid.report.plots.traces import binned, crest, envelope, line, points, spread
-from armid.report.tables import Cell, Column, Table, latex_text
+from armid.report.tables import Column, Table, TableCell, latex_text
 from armid.study.config import RecordingChoice
 from armid.toml import to_toml
 
@@ -55,7 +55,7 @@ TABLE = Table(
     "t",
     "Some, of all",
     (Column("a_b", words=True), Column("value", "N·m")),
-    ((Cell("x,y"), Cell("−1.0 ± 0.1", -1.0)), (Cell("ZZR_1", latex="$ZZR_{1}$"), Cell("–", ""))),
+    ((TableCell("x,y"), TableCell("−1.0 ± 0.1", -1.0)), (TableCell("ZZR_1", latex="$ZZR_{1}$"), TableCell("–", ""))),
 )
 
 
@@ -96,7 +96,7 @@ def test_clouds_drop_what_is_not_finite():
 
 
 def test_a_trace_is_packed_as_four_byte_numbers():
-    record = trace_look(line("measured", np.arange(3.0), np.array([1.0, np.nan, -2.5]), "measured"), packed)
+    record = trace_style(line("measured", np.arange(3.0), np.array([1.0, np.nan, -2.5]), "measured"), packed)
     values = np.frombuffer(base64.b64decode(record["y"]["bdata"]), dtype="<f4")
     assert record["y"]["dtype"] == "f4"
     np.testing.assert_array_equal(values, [1.0, np.nan, -2.5])
@@ -168,11 +168,11 @@ def test_time_since_a_reversal():
     np.testing.assert_array_equal(since_reversal(time, dq), [np.nan, np.nan, 0.0, 1.0, 2.0, 0.0, 1.0, 2.0])
 
 
-def moving(friction: np.ndarray, fitted: np.ndarray, time: np.ndarray, dq: np.ndarray) -> Evidence:
+def moving(friction: np.ndarray, fitted: np.ndarray, time: np.ndarray, dq: np.ndarray) -> RecordingData:
     """A recording of one joint with a given friction."""
     columns = [x[:, None] for x in (np.cumsum(dq) * 0.02, dq, friction, fitted, fitted, np.ones_like(dq))]
-    choice = RecordingChoice("x.csv", "train", Reading())
-    return Evidence(choice, time, *columns, (0, len(time)), Spectrum(time, friction[:, None], friction[:, None]))
+    choice = RecordingChoice("x.csv", "train", LogFormat())
+    return RecordingData(choice, time, *columns, (0, len(time)), Spectrum(time, friction[:, None], friction[:, None]))
 
 
 def test_reversals_are_turned_into_one_direction_and_offsets_do_not_part_them():
@@ -192,7 +192,7 @@ def test_separate_rows_have_no_reversals():
     dq = np.sin(time)
     separate = replace(moving(dq, dq, time, dq), spectrum=None)
     assert len(find_reversals([separate], 0).observed) == 0 and separate.clock == "row"
-    assert np.isnan(find_remains([separate], Processing(), 0).reversal)
+    assert np.isnan(residual_shares([separate], ProcessingOptions(), 0).reversal)
 
 
 def test_trembling_about_standstill_is_no_reversal():

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding
-from armid.report.data.page_data import Material, gather
-from armid.report.data.trust import judge
+from armid.report.data.page_data import PageData, gather
+from armid.report.data.trust import judge_trust
 from armid.report.page import render
 from armid.report.sections.verdict import FIRST
 from armid.runs.run import load_run, save_run
@@ -25,26 +25,28 @@ pytest.importorskip("jinja2")
 
 
 @pytest.fixture(scope="module")
-def material(tmp_path_factory: pytest.TempPathFactory) -> Material:
+def material(tmp_path_factory: pytest.TempPathFactory) -> PageData:
     return gather(make_run(tmp_path_factory.mktemp("small")))
 
 
-def test_a_run_without_validation_asks_for_it(material: Material):
-    words = judge(replace(material, validation={**material.validation, "recordings": [], "verdict": "not judged"}))
+def test_a_run_without_validation_asks_for_it(material: PageData):
+    words = judge_trust(
+        replace(material, validation={**material.validation, "recordings": [], "verdict": "not judged"})
+    )
     assert any("held-out motion" in each for each in words.doubted) and any(
         "--validate" in each for each in words.wanted
     )
     assert not any("validation" in each for each in words.trusted)
 
 
-def test_bands_that_do_not_hold_are_doubted(material: Material):
+def test_bands_that_do_not_hold_are_doubted(material: PageData):
     record = {**material.validation["recordings"][0], "coverage95": [0.5, 0.96, None]}
-    words = judge(replace(material, validation={**material.validation, "recordings": [record]}))
+    words = judge_trust(replace(material, validation={**material.validation, "recordings": [record]}))
     (narrow,) = [each for each in words.doubted if "too narrow" in each]
     assert "joint_1 (50\u00a0%)" in narrow and "joint_2" not in narrow
 
 
-def test_an_error_where_joints_stand_asks_for_no_more_motions(material: Material):
+def test_an_error_where_joints_stand_asks_for_no_more_motions(material: PageData):
     (unseen,) = material.of_role("validate")
     others = [each for each in material.evidence if each is not unseen]
     speed = unseen.dq.copy()
@@ -61,35 +63,35 @@ def test_an_error_where_joints_stand_asks_for_no_more_motions(material: Material
             evidence=(*others, replace(unseen, dq=speed, predicted=predicted)),
             validation={**material.validation, "recordings": [record]},
         )
-        words = judge(changed)
+        words = judge_trust(changed)
         doubted[standing] = " ".join(words.doubted)
         assert any("More and other motions" in each for each in words.wanted) is not standing
     assert "where joints stand" in doubted[True] and "times that in training" not in doubted[True]
     assert "where joints stand" not in doubted[False] and "times that in training" in doubted[False]
 
 
-def test_friction_below_zero_is_doubted(material: Material):
+def test_friction_below_zero_is_doubted(material: PageData):
     fit = material.run.estimate.fit
     values = fit.values.copy()
     values[fit.names.index("FS_2")] = -50.0
     changed = replace(material.run, estimate=replace(material.run.estimate, fit=replace(fit, values=values)))
-    words = judge(replace(material, run=changed))
+    words = judge_trust(replace(material, run=changed))
     assert any("forbids" in each and "FS_2" in each for each in words.doubted)
-    assert not any("forbids" in each for each in judge(material).doubted)
+    assert not any("forbids" in each for each in judge_trust(material).doubted)
 
 
-def test_warnings_are_passed_on_and_notes_are_not(material: Material):
+def test_warnings_are_passed_on_and_notes_are_not(material: PageData):
     findings = (
         Finding("a", "warning", "joint_1", "It shook.", "hold it"),
         Finding("b", "info", "", "By the way.", "never mind"),
     )
     changed = replace(material.run, estimate=replace(material.run.estimate, findings=findings))
-    words = judge(replace(material, run=changed))
+    words = judge_trust(replace(material, run=changed))
     assert "joint_1: It shook." in words.doubted and "Hold it" in words.wanted
     assert not any("way" in each or "mind" in each for each in (*words.doubted, *words.wanted))
 
 
-def test_a_line_of_a_study_stays_one(material: Material):
+def test_a_line_of_a_study_stays_one(material: PageData):
     """Remedies for a study are code, with the table that it belongs to, and no sentence."""
     findings = (
         Finding(
@@ -99,7 +101,7 @@ def test_a_line_of_a_study_stays_one(material: Material):
         Finding("c", "warning", "", "Rests.", "exclude = [[1.0, 2.0]]  # nothing moves there"),
     )
     changed = replace(material, run=replace(material.run, estimate=replace(material.run.estimate, findings=findings)))
-    wanted = judge(changed).wanted
+    wanted = judge_trust(changed).wanted
     assert {
         'In the study: `physical = { prior = "log-det" }` in [estimation]: near the description',
         "In the study: `position_sign = [1, -1]`",
@@ -107,15 +109,15 @@ def test_a_line_of_a_study_stays_one(material: Material):
     } <= set(wanted)
     html = render(changed)
     assert "<code>position_sign = [1, -1]</code>" in html and "`" not in Page(html).prose
-    doubted = judge(changed).doubted
+    doubted = judge_trust(changed).doubted
     assert doubted.index("q: Turned.") < doubted.index("Light.")  # what contradicts comes before what questions
 
 
-def test_many_sentences_are_folded_and_none_is_lost(material: Material):
+def test_many_sentences_are_folded_and_none_is_lost(material: PageData):
     findings = tuple(Finding("a", "warning", "", f"Doubt {k}.") for k in range(20))
     changed = replace(material.run, estimate=replace(material.run.estimate, findings=findings))
     page = Page(render(replace(material, run=changed)))
-    folded = len(judge(replace(material, run=changed)).doubted) - FIRST
+    folded = len(judge_trust(replace(material, run=changed)).doubted) - FIRST
     assert (
         folded > 10 and f"and {folded} more" in page.prose and page.prose.count("Doubt 19.") == 2
     )  # provenance, too

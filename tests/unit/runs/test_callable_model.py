@@ -18,7 +18,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.model.terms import Coulomb, Offset, RigidBody, Viscous
 from armid.robot import load_robot
-from armid.runs.callable_model import Model
+from armid.runs.callable_model import CallableModel
 from armid.runs.prediction import predict
 from coded import ARMS, case
 from reports import make_run
@@ -28,16 +28,16 @@ MICROSECONDS = 10.0
 """What one call may take, with friction, on the iiwa."""
 
 
-def plain() -> tuple[Model, tuple[np.ndarray, ...]]:
+def plain() -> tuple[CallableModel, tuple[np.ndarray, ...]]:
     each = case("iiwa14-r820")
-    model = Model(each.model, each.base, each.values)
+    model = CallableModel(each.model, each.base, each.values)
     return model, (each.motion.q[0], each.motion.dq[0], each.motion.ddq[0])
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_every_function_along_a_motion(name: str):
     each = case(name)
-    model, motion = Model(each.model, each.base, each.values), each.motion
+    model, motion = CallableModel(each.model, each.base, each.values), each.motion
     assert model.joints == each.model.robot.joint_names
     found: dict[str, list[np.ndarray]] = {x: [] for x in each.expected if "regressor" not in x}
     memory = model.memory(motion.q[0])
@@ -89,7 +89,7 @@ def test_results_are_the_callers_own():
 
 def test_memory_is_asked_for_and_kept_apart():
     each = case("tree-1")
-    model = Model(each.model, each.base, each.values)
+    model = CallableModel(each.model, each.base, each.values)
     q, dq, ddq = each.motion.q, each.motion.dq[0], each.motion.ddq[0]
     with pytest.raises(ArmidError, match="no memory was given"):
         model.torque(q[0], dq, ddq)
@@ -115,7 +115,7 @@ def test_threads_share_a_model():
 def test_a_call_takes_microseconds():
     model = DynamicsModel(load_robot("iiwa14-r820"), (RigidBody(), Viscous(), Coulomb(0.02), Offset()))
     base = find_base_parameters(model)
-    quick, state = Model(model, base, np.ones(base.count)), np.ones((3, 7))
+    quick, state = CallableModel(model, base, np.ones(base.count)), np.ones((3, 7))
     q, dq, ddq = state
     best = np.inf
     for _ in range(5):  # the machine may be busy: the best of five
@@ -128,7 +128,7 @@ def test_a_call_takes_microseconds():
 
 def test_a_loaded_run_predicts_as_before(tmp_path: Path):
     run = make_run(tmp_path)
-    model, rng = Model.of(run), np.random.default_rng(0)
+    model, rng = CallableModel.of(run), np.random.default_rng(0)
     motion = Motion.of_states(*random_states(rng, 20, run.robot.n))
     found = np.array([model.torque(*state) for state in zip(motion.q, motion.dq, motion.ddq, strict=True)])
     expected = predict(run, motion)

@@ -8,7 +8,7 @@ from armid.errors import ArmidError
 from armid.export import source
 from armid.export.source import unseen_recordings
 from armid.runs import locate_recording
-from armid.runs.locate_recording import find_again
+from armid.runs.locate_recording import find_recording
 from armid.runs.run import load_run
 from armid.study import demo
 from reports import make_run
@@ -18,7 +18,7 @@ from reports import make_run
 def test_a_missing_recording_names_where_it_was_looked_for(folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ArmidError, match=r"log\.csv is not in the working folder any more"):
-        find_again("log.csv", "0" * 64, folder)
+        find_recording("log.csv", "0" * 64, folder)
 
 
 def test_an_export_of_the_demo_is_checked_on_unseen_motion(tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ import pytest
 
 from armid.errors import ArmidError, OutputError, StudyError
 from armid.excitation.fourier import save_plan
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.runs import run as run_module
 from armid.runs.prediction import motion_of, predict, validate_run, write_torque
 from armid.runs.run import load_run, refuse_folder, save_run
@@ -87,7 +87,7 @@ def test_the_kept_study_is_the_resolved_one(result: Result, tmp_path: Path):
 
 
 def test_everything_of_a_reading_survives(result: Result, tmp_path: Path):
-    reading = Reading(
+    reading = LogFormat(
         rate=100.0, torque_sign=[1, -1, 1], drive_gain=[2.0, 3.0, 4.0], drive_gain_deviation=0.1,
         position_sign=[1, 1, -1], time_unit=0.001,
         transmission=2.0 * np.eye(3), joint_offset=[0.1, 0.2, 0.3], columns={"q": "q{}"}, joints=["a", "b", "c"],
@@ -302,7 +302,7 @@ def test_a_file_of_which_only_a_part_trained_is_refused_too(tmp_path: Path):
 
 def test_what_was_cut_out_of_the_training_is_not_cut_out_of_others(folder: Path, tmp_path: Path):
     study = load_study(folder / "study.toml")
-    cut_out = replace(study.recordings[0], reading=Reading(exclude=[[0.0, 8.0]]))
+    cut_out = replace(study.recordings[0], reading=LogFormat(exclude=[[0.0, 8.0]]))
     result = identify(replace(study, recordings=(cut_out, study.recordings[1])))
     assert result.estimate.fit.rows.max() < 250
     run = load_run(save_run(result, tmp_path / "run"))
@@ -334,7 +334,7 @@ def test_a_motion_needs_no_torque_and_no_row_is_too_slow_for_it(saved: Path, tmp
     np.savetxt(tmp_path / "motion.csv", table, delimiter=",", header="t,q1,q2,q3", comments="")
     run = load_run(saved)
     slow = replace(run, processing=replace(run.processing, slow=50.0, saturation=0.5))
-    driven = replace(slow, reading=Reading(drive_gain=[2.0, 2.0, 2.0], drive_gain_deviation=0.1))
+    driven = replace(slow, reading=LogFormat(drive_gain=[2.0, 2.0, 2.0], drive_gain_deviation=0.1))
     expected = motion_of(run, str(tmp_path / "motion.csv"), rate=1.0, reading={})
     for each in (slow, driven):
         found = motion_of(each, str(tmp_path / "motion.csv"), rate=1.0, reading={})

@@ -10,9 +10,9 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.lab.friction import Warmth
-from armid.lab.known_arms import Truth
+from armid.lab.known_arms import KnownArm
 from armid.lab.options import LabOptions
-from armid.lab.sensors import Channel, Sensing
+from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import Simulated, simulate
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
@@ -23,13 +23,13 @@ from armid.study.identify import identify
 from labs import write_arm, write_recording
 from plants import short_plan, small_arm
 
-SENSORS = Sensing(100.0, Channel(noise=1e-6), Channel(noise=0.05))
+SENSORS = Sensing(100.0, SensorChannel(noise=1e-6), SensorChannel(noise=0.05))
 LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))
 PICKED = 32.0
 """When the load is picked up [s]: the end of the fourth repetition."""
 
 
-def moved(truth: Truth, seed: int, repetitions: int, period: float = 8.0) -> Simulated:
+def moved(truth: KnownArm, seed: int, repetitions: int, period: float = 8.0) -> Simulated:
     options = LabOptions(mode="inverse-dynamics", repetitions=repetitions, sensing=SENSORS)
     return simulate(truth, short_plan(seed, period), options, seed=seed)
 

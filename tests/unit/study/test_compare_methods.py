@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError
-from armid.estimation.crossvalidation import beside, folds
+from armid.estimation.crossvalidation import folds, training_information
 from armid.estimation.estimators import ESTIMATORS, WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.friction.selection import Evidence, Ladder
-from armid.estimation.problem import Problem
-from armid.information.accumulate import inform
+from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
+from armid.estimation.problem import EstimationProblem
+from armid.information.accumulate import accumulate_information
 from armid.information.information import select
 from armid.runs.run import save_run
 from armid.study import compare as module
@@ -87,8 +87,8 @@ def test_without_validation_every_fold_is_left_out_once():
     fold = folds(information)
     squares = np.zeros(3)
     for k in np.unique(fold):
-        trains = (fold != k) & ~beside(information, fold == k)
-        values = WeightedLeastSquares().estimate(Problem(select(information, trains))).values
+        trains = (fold != k) & ~training_information(information, fold == k)
+        values = WeightedLeastSquares().estimate(EstimationProblem(select(information, trains))).values
         for j, joint in enumerate(information.joints):
             R = joint.R[fold == k]
             squares[j] += np.sum((R[:, :, -1] - R[:, :, :-1] @ values[joint.parameters]) ** 2)
@@ -116,7 +116,7 @@ def test_folds_use_the_weight_of_the_prior_found_on_all(
     kind, weights = ESTIMATORS[method], []
     estimate = kind.estimate
 
-    def told(self: Any, problem: Problem) -> Fit:
+    def told(self: Any, problem: EstimationProblem) -> Fit:
         weights.append(self.weight)
         return estimate(self, problem)
 
@@ -129,8 +129,8 @@ def test_folds_use_the_weight_of_the_prior_found_on_all(
 def test_friction_chosen_on_all_training_data_leaves_nothing_unseen():
     given = prepared(validated=False)
     ones = np.ones(3)
-    trial = Evidence("joint_1", "ripple", "ripple 2", 1.0, 0.1, False)
-    ladder = Ladder(given.model, (), (trial,), ones, 0.0 * ones, 1.0)
+    trial = SelectionEvidence("joint_1", "ripple", "ripple 2", 1.0, 0.1, False)
+    ladder = FrictionSelection(given.model, (), (trial,), ones, 0.0 * ones, 1.0)
     table = compare_methods(replace(given, ladder=ladder), ("wls",))
     assert table.unseen == "none" and "keep a recording for validation" in table.note
     assert np.isnan(table.scores[0].unseen).all() and not table.scores[0].failure
@@ -146,7 +146,7 @@ def test_samples_of_a_fold_left_out_stay_out():
     out = folds(problem.information) == 0
     rest = module._without(problem, out)  # pyright: ignore[reportPrivateUsage]
     assert rest.observations is not None
-    again = inform(problem.model, problem.base, rest.observations)
+    again = accumulate_information(problem.model, problem.base, rest.observations)
     np.testing.assert_array_equal(again.rows.sum(axis=0), problem.information.rows[~out].sum(axis=0))
     np.testing.assert_array_equal(again.rows[~out], rest.information.rows)
 
@@ -172,7 +172,7 @@ class Broken:
     name: ClassVar[str] = "broken"
     quick: ClassVar[bool] = True
 
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Never an estimate of parts of the data, and of all of it only on request."""
         if self.kind == "breaks":
             raise np.linalg.LinAlgError("Singular matrix")

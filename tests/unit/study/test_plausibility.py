@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from armid import DynamicsModel, find_base_parameters, inform, load_robot
+from armid import DynamicsModel, accumulate_information, find_base_parameters, load_robot
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
-from armid.estimation.problem import Problem, standard_of
+from armid.estimation.problem import EstimationProblem, standard_of
 from armid.excitation.builtin_plans import builtin_plan
 from armid.lab.ideal_recording import thesis_truth
 from armid.model.motion import Motion
@@ -39,9 +39,9 @@ def test_a_motion_that_tells_little_apart_is_remarked():
     base = find_base_parameters(model)
     torque = torque + 0.1 * np.random.default_rng(0).normal(size=torque.shape)
     whole = raw(one_run(motion, torque, 50.0))
-    assert excitation_finding(inform(model, base, whole), model.robot, whole) is None
+    assert excitation_finding(accumulate_information(model, base, whole), model.robot, whole) is None
     short = raw(one_run(motion[slice(0, 100)], torque[:100], 50.0))  # two seconds from rest
-    found = excitation_finding(inform(model, base, short), model.robot, short)
+    found = excitation_finding(accumulate_information(model, base, short), model.robot, short)
     assert found is not None and found.code == "excitation-weak"
     assert any(name in found.evidence for name in base.names)
 
@@ -62,7 +62,9 @@ def weak(
     torque = torque + 0.3 * np.random.default_rng(0).normal(size=torque.shape)
     base = find_base_parameters(model)
     observations = raw(one_run(part, torque, 50.0, block_rows=50))
-    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    problem = EstimationProblem(
+        accumulate_information(model, base, observations), standard_of(model, base), model, base
+    )
     method = WeightedLeastSquares() if prior is None else PhysicallyConsistent(prior=prior, weight=weight)
     fit = method.estimate(problem)
     return weak_finding(problem.information, observations, fit, chosen=chosen)
@@ -108,7 +110,9 @@ def test_masses_that_nothing_says_are_named_with_the_prior_that_keeps_them():
     model, motion, torque = measured()
     base = find_base_parameters(model)
     observations = raw(one_run(motion, torque, 50.0, block_rows=50))
-    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    problem = EstimationProblem(
+        accumulate_information(model, base, observations), standard_of(model, base), model, base
+    )
     light = far_finding(problem.standard, PhysicallyConsistent(prior="mass").estimate(problem))
     assert light is not None and "M_1" in light.evidence and 'prior = "log-det"' in light.remedy
     assert far_finding(problem.standard, PhysicallyConsistent(prior="log-det").estimate(problem)) is None
@@ -120,7 +124,9 @@ def test_masses_are_looked_up_by_name_where_friction_has_copies():
     model, motion, torque = measured()
     base = find_base_parameters(model)
     observations = raw(one_run(motion, torque, 50.0, block_rows=50))
-    problem = Problem(inform(model, base, observations), standard_of(model, base), model, base)
+    problem = EstimationProblem(
+        accumulate_information(model, base, observations), standard_of(model, base), model, base
+    )
     fit = PhysicallyConsistent(prior="mass").estimate(problem)
     alone, kept = far_finding(problem.standard, fit), fit.standard
     assert alone is not None and kept is not None

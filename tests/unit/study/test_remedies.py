@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding, StudyError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.remedy import BY_HAND, excluding, lines, naming
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, parse_study
 from armid.study.diagnosis import diagnose_recording
@@ -144,7 +144,7 @@ def test_a_delay_is_told_to_a_fifth_of_a_sample():
 
 
 def test_a_remedy_goes_on_top_of_what_the_reading_says():
-    reading = Reading(exclude=[[1.0, 2.0]], columns={"effort": "i{}"})
+    reading = LogFormat(exclude=[[1.0, 2.0]], columns={"effort": "i{}"})
     assert excluding(reading, [(5.00001, 5.5), (1.5, 2.25)]) == "exclude = [[1.0, 2.25], [5.0, 5.5]]"
     assert naming(reading, {"dq": ""}) == 'columns = { effort = "i{}", dq = "" }'
     assert lines("in [model]", terms=("viscous",)) == 'terms = ["viscous"]  # in [model]'

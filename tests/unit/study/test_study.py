@@ -13,7 +13,7 @@ import pytest
 from armid.errors import ArmidError, ModelError, RecordingError, StudyError
 from armid.estimation.estimate import Estimate, standard_parameters
 from armid.estimation.estimators import PhysicallyConsistent, Ridge, WeightedLeastSquares
-from armid.measurement.processing.options import Processing
+from armid.measurement.processing.options import ProcessingOptions
 from armid.model.terms import TERMS, Coulomb, Stribeck, Viscous
 from armid.study.config import (
     EstimationChoice,
@@ -30,7 +30,7 @@ from armid.study.config import (
 )
 from armid.study.friction_method import lean_on_prior
 from armid.study.identify import Result, identify
-from armid.study.recording_parts import cut
+from armid.study.recording_parts import cut_recording
 from labs import (
     STUDY,
     small_model,
@@ -147,7 +147,7 @@ def test_every_key_arrives():
         "time": ("t",),
     }
     assert (reading.joint_map, reading.exclude) == ({"a": "joint_1", "b": "joint_2"}, ((1.0, 2.0), (5.0, 6.0)))
-    assert study.processing == Processing(
+    assert study.processing == ProcessingOptions(
         3.0, 2, "fir", False, 20.0, "filter", "pad", 0.25, 0.1, 4.0, False, 0.9, "keep"
     )  # in the order of its fields
     assert study.estimation == EstimationChoice(
@@ -173,7 +173,7 @@ def test_options_of_an_estimator_stand_under_its_name():
 
 def test_defaults():
     study = plain()
-    assert study.processing == Processing() and study.estimation == EstimationChoice("wls")
+    assert study.processing == ProcessingOptions() and study.estimation == EstimationChoice("wls")
     assert study.recordings == (study.recordings[0],) and study.recordings[0].role == "train"
     assert study.recordings[0].part == (0.0, 1.0) and study.recordings[0].reading.rate is None
     assert study.robot == RobotChoice("iiwa14-r820") and study.model == ModelChoice()
@@ -441,14 +441,14 @@ def test_parts_of_one_recording_may_train_and_validate_unless_they_overlap(tmp_p
 
 def test_a_part_keeps_its_rows_and_what_belongs_to_them():
     whole = small_recording(1)
-    part = cut(whole, (0.25, 0.5))
+    part = cut_recording(whole, (0.25, 0.5))
     rows = slice(400, 800)
     np.testing.assert_array_equal(part.q, whole.q[rows])
     np.testing.assert_array_equal(part.time, whole.time[rows])  # pyright: ignore[reportOptionalSubscript]
     np.testing.assert_array_equal(part.effort, whole.effort[rows])  # pyright: ignore[reportOptionalSubscript]
     assert part.valid.shape == (400, 3) and part.dq is None and part.sha256 == whole.sha256
     with pytest.raises(StudyError, match=r"part 0 to 0\.001 of 1600 rows leaves 2"):
-        cut(whole, (0.0, 0.001))
+        cut_recording(whole, (0.0, 0.001))
 
 
 def with_own(folder: Path, key: str) -> Estimate:
@@ -506,7 +506,7 @@ def result(folder: Path) -> Result:
 
 def test_automatic_choices_are_made_in_the_result(folder: Path):
     study = load_study(folder / "study.toml")
-    study = replace(study, processing=Processing(cutoff="auto"))
+    study = replace(study, processing=ProcessingOptions(cutoff="auto"))
     found = identify(study).study
     assert isinstance(found.processing.cutoff, float) and found.processing.cutoff > 0
     assert found.model.terms == ("rigid-body", "viscous", "coulomb", "offset")

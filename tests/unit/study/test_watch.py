@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError, Finding
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
@@ -21,7 +21,7 @@ SEED = 0
 def findings(
     case: Case,
     *more: Recording,
-    reading: Reading | None = None,
+    reading: LogFormat | None = None,
     gravity: tuple[float, float, float] | None = None,
     train: int = 9,
     name: str = "run{}.csv",
@@ -29,7 +29,9 @@ def findings(
     """Errors and warnings of an identification from the case and more recordings, all read alike; so many train."""
     logs = {name.format(k): log for k, log in enumerate((case.recording, *more))}
     roles = [("train" if k < train else "validate") for k in range(len(logs))]
-    choices = tuple(RecordingChoice(path, role, reading or Reading()) for path, role in zip(logs, roles, strict=True))
+    choices = tuple(
+        RecordingChoice(path, role, reading or LogFormat()) for path, role in zip(logs, roles, strict=True)
+    )
     robot = RobotChoice(case.robot.name, gravity)
     result = identify(Study(robot, ModelChoice(), choices), given=logs)
     return [finding for finding in result.estimate.findings if finding.severity != "info"]
@@ -54,15 +56,15 @@ def test_a_torque_of_the_other_sign_is_told():
     assert case.recording.effort is not None
     turned = case.logged(effort=-case.recording.effort)
     assert errors(findings(turned)) == [("torque-sign", "torque_sign = -1")]
-    assert errors(findings(turned, reading=Reading(torque_sign=-1))) == []
+    assert errors(findings(turned, reading=LogFormat(torque_sign=-1))) == []
 
 
 def test_radians_that_are_read_as_degrees_are_told():
-    assert errors(findings(described(), reading=Reading(units="deg"))) == [("degrees", 'units = "rad"')]
+    assert errors(findings(described(), reading=LogFormat(units="deg"))) == [("degrees", 'units = "rad"')]
 
 
 def test_what_is_wrong_is_told_even_where_no_estimate_follows():
-    choice = RecordingChoice("run.csv", reading=Reading(units="deg"))
+    choice = RecordingChoice("run.csv", reading=LogFormat(units="deg"))
     never = EstimationChoice("wls", options={"wls": {"iterations": 1}})
     study = Study(RobotChoice("iiwa14-r820"), ModelChoice(), (choice,), estimation=never)
     with pytest.raises(EstimationError, match=r"not settle.*\[degrees\] Read as degrees") as stopped:

@@ -13,8 +13,8 @@ from armid.estimation.estimate import Estimate, torque_parameters
 from armid.estimation.estimators import OrdinaryLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import separate_by_recording
-from armid.estimation.problem import Problem
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem
+from armid.information.accumulate import accumulate_information
 from armid.information.residuals import compare
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
@@ -47,11 +47,11 @@ def small_base() -> BaseParameters:
 
 def estimate_from(*runs: ObservedRun, band: Band | None = None, own_friction: bool = False) -> Estimate:
     base = small_base()
-    information = inform(small_model(), base, Observations(runs, band or Band()))
+    information = accumulate_information(small_model(), base, Observations(runs, band or Band()))
     if own_friction:
         kinds = np.array([small_model().parameters[k].kind != RigidBody.name for k in base.kept])
         information = separate_by_recording(information, kinds)
-    return Estimate("small", "ols", (), base, OrdinaryLeastSquares().estimate(Problem(information)))
+    return Estimate("small", "ols", (), base, OrdinaryLeastSquares().estimate(EstimationProblem(information)))
 
 
 @cache

@@ -13,7 +13,7 @@ from armid.cli.commands.validate_motion import motion_table
 from armid.errors import ArmidError
 from armid.lab.controller import Controller, Drive
 from armid.lab.friction import Friction, MaxwellSlip
-from armid.lab.known_arms import Truth
+from armid.lab.known_arms import KnownArm
 from armid.lab.true_motion import closed_loop
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
@@ -235,7 +235,7 @@ def test_slip_of_the_lab_is_hysteresis_of_the_model():
     motion = short_plan().sample(RATE)
     slip = MaxwellSlip(np.full((1, 3), 2.0), np.full((1, 3), 0.01))
     friction = Friction(np.zeros(3), np.zeros(3), slip=slip)
-    assert isinstance(small_arm(friction=friction), Truth)
+    assert isinstance(small_arm(friction=friction), KnownArm)
     torque, _ = friction_along(friction, motion, np.zeros_like(motion.q))
     model = DynamicsModel(MODEL.robot, (Hysteresis(widths=(0.01,)),))
     remembered, known = model.remembered(Motion(motion.time, motion.q, motion.dq, motion.ddq))

@@ -60,7 +60,7 @@ def base(
     from armid.cli.console import output_console, print_findings
     from armid.model.base_formulas import base_formulas, base_record, column_formulas
     from armid.model.base_parameters import find_base_parameters
-    from armid.model.parameter_counts import counted
+    from armid.model.parameter_counts import count_text
     from armid.study.config import build_model, load_choice
     from armid.study.records import to_json
 
@@ -78,7 +78,7 @@ def base(
         zero = [found.standard_names[k] for k in found.zero_columns]
         output_console().print(
             f"[bold]{arm.name}[/]: {found.count} base parameters of {len(found.standard_names)}, "
-            f"{counted(found.names)}; {len(zero)} without effect" + (f" ({', '.join(zero)})" if zero else "")
+            f"{count_text(found.names)}; {len(zero)} without effect" + (f" ({', '.join(zero)})" if zero else "")
         )
         lines = _grouped(found, formulas, arm.joint_names)
     sys.stdout.write("\n".join((*lines, *more)) + "\n")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from armid.cli.commands.identify import Preset
+from armid.cli.commands.identify import LogPreset
 from armid.cli.commands.report import NoReport, write_page
 from armid.cli.options import Json, Out, Threads, Verbose
 
@@ -16,7 +16,9 @@ __all__ = ["demo"]
 
 
 def demo(
-    preset: Annotated[Preset | None, typer.Option(help="`thesis`: process and estimate as the thesis does.")] = None,
+    preset: Annotated[
+        LogPreset | None, typer.Option(help="`thesis`: process and estimate as the thesis does.")
+    ] = None,
     edges: Annotated[str, typer.Option(help="Treatment of the ends: periodic, pad or drop.")] = "periodic",
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     threads: Threads = 1,
@@ -36,14 +38,14 @@ def demo(
     from armid.cli.console import output_console, progress
     from armid.cli.identification_result import print_next, print_result
     from armid.estimation.link_properties import link_record, link_table
-    from armid.measurement.processing.options import Processing
+    from armid.measurement.processing.options import ProcessingOptions
     from armid.runs.run import refuse_folder, save_run
     from armid.study.demo import RECORD, demo_study, run_demo, thesis_processing
     from armid.study.records import estimate_record, to_json, validation_record
 
     folder = out or Path("runs") / "demo"
     refuse_folder(folder)
-    default = Processing(edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
+    default = ProcessingOptions(edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
     study = demo_study(default) if preset is None else demo_study(thesis_processing(edges), "ols")
     with progress(quiet=json) as tell:
         done = run_demo(study, seed=seed, threads=threads, progress=tell)

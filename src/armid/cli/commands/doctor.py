@@ -62,9 +62,9 @@ def doctor(
 
         armid doctor panda monday.csv tuesday.csv
     """
-    from armid.measurement.log_format import Reading
+    from armid.measurement.log_format import LogFormat
     from armid.study.config import RecordingChoice, Study, load_study
-    from armid.study.diagnosis import diagnose, diagnosis_record, is_ill
+    from armid.study.diagnosis import diagnose, diagnosis_record, has_errors
     from armid.study.records import to_json
 
     said = given(columns, rate, torque_sign, units, time_unit, period)
@@ -78,7 +78,7 @@ def doctor(
             )
         study = load_study(subject)
     else:
-        reading = Reading(**said)
+        reading = LogFormat(**said)
         choices = tuple(RecordingChoice(path, reading=reading) for path in recordings)
         study = Study(robot_choice(subject, gravity, lock, only, tip, package), model_choice(terms), choices)
     found = diagnose(study)
@@ -86,7 +86,7 @@ def doctor(
         sys.stdout.write(to_json(diagnosis_record(found)) + "\n")
     else:
         _report(_without_study(found, study, said) if recordings else found)
-    if is_ill(found):
+    if has_errors(found):
         raise typer.Exit(1)
 
 

@@ -43,7 +43,7 @@ __all__ = ["identify"]
 PERIOD_HELP = "Period of the motion, s; found in the positions where it is left out."
 
 
-class Preset(StrEnum):
+class LogPreset(StrEnum):
     """Ways of processing and estimating under one name."""
 
     thesis = "thesis"
@@ -88,7 +88,7 @@ def identify(
     inputs: Inputs,
     validate: HeldOut = None,
     preset: Annotated[
-        Preset | None, typer.Option(help="`thesis`: its processing, terms and ordinary least squares.")
+        LogPreset | None, typer.Option(help="`thesis`: its processing, terms and ordinary least squares.")
     ] = None,
     gravity: Gravity = None,
     lock: Lock = None,
@@ -149,11 +149,11 @@ def identify(
 def _shared(study: Study, validate: list[str]) -> list[Finding]:
     """That recordings to check the model on were read as those that train, where that says anything."""
     from armid.errors import Finding
-    from armid.measurement.log_format import Reading
+    from armid.measurement.log_format import LogFormat
     from armid.measurement.remedy import lines
 
-    how, plain = next(choice.reading for choice in study.recordings if choice.role == "train"), Reading()
-    keys = {field.name: getattr(how, field.name) for field in fields(Reading) if field.name != "exclude"}
+    how, plain = next(choice.reading for choice in study.recordings if choice.role == "train"), LogFormat()
+    keys = {field.name: getattr(how, field.name) for field in fields(LogFormat) if field.name != "exclude"}
     keys = {key: value for key, value in keys.items() if repr(value) != repr(getattr(plain, key))}
     if not validate or not keys:
         return []
@@ -193,7 +193,7 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: 
     from armid.cli.identification_result import print_result
     from armid.estimation.link_properties import link_record, link_table
     from armid.study.compare import compare_record
-    from armid.study.records import estimate_record, ladder_record, to_json, validation_record
+    from armid.study.records import estimate_record, friction_selection_record, to_json, validation_record
 
     if json:
         record = estimate_record(result.estimate)
@@ -203,7 +203,7 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: 
         if table is not None:
             record["compare"] = compare_record(table)
         if result.ladder is not None:
-            record["friction"] = ladder_record(result.ladder, result.robot.joint_names)
+            record["friction"] = friction_selection_record(result.ladder, result.robot.joint_names)
         sys.stdout.write(to_json(record) + "\n")
     else:
         print_result(result, verbose=verbose)
@@ -220,12 +220,12 @@ def _study(
     terms: str | None,
 ) -> Study:
     """The study that the arguments name or describe, with what they say of a reading."""
-    from armid.measurement.log_format import Reading
+    from armid.measurement.log_format import LogFormat
     from armid.study.config import RecordingChoice, Study, default_estimation
 
     if len(inputs) == 1:
         return _changed_study(inputs[0], validate, said, arm, terms)
-    how = Reading(**said)
+    how = LogFormat(**said)
     recordings = tuple(RecordingChoice(path, reading=how) for path in inputs[1:])
     recordings += tuple(RecordingChoice(path, "validate", how) for path in validate)
     model = model_choice(terms)
@@ -295,13 +295,13 @@ def _cutoff(text: str | None) -> float | str | None:
         raise StudyError(f"--cutoff {text} is no frequency.", possible="a number [Hz], auto") from None
 
 
-def _overridden(study: Study, preset: Preset | None, how: dict[str, Any], method: str | None) -> Study:
+def _overridden(study: Study, preset: LogPreset | None, how: dict[str, Any], method: str | None) -> Study:
     """The study with what the command line says of processing and estimation; of `how` counts what is not `None`."""
     from armid.measurement.processing.options import THESIS
     from armid.study.config import EstimationChoice
 
     processing, estimation, model = study.processing, study.estimation, study.model
-    if preset is Preset.thesis:
+    if preset is LogPreset.thesis:
         processing = THESIS
         estimation = EstimationChoice("ols")
         model = model if model.terms else model_choice(None, default=BASE_TERMS)

@@ -14,7 +14,7 @@ from armid.errors import StudyError
 if TYPE_CHECKING:
     from armid.runs.recalibration import Changed
     from armid.runs.run import Run
-    from armid.runs.tracking import Track
+    from armid.runs.tracking import TrackedRun
 
 __all__ = ["track"]
 
@@ -76,7 +76,7 @@ def track(
         sys.stdout.write(f"\ntrack written to {out}\n")
 
 
-def _report(run: Run, found: Track, *, tool: bool) -> None:
+def _report(run: Run, found: TrackedRun, *, tool: bool) -> None:
     """The track over time, what happened, and what has changed by its end, on standard output."""
     import numpy as np
     from rich.markup import escape
@@ -110,7 +110,7 @@ def _report(run: Run, found: Track, *, tool: bool) -> None:
     console.print(last)
 
 
-def _before(run: Run, found: Track, k: int) -> tuple[float, float]:
+def _before(run: Run, found: TrackedRun, k: int) -> tuple[float, float]:
     """A parameter's value in the run, and its change since, over the deviation of both."""
     from armid.estimation.estimate import averaged
 
@@ -120,7 +120,7 @@ def _before(run: Run, found: Track, k: int) -> tuple[float, float]:
     return value, abs(float(found.values[-1, k]) - value) / deviation if deviation > 0.0 else 0.0
 
 
-def _most_changed(run: Run, found: Track, count: int) -> list[str]:
+def _most_changed(run: Run, found: TrackedRun, count: int) -> list[str]:
     """Names of the parameters that have changed most by the end, over their deviations."""
     ratio = [_before(run, found, k)[1] for k in range(len(found.names))]
     return [found.names[k] for k in sorted(range(len(ratio)), key=lambda k: -ratio[k])[:count]]

@@ -34,7 +34,7 @@ from armid.cli.options import (
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from armid.excitation.design.multistart import Candidate, Progress
+    from armid.excitation.design.multistart import Progress, SearchCandidate
     from armid.model.dynamics import DynamicsModel
 
 __all__ = ["excite"]
@@ -135,7 +135,7 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
 
     The processes come first: while nothing else runs here, they are forked, which takes no time.
     """
-    from armid.cli.console import meshes_told, progress
+    from armid.cli.console import print_missing_meshes, progress
     from armid.excitation.design.multistart import single_threaded_pool
     from armid.notebook import plural
 
@@ -145,10 +145,10 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
     with (
         single_threaded_pool(workers) if workers > 0 else nullcontext() as pool,
         progress(quiet=options["json"]) as tell,
-        meshes_told(quiet=options["json"]),
+        print_missing_meshes(quiet=options["json"]),
     ):
 
-        def report(best: Candidate, seconds: float, descents: int) -> None:
+        def report(best: SearchCandidate, seconds: float, descents: int) -> None:
             value = math.exp(best.value) if "condition" in named else best.value
             tell(f"{named} {value:.4g}, {plural(descents, 'descent')}", min(seconds / budget, 1.0))
 
@@ -210,7 +210,7 @@ def excite(robot: str, **options: Any) -> None:
 
 def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
     """Poses or sweeps: nothing to search long for, nothing to report of."""
-    from armid.cli.console import meshes_told
+    from armid.cli.console import print_missing_meshes
     from armid.cli.motion.excite_request import run_experiment
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of_moves
@@ -218,7 +218,7 @@ def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats:
     from armid.study.plans.surroundings import surroundings_of
     from armid.study.records import to_json
 
-    with meshes_told(quiet=options["json"]):
+    with print_missing_meshes(quiet=options["json"]):
         moves, unchecked = run_experiment(model, options)
     rate, rehearsal = options["format_rate"], options["rehearsal"]
     record = save_moves(moves, model.robot, folder, formats=formats, rate=rate, rehearsal=rehearsal)

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.excitation.design.multistart import Progress
-from armid.excitation.design.objective import Goal, information_along, known_sizes
+from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
 from armid.excitation.fourier import Excitation
 from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.limits.workspace import Workspace, box_workspace
 from armid.excitation.point_to_point import Moves, choose_poses, free_ranges, poses_plan, straight_way, sweeps_plan
 from armid.information.information import Information
-from armid.measurement.log_format import Reading
-from armid.measurement.processing.options import Processing
-from armid.measurement.processing.pipeline import observe
+from armid.measurement.log_format import LogFormat
+from armid.measurement.processing.options import ProcessingOptions
+from armid.measurement.processing.pipeline import process_recordings
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
@@ -30,8 +30,8 @@ from armid.robot.shapes import Shape
 from armid.runs.run import MARKER, load_run
 from armid.study.config import RecordingChoice
 from armid.study.identify import read_recording
-from armid.study.plans.design import Designed, Effort, Rules, Wish, design_plan
-from armid.study.plans.placement import place
+from armid.study.plans.design import DesignConstraints, Designed, DesignGoal, SearchBudget, design_plan
+from armid.study.plans.placement import place_motion
 from armid.study.plans.plan_files import is_plan, motion_of_plan, series_of
 from armid.study.plans.surroundings import assumed_floor, meshes_are_missing, surroundings_of
 from armid.values import Array, load
@@ -71,7 +71,7 @@ def run_request(
         progress: Told of every descent.
     """
     goal = _goal(model, options)
-    wish = Wish(
+    wish = DesignGoal(
         goal,
         options["duration"],
         options["harmonics"],
@@ -81,16 +81,16 @@ def run_request(
         _pose(options, "begin", model.robot),
         _pose(options, "end", model.robot),
     )
-    effort = Effort(options["budget"], options["seed"], 0)
+    effort = SearchBudget(options["budget"], options["seed"], 0)
     rules = replace(rules_of(options, model.robot), parameters=_identified(options["after"] or (), goal))
     return design_plan(wish, rules, effort, progress=progress, executor=executor)
 
 
-def rules_of(options: Mapping[str, Any], robot: Robot) -> Rules:
+def rules_of(options: Mapping[str, Any], robot: Robot) -> DesignConstraints:
     """Limits of every kind."""
     surroundings = surroundings_of(options, robot)
     margin = options["torque_margin"]
-    return Rules(
+    return DesignConstraints(
         options["limits"],
         parse_limits(options["limit"] or ()),
         options["acceleration"],
@@ -132,7 +132,7 @@ def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> tuple[Mo
     robot, kind = model.robot, options["experiment"]
     rules = rules_of(options, robot)
     limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
-    placed = place(robot, limits, rules, _pose(options, "start", robot))
+    placed = place_motion(robot, limits, rules, _pose(options, "start", robot))
     start, collision = placed.start, placed.collision
 
     def apart(q: Array) -> NDArray[np.bool_]:
@@ -192,7 +192,7 @@ def numbers(text: str | None, name: str, count: int) -> Array | None:
     return values
 
 
-def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> Goal:
+def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
     """Criterion, noise, what is known already, what is to be predicted.
 
     After a run the worst relative deviation is what a further recording is for, unless another criterion is named.
@@ -202,7 +202,7 @@ def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> Goal:
     one = text is not None and len(text.replace(",", " ").split()) == 1
     noise = np.ones(n) if text is None else numbers(text, "--noise", 1 if one else n)
     assert noise is not None
-    plain = Goal(model, base, "d-optimal", np.resize(noise, n), options["rate"], options["repetitions"])
+    plain = CriterionGoal(model, base, "d-optimal", np.resize(noise, n), options["rate"], options["repetitions"])
     prior: Array | None = None
     scale: Array | None = None
     for path in options["after"] or ():
@@ -230,7 +230,7 @@ def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
     return values, deviations
 
 
-def _identified(paths: Sequence[str], goal: Goal) -> Array | None:
+def _identified(paths: Sequence[str], goal: CriterionGoal) -> Array | None:
     """Base parameters (b,) for limits of torque, of the last run that knows all of them."""
     for path in reversed(paths):
         if (Path(path) / MARKER).is_file():
@@ -240,7 +240,7 @@ def _identified(paths: Sequence[str], goal: Goal) -> Array | None:
     return None
 
 
-def _of_motion(path: str, goal: Goal) -> Array:
+def _of_motion(path: str, goal: CriterionGoal) -> Array:
     """Information (b, b) of a plan or recording, once."""
     series = _series(path)
     motion = motion_of_file(path, goal.model.robot) if series is None else series.sample(goal.rate)
@@ -252,7 +252,7 @@ def _of_motion(path: str, goal: Goal) -> Array:
     return information_along(goal, motion)
 
 
-def prior_of_run(folder: str, goal: Goal) -> Array:
+def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
     """Information (b, b) that a run has already, its parameters matched by name, with the goal's noise.
 
     Rows that the run has kept are weighed as samples of that noise.
@@ -307,8 +307,8 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
     else:
         motion = motion_of_plan(path, robot, 1000.0)
     if motion is None:
-        recording, _ = read_recording(RecordingChoice(path, reading=Reading()), ".", robot)
-        observations, _ = observe([recording], Processing(standstill="keep"))
+        recording, _ = read_recording(RecordingChoice(path, reading=LogFormat()), ".", robot)
+        observations, _ = process_recordings([recording], ProcessingOptions(standstill="keep"))
         runs = [run.motion for run in observations.runs]
         motion = Motion(*(np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "q", "dq", "ddq")))
     if motion.n != robot.n:

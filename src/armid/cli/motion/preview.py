@@ -12,7 +12,7 @@ from armid.cli.options import Gravity, Json, Lock, Only, Package, TipLink, known
 from armid.cli.reading import Columns, Data, Rate, given
 
 if TYPE_CHECKING:
-    from armid.measurement.log_format import Reading
+    from armid.measurement.log_format import LogFormat
     from armid.report.preview.masses import MassLayer
     from armid.robot import Robot
     from armid.robot.shapes import Shape
@@ -67,7 +67,7 @@ def preview(
 
         armid preview arm.urdf runs/today
     """
-    from armid.cli.console import meshes_told
+    from armid.cli.console import print_missing_meshes
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of
     from armid.report.rendering import require_extra
@@ -78,7 +78,7 @@ def preview(
     run, other = _run(robot), _run(motion)
     arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package)) if run is None else run.robot
     known, beside = other or run, Path(robot) if run and motion is None else Path()
-    with meshes_told(quiet=json):
+    with print_missing_meshes(quiet=json):
         made = preview_of(
             arm,
             other or motion or run,
@@ -99,11 +99,11 @@ def _run(name: str | None) -> Run | None:
     return load_run(name) if name is not None and (Path(name) / MARKER).is_file() else None
 
 
-def _reading(run: Run | None, said: dict[str, Any]) -> Reading:
+def _reading(run: Run | None, said: dict[str, Any]) -> LogFormat:
     """Tell how a recording is read: as the run's, or as the command line says."""
-    from armid.measurement.log_format import Reading
+    from armid.measurement.log_format import LogFormat
 
-    return Reading(**said) if run is None or said else run.reading
+    return LogFormat(**said) if run is None or said else run.reading
 
 
 def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> tuple[Shape, ...]:

@@ -13,7 +13,7 @@ from armid.cli.options import Gravity, Json, Lock, Only, Out, Package, RobotName
 
 if TYPE_CHECKING:
     from armid.lab.options import LabOptions
-    from armid.study.plans.simulation import Written
+    from armid.study.plans.simulation import WrittenSimulation
 
 __all__ = ["simulate"]
 
@@ -63,7 +63,7 @@ def simulate(
         armid simulate ur10e.urdf plan.json --effects rotor,elastic,stribeck --options lab.toml
     """
     from armid.cli.console import print_findings, progress
-    from armid.lab.simulation import doubts
+    from armid.lab.simulation import simulation_findings
     from armid.study.config import load_choice
     from armid.study.plans.simulation import refuse_format, simulate_to, the_plan
 
@@ -76,7 +76,7 @@ def simulate(
         write = partial(simulate_to, kind=kind, seed=seed, noise_free=noise_free)
         done = write(folder, arm, motion, told, tell=lambda share: tell("simulation", share))
     _report(done, json=json)
-    print_findings((*arm.findings, *doubts(done.simulated)))
+    print_findings((*arm.findings, *simulation_findings(done.simulated)))
 
 
 def _told(
@@ -104,7 +104,7 @@ def _told(
     return replace(told, **{key: value for key, value in changes.items() if value is not None})
 
 
-def _report(done: Written, *, json: bool) -> None:
+def _report(done: WrittenSimulation, *, json: bool) -> None:
     """Print what was written and how far the arm was from its plan."""
     import numpy as np
 

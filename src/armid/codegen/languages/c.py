@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armid.codegen.program import Argument, Program
-from armid.codegen.source import Source
+from armid.codegen.source import FunctionSource
 from armid.codegen.writing import Notation, body
 
 __all__ = ["write"]
@@ -28,12 +28,12 @@ HELPERS = {
 }
 
 
-def write(source: Source) -> dict[str, str]:
+def write(source: FunctionSource) -> dict[str, str]:
     """`NAME.h` and `NAME.c`."""
     return {f"{source.name}.h": _header(source), f"{source.name}.c": _code(source)}
 
 
-def _header(source: Source) -> str:
+def _header(source: FunctionSource) -> str:
     name, guard = source.name, f"ARMID_{source.name.upper()}_H"
     lines = [*_comment(source.about()), f"#ifndef {guard}", f"#define {guard}", ""]
     lines += ["#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
@@ -49,7 +49,7 @@ def _header(source: Source) -> str:
     return "\n".join(lines)
 
 
-def _code(source: Source) -> str:
+def _code(source: FunctionSource) -> str:
     lines = [f"/* See {source.name}.h. Straight lines of operations: no allocation, no recursion, no state. */"]
     lines += [f'#include "{source.name}.h"', "", "#include <math.h>", ""]
     used = {node.operation for program in source.programs.values() for node in program.nodes}
@@ -63,7 +63,7 @@ def _code(source: Source) -> str:
     return "\n".join(lines)
 
 
-def _function(source: Source, program: Program) -> list[str]:
+def _function(source: FunctionSource, program: Program) -> list[str]:
     output = "state->z" if program.output == "next" else program.output
     notation = Notation(
         lambda name, k: f"{'state->z' if name == 'state' else name}[{k}]",
@@ -82,7 +82,7 @@ def _function(source: Source, program: Program) -> list[str]:
     return [*lines, "}", ""]
 
 
-def _signature(source: Source, program: Program) -> str:
+def _signature(source: FunctionSource, program: Program) -> str:
     arguments = [_argument(source, a, program) for a in program.arguments]
     if program.name == "state_start":
         arguments.append(f"{source.name}_state *state")
@@ -91,14 +91,14 @@ def _signature(source: Source, program: Program) -> str:
     return f"void {source.name}_{program.name}({', '.join(arguments)})"
 
 
-def _argument(source: Source, argument: Argument, program: Program) -> str:
+def _argument(source: FunctionSource, argument: Argument, program: Program) -> str:
     if argument.name != "state":
         return f"const double {argument.name}[{argument.length}]"
     constant = "" if program.name == "state_update" else "const "
     return f"{constant}{source.name}_state *state"
 
 
-def _note(source: Source, program: Program) -> list[str]:
+def _note(source: FunctionSource, program: Program) -> list[str]:
     """Return what a function gives."""
     lines = [f"{program.summary}."]
     if len(program.shape) == 2:

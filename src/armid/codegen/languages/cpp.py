@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from armid.codegen.languages import c
 from armid.codegen.program import Program
-from armid.codegen.source import Source
+from armid.codegen.source import FunctionSource
 
 __all__ = ["write"]
 
 
-def write(source: Source) -> dict[str, str]:
+def write(source: FunctionSource) -> dict[str, str]:
     """`NAME.hpp` beside `NAME.h` and `NAME.c`."""
     return {**c.write(source), f"{source.name}.hpp": _header(source)}
 
 
-def _header(source: Source) -> str:
+def _header(source: FunctionSource) -> str:
     lines = [
         f"// The functions of {source.name}.h on arrays whose sizes the compiler checks. Compile {source.name}.c too."
     ]
@@ -40,7 +40,7 @@ def _header(source: Source) -> str:
     return "\n".join(lines)
 
 
-def _memory(source: Source) -> list[str]:
+def _memory(source: FunctionSource) -> list[str]:
     """A class for what the model remembers."""
     return [
         "",
@@ -57,7 +57,7 @@ def _memory(source: Source) -> list[str]:
     ]
 
 
-def _method(source: Source, program: Program) -> list[str]:
+def _method(source: FunctionSource, program: Program) -> list[str]:
     kind = _matrix(program) if len(program.shape) == 2 else "Joints"
     given, passed = list[str](), list[str]()
     for argument in program.arguments:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armid.codegen.program import Program
-from armid.codegen.source import Source
+from armid.codegen.source import FunctionSource
 from armid.codegen.writing import Notation, body
 
 __all__ = ["write"]
@@ -22,7 +22,7 @@ FUNCTIONS = {
 }
 
 
-def write(source: Source) -> dict[str, str]:
+def write(source: FunctionSource) -> dict[str, str]:
     """`NAME.jl`."""
     names = [f"{name}{mark}" for name in source.programs for mark in ("", "!")]
     lines = [f"# {line}".rstrip() for line in source.about()]
@@ -41,7 +41,7 @@ def write(source: Source) -> dict[str, str]:
     return {f"{source.name}.jl": "\n".join([*lines, f"end  # module {source.name}", ""])}
 
 
-def _function(source: Source, program: Program) -> list[str]:
+def _function(source: FunctionSource, program: Program) -> list[str]:
     notation = Notation(
         lambda name, k: f"{name}[{k + 1}]", FUNCTIONS, "{} = {}", [p.variable for p in source.parameters]
     )

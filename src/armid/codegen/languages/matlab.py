@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from armid.codegen.program import Program
 from armid.codegen.reference_functions import thesis_programs
-from armid.codegen.source import Source
+from armid.codegen.source import FunctionSource
 from armid.codegen.writing import Notation, body
 
 __all__ = ["write"]
@@ -25,7 +25,7 @@ FUNCTIONS = {
 }
 
 
-def write(source: Source) -> dict[str, str]:
+def write(source: FunctionSource) -> dict[str, str]:
     """`+NAME/FUNCTION.m` for each function and the parameters, and `func_Y.m` and its like beside the folder."""
     variables = [p.variable for p in source.parameters]
     files = {f"+{source.name}/parameters.m": _parameters(source)}
@@ -36,7 +36,7 @@ def write(source: Source) -> dict[str, str]:
     return files
 
 
-def _parameters(source: Source) -> str:
+def _parameters(source: FunctionSource) -> str:
     count = len(source.parameters)
     lines = ["function p = parameters()", f"% Base parameters of the estimate, {count} x 1."]
     lines += ["%", *(f"% {line}".rstrip() for line in source.about())]
@@ -60,7 +60,7 @@ def _function(program: Program, variables: Sequence[str], notes: Sequence[str]) 
     return "\n".join([*lines, "end", ""])
 
 
-def _columns(source: Source, program: Program) -> list[str]:
+def _columns(source: FunctionSource, program: Program) -> list[str]:
     """Names of a regressor's columns."""
     names = {"regressor": source.columns, "base_regressor": tuple(p.name for p in source.parameters)}
     found = names.get(program.name, ())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armid.codegen.program import Program
-from armid.codegen.source import Source
+from armid.codegen.source import FunctionSource
 from armid.codegen.writing import Notation, body, matrix_rows
 
 __all__ = ["write"]
@@ -24,7 +24,7 @@ FUNCTIONS = {
 IMPORTED = ("cos", "exp", "pow", "sin", "sqrt", "tanh")
 
 
-def write(source: Source) -> dict[str, str]:
+def write(source: FunctionSource) -> dict[str, str]:
     """`NAME.py`."""
     used = {node.operation for program in source.programs.values() for node in program.nodes}
     about = source.about()
@@ -42,7 +42,7 @@ def write(source: Source) -> dict[str, str]:
     return {f"{source.name}.py": "\n".join(lines)}
 
 
-def _function(source: Source, program: Program) -> list[str]:
+def _function(source: FunctionSource, program: Program) -> list[str]:
     variables = [p.variable for p in source.parameters]
     statements, results = body(program, Notation(lambda name, k: f"{name}[{k}]", FUNCTIONS, "{} = {}", variables))
     names = [argument.name for argument in program.arguments if argument.name != "parameters"]

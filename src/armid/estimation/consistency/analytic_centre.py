@@ -14,23 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.errors import EstimationError
-from armid.estimation.prior import MASS, Belief, relative_precision, size_of_bodies
-from armid.estimation.problem import Standard
+from armid.estimation.prior import MASS, Prior, relative_precision, size_of_bodies
+from armid.estimation.problem import StandardParameters
 from armid.estimation.standard_fit import PriorUse
-from armid.estimation.whitening import Weighted
+from armid.estimation.whitening import WhitenedSystem
 from armid.maths.barrier_function import LogDet, Smooth
 from armid.maths.barrier_method import minimise
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 
-__all__ = ["Centre", "find_centre"]
+__all__ = ["AnalyticCentre", "find_centre"]
 
 AIM = 1e-6
 """Gap aimed at: a curvature needs the centre to a few hundredths of a deviation."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Centre:
+class AnalyticCentre:
     """The analytic centre.
 
     Attributes:
@@ -43,8 +43,13 @@ class Centre:
 
 
 def find_centre(
-    standard: Standard, weighted: Weighted, belief: Belief, prior: PriorUse, values: Array, basis: Array
-) -> Centre | None:
+    standard: StandardParameters,
+    weighted: WhitenedSystem,
+    belief: Prior,
+    prior: PriorUse,
+    values: Array,
+    basis: Array,
+) -> AnalyticCentre | None:
     """The centre around an estimate; `None` where no start inside the cone is found, or no centre.
 
     Args:
@@ -76,7 +81,7 @@ def find_centre(
             found = values + basis @ minimise(problem, start, aim=AIM, near=near).x
         except EstimationError:
             continue
-        return Centre(found, weighted.correlation * _curvature(standard, belief, prior, found, basis))
+        return AnalyticCentre(found, weighted.correlation * _curvature(standard, belief, prior, found, basis))
     return None
 
 
@@ -85,7 +90,7 @@ def _weight(prior: PriorUse) -> float:
     return prior.weight if prior.weight > 0.0 else 1.0
 
 
-def _rows(standard: Standard, belief: Belief, prior: PriorUse) -> tuple[Array, Array]:
+def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple[Array, Array]:
     """Precision (p,) and mean (p,) of what is believed apart from log-det terms."""
     precision = np.diag(belief.precision).copy()
     precision[standard.inertial] *= _weight(prior) if prior.kind == "euclidean" else 0.0
@@ -93,7 +98,7 @@ def _rows(standard: Standard, belief: Belief, prior: PriorUse) -> tuple[Array, A
 
 
 def _terms(
-    standard: Standard, belief: Belief, prior: PriorUse, correlation: float, values: Array, basis: Array
+    standard: StandardParameters, belief: Prior, prior: PriorUse, correlation: float, values: Array, basis: Array
 ) -> tuple[LogDet, ...]:
     """Terms that keep links and values inside, about the estimate."""
     terms: list[LogDet] = []
@@ -113,7 +118,7 @@ def _terms(
     return tuple(terms)
 
 
-def _curvature(standard: Standard, belief: Belief, prior: PriorUse, values: Array, basis: Array) -> Array:
+def _curvature(standard: StandardParameters, belief: Prior, prior: PriorUse, values: Array, basis: Array) -> Array:
     """Second derivative (p, p) of prior and cone at the centre, for one row a sample."""
     result = belief.curvature(standard, values, _weight(prior))
     if prior.kind != "log-det":

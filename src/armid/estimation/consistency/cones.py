@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.estimation.problem import Standard
+from armid.estimation.problem import StandardParameters
 from armid.maths.cones import Cone, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
@@ -20,7 +20,7 @@ EPSILON = 1e-6
 
 
 def consistency_cones(
-    standard: Standard, variables: int, *, epsilon: float = EPSILON, heaviest: float | None = None
+    standard: StandardParameters, variables: int, *, epsilon: float = EPSILON, heaviest: float | None = None
 ) -> list[Cone]:
     """Cones that hold standard parameters of real bodies; they are the first of the variables.
 
@@ -45,7 +45,7 @@ def consistency_cones(
     return cones
 
 
-def smallest_eigenvalues(standard: Standard, values: Array) -> Array:
+def smallest_eigenvalues(standard: StandardParameters, values: Array) -> Array:
     """Smallest eigenvalue of each link's pseudo-inertia, shape (links,)."""
     if not len(standard.inertial):
         return np.zeros(0)

@@ -17,7 +17,7 @@ from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
 from armid.maths.linalg import orthonormal
 from armid.values import Array
 
-__all__ = ["GOOD", "Nearest", "inside", "nearest"]
+__all__ = ["GOOD", "NearestPoint", "interior_point", "nearest"]
 
 GOOD = 2e-7
 """Gap at which no better answer is looked for, over the size of the objective: a fifth of the largest accepted."""
@@ -39,7 +39,7 @@ FURTHEST = 1e3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Nearest:
+class NearestPoint:
     """Unknowns in the cones.
 
     Attributes:
@@ -53,7 +53,7 @@ class Nearest:
     gap: float
 
 
-def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Array) -> Nearest:
+def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Array) -> NearestPoint:
     """The unknowns x that minimise ½ |A x - y|² + costᵀ x, with the best gap that is reached.
 
     Args:
@@ -88,7 +88,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
             near = near + change
             residual = float(np.linalg.norm(A @ near - y))
             objective = 0.5 * residual**2 + float(cost @ near)
-            found = Nearest(near, objective, doubt * unit**2 / max(1.0, abs(objective)))
+            found = NearestPoint(near, objective, doubt * unit**2 / max(1.0, abs(objective)))
             if found.gap <= GOOD:
                 return found
             best = found if best is None or found.gap < best.gap else best
@@ -99,7 +99,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
     return best
 
 
-def inside(feasible: Feasible) -> Array | None:
+def interior_point(feasible: Feasible) -> Array | None:
     """Unknowns with as much slack in every cone as there is, up to some; `None` where there is none."""
     x = feasible.basis.shape[1]
     cones: list[Cone] = []

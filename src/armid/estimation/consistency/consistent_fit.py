@@ -15,17 +15,17 @@ import numpy as np
 
 from armid.errors import EstimationError, UnsolvedError
 from armid.estimation.consistency.cones import smallest_eigenvalues
-from armid.estimation.consistency.conic_programs import GOOD, Nearest, inside, nearest
+from armid.estimation.consistency.conic_programs import GOOD, NearestPoint, interior_point, nearest
 from armid.estimation.consistency.constraints import ContradictionError, Feasible, Requirements, feasible_set
 from armid.estimation.consistency.infeasible_subset import conflicting
-from armid.estimation.prior import MASS, Belief, size_of_bodies
-from armid.estimation.problem import Standard
+from armid.estimation.prior import MASS, Prior, size_of_bodies
+from armid.estimation.problem import StandardParameters
 from armid.maths.barrier_function import Smooth
 from armid.maths.barrier_method import GAP, SmoothSolution, minimise
 from armid.maths.cones import ACCEPTED
 from armid.values import Array
 
-__all__ = ["Bodies", "Program"]
+__all__ = ["BodyConstraints", "ConsistentProgram"]
 
 UNFELT = (1e-6, 1e-4, 1e-2)
 """Weights of a mass prior that stands for none, of which the first that leaves enough digits is taken: without any
@@ -40,7 +40,7 @@ MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Bodies:
+class BodyConstraints:
     """A solution that was checked.
 
     Attributes:
@@ -57,7 +57,7 @@ class Bodies:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Program:
+class ConsistentProgram:
     """Demands on the parameters, whatever the data.
 
     Attributes:
@@ -68,13 +68,13 @@ class Program:
         correlation: Rows that count as one independent sample.
     """
 
-    standard: Standard
+    standard: StandardParameters
     asked: Requirements
     kind: str
-    belief: Belief
+    belief: Prior
     correlation: float = 1.0
 
-    def solve(self, rows: Array, side: Array, weight: float, *, aim: float = GAP) -> Bodies:
+    def solve(self, rows: Array, side: Array, weight: float, *, aim: float = GAP) -> BodyConstraints:
         """The best parameters.
 
         Args:
@@ -106,7 +106,7 @@ class Program:
             remedy="ask for a smaller epsilon, or look at constraints that contradict each other.",
         )
 
-    def _solve(self, feasible: Feasible, rows: Array, side: Array, weight: float, aim: float) -> Bodies:
+    def _solve(self, feasible: Feasible, rows: Array, side: Array, weight: float, aim: float) -> BodyConstraints:
         A = rows @ self.standard.regrouping
         y = side - A @ feasible.origin
         A = A @ feasible.basis
@@ -121,7 +121,7 @@ class Program:
         least = self._conic(feasible, A, y, 1.0, aim).objective
         return self._conic(feasible, A, y, max(UNFELT[-1], UNFELT[0] * least / len(y)), aim)
 
-    def _conic(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float | None) -> Bodies:
+    def _conic(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float | None) -> BodyConstraints:
         """With a prior that is linear or quadratic: by the conic solver, or else by Newton's method for some aim."""
         believed = np.diag(self.belief.precision)
         is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
@@ -133,16 +133,16 @@ class Program:
         root = np.sqrt(self.correlation * share * believed)
         A = np.concatenate([A, (root[:, None] * feasible.basis)[root > 0.0]])
         y = np.concatenate([y, (root * (self.belief.mean - feasible.origin))[root > 0.0]])
-        found: Nearest | SmoothSolution | None = None
+        found: NearestPoint | SmoothSolution | None = None
         with contextlib.suppress(UnsolvedError):
             found = self._nearest(feasible, A, y, cost)
         if found is None or found.gap > GOOD:
             found = self._otherwise(feasible, Smooth(A, y, (), feasible.cones, cost), found, aim)
-        return Bodies(feasible.of(found.x), feasible.basis, found.objective, found.gap)
+        return BodyConstraints(feasible.of(found.x), feasible.basis, found.objective, found.gap)
 
     def _otherwise(
-        self, feasible: Feasible, problem: Smooth, rough: Nearest | None, aim: float | None
-    ) -> Nearest | SmoothSolution:
+        self, feasible: Feasible, problem: Smooth, rough: NearestPoint | None, aim: float | None
+    ) -> NearestPoint | SmoothSolution:
         """Refine where the conic solver had no digits: by Newton's method if there is an aim, else what it found."""
         trouble = UnsolvedError(
             "The conic solver left too large a gap.", remedy="give a prior, or identify with --method log-cholesky."
@@ -156,10 +156,10 @@ class Program:
             raise trouble
         return rough
 
-    def _nearest(self, feasible: Feasible, A: Array, y: Array, cost: Array) -> Nearest:
+    def _nearest(self, feasible: Feasible, A: Array, y: Array, cost: Array) -> NearestPoint:
         return nearest(feasible, A, y, cost, np.diag(self.belief.precision) @ feasible.basis**2)
 
-    def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> Bodies:
+    def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> BodyConstraints:
         """By Newton's method, first without the smallest eigenvalue, which the prior nearly always gives."""
         others = np.setdiff1d(np.arange(len(self.standard.names)), self.standard.inertial)
         root = np.sqrt(self.correlation * np.diag(self.belief.precision)[others])[:, None]
@@ -173,7 +173,7 @@ class Program:
         if not self._holds(self._cleared(values), feasible):
             found = self._smooth(feasible, Smooth(A, y, terms, feasible.cones, nothing), aim)
             values = feasible.of(found.x)
-        return Bodies(values, feasible.basis, found.objective, found.gap)
+        return BodyConstraints(values, feasible.basis, found.objective, found.gap)
 
     def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
         """The minimum with log-det terms: from the prior's mean, or from where it is without the logarithms.
@@ -200,7 +200,7 @@ class Program:
         start = feasible.unknowns(self.belief.inside(self.standard))
         if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
             return start
-        found = inside(feasible)
+        found = interior_point(feasible)
         if found is None:
             raise self._contradiction()
         return found
@@ -211,7 +211,7 @@ class Program:
         def empty(asked: Requirements) -> bool:
             try:
                 feasible = feasible_set(self.standard, asked)
-                return bool(feasible.cones) and inside(feasible) is None
+                return bool(feasible.cones) and interior_point(feasible) is None
             except EstimationError:
                 return True
 

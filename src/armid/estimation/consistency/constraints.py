@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError
 from armid.estimation.consistency.cones import consistency_cones, smallest_eigenvalues
-from armid.estimation.problem import Standard
+from armid.estimation.problem import StandardParameters
 from armid.maths.cones import Cone
 from armid.values import Array
 
@@ -77,7 +77,7 @@ class Feasible:
         return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
 
 
-def feasible_set(standard: Standard, asked: Requirements, margin: float = 0.0) -> Feasible:
+def feasible_set(standard: StandardParameters, asked: Requirements, margin: float = 0.0) -> Feasible:
     """The set that requirements leave.
 
     Args:
@@ -116,7 +116,7 @@ def _felt(cone: Cone) -> Cone | None:
     return Cone(cone.kind, cone.matrix[moves], cone.offset[moves]) if moves.any() else None
 
 
-def _affine(standard: Standard, asked: Requirements) -> tuple[Array, Array]:
+def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, Array]:
     position = {name: k for k, name in enumerate(standard.names)}
     origin = np.zeros(len(standard.names))
     given = np.zeros(len(standard.names), dtype=bool)
@@ -158,7 +158,7 @@ def _affine(standard: Standard, asked: Requirements) -> tuple[Array, Array]:
     return origin, basis
 
 
-def at_mass_limit(standard: Standard, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
+def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
     """Tell which parameters (p,) are masses that stand at a limit of their own.
 
     Args:
@@ -177,7 +177,7 @@ def at_mass_limit(standard: Standard, asked: Requirements, values: Array, near: 
     return np.asarray((values <= low + near) | (values >= high - near))
 
 
-def _mass_cones(standard: Standard, asked: Requirements) -> list[Cone]:
+def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]:
     """Bounds of single masses and of their sum."""
     p = len(standard.names)
     rows: list[Array] = []
@@ -198,7 +198,7 @@ def _mass_cones(standard: Standard, asked: Requirements) -> list[Cone]:
     return [Cone("nonnegative", np.array(rows), np.array(offsets))] if rows else []
 
 
-def _com_cones(standard: Standard, com: Mapping[str, Any]) -> list[Cone]:
+def _com_cones(standard: StandardParameters, com: Mapping[str, Any]) -> list[Cone]:
     """Half spaces n·c ≤ d of centres of mass c = h / m, that is d m - n·h ≥ 0."""
     cones: list[Cone] = []
     for key, points in com.items():
@@ -246,7 +246,7 @@ def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
     return equations[:, :3], -equations[:, 3]
 
 
-def _link(standard: Standard, key: str, option: str) -> int:
+def _link(standard: StandardParameters, key: str, option: str) -> int:
     """Row of a link of that number among the inertial parameters."""
     numbers = [standard.names[own[0]].rsplit("_", 1)[1] for own in standard.inertial]
     if str(key) not in numbers:

@@ -11,7 +11,7 @@ from armid.estimation.estimators.robust import RobustLeastSquares
 from armid.estimation.estimators.thesis_nlp import ThesisNLP
 from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 
 __all__ = [
     "ESTIMATORS",
@@ -38,7 +38,7 @@ class Estimator(Protocol):
     name: ClassVar[str]
     quick: ClassVar[bool]
 
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate the base parameters."""
         ...
 

@@ -30,7 +30,7 @@ from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimators.wls import WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import Solution
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import block_covariance
 from armid.information.information import Information, restrict, stack, total
 from armid.maths.linalg import condition, scaled_condition
@@ -66,7 +66,7 @@ class EssentialParameters:
             raise EstimationError(f"price must be at least 0; found {self.price!r}.", possible="0.003, inf")
 
     @one_blas_thread
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate the base parameters.
 
         Raises:

@@ -15,11 +15,11 @@ import numpy as np
 from armid.errors import EstimationError, Finding
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import standard_per_recording
-from armid.estimation.physical_fit import Outcome
-from armid.estimation.prior import LENGTH, MASS, Belief, believe
-from armid.estimation.problem import Problem, Standard
+from armid.estimation.physical_fit import PhysicalFit
+from armid.estimation.prior import LENGTH, MASS, Prior, make_prior
+from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_fit import PriorUse
-from armid.estimation.whitening import Weighted, weigh
+from armid.estimation.whitening import WhitenedSystem, whiten
 from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.threads import one_blas_thread
 from armid.values import Array
@@ -86,15 +86,15 @@ class LogCholesky:
                 raise EstimationError(f"{option} must be a positive number; found {getattr(self, option)!r}.")
 
     @one_blas_thread
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate standard and base parameters.
 
         Raises:
             EstimationError: No row counts.
         """
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, problem.information)
-        weighted = weigh(problem.information, resolution=RESOLUTION)
-        belief = believe(self.prior, standard, weighted)
+        weighted = whiten(problem.information, resolution=RESOLUTION)
+        belief = make_prior(self.prior, standard, weighted)
         search = _Search(standard, weighted, belief, self.prior == "mass")
         rng = np.random.default_rng(self.seed)
         first = search.start()
@@ -112,7 +112,7 @@ class LogCholesky:
         if not best.settled:
             said = f"The best search was stopped after {self.evaluations} evaluations."
             findings.append(Finding("not-converged", "warning", "", said, "allow more evaluations."))
-        return Outcome(standard, weighted, belief, prior, values, float("nan")).fit(findings)
+        return PhysicalFit(standard, weighted, belief, prior, values, float("nan")).fit(findings)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -172,7 +172,7 @@ class _Search:
     zero at every point: lengths of steps then mean the same for all bodies, in all frames and units.
     """
 
-    def __init__(self, standard: Standard, weighted: Weighted, belief: Belief, light: bool) -> None:
+    def __init__(self, standard: StandardParameters, weighted: WhitenedSystem, belief: Prior, light: bool) -> None:
         self.standard = standard
         self.rows = weighted.rows @ standard.regrouping
         self.side = weighted.rows @ weighted.values

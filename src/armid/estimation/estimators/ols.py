@@ -12,7 +12,7 @@ import numpy as np
 
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import fit_of, solve
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.threads import one_blas_thread
 
 __all__ = ["OrdinaryLeastSquares"]
@@ -26,7 +26,7 @@ class OrdinaryLeastSquares:
     quick: ClassVar[bool] = True
 
     @one_blas_thread
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate the base parameters.
 
         Raises:

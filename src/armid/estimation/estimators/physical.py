@@ -16,16 +16,16 @@ import numpy as np
 
 from armid.errors import EstimationError, Finding, UnsolvedError
 from armid.estimation.consistency.cones import EPSILON
-from armid.estimation.consistency.consistent_fit import Program
+from armid.estimation.consistency.consistent_fit import ConsistentProgram
 from armid.estimation.consistency.constraints import Requirements
 from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import standard_per_recording
-from armid.estimation.physical_fit import Outcome
-from armid.estimation.prior import believe
-from armid.estimation.problem import Problem, Standard
-from armid.estimation.standard_fit import PriorUse, Trial
-from armid.estimation.whitening import Weighted, rows_of, weigh
+from armid.estimation.physical_fit import PhysicalFit
+from armid.estimation.prior import make_prior
+from armid.estimation.problem import EstimationProblem, StandardParameters
+from armid.estimation.standard_fit import PriorTrial, PriorUse
+from armid.estimation.whitening import WhitenedSystem, rows_of, whiten
 from armid.information.information import Information
 from armid.threads import one_blas_thread
 from armid.values import Array
@@ -109,7 +109,7 @@ class PhysicallyConsistent:
         object.__setattr__(self, "equal", tuple(tuple(group) for group in self.equal))
 
     @one_blas_thread
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate standard and base parameters.
 
         Raises:
@@ -120,10 +120,10 @@ class PhysicallyConsistent:
             "No consistent parameters were found.",
             remedy="loosen heaviest, masses, com, known, fixed or equal, or identify with another method.",
         )
-        first = weigh(problem.information, resolution=RESOLUTIONS[0])
+        first = whiten(problem.information, resolution=RESOLUTIONS[0])
         for resolution in RESOLUTIONS:
             raised = resolution > RESOLUTIONS[0]
-            weighted = weigh(problem.information, resolution=resolution) if raised else first
+            weighted = whiten(problem.information, resolution=resolution) if raised else first
             try:
                 fit = self._estimate(problem, weighted)
             except UnsolvedError as error:
@@ -138,27 +138,29 @@ class PhysicallyConsistent:
             remedy=trouble.remedy or REMEDY,
         )
 
-    def _estimate(self, problem: Problem, weighted: Weighted) -> Fit:
+    def _estimate(self, problem: EstimationProblem, weighted: WhitenedSystem) -> Fit:
         """The estimate from data that were given weights."""
         information = problem.information
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, information)
         kind = self._kind(standard)
-        belief = believe(kind, standard, weighted)
+        belief = make_prior(kind, standard, weighted)
         asked = Requirements(
             self.epsilon, self.heaviest, self.total_mass, self.masses, self.com, self.equal, self.fixed, self.known
         )
-        program = Program(standard, asked, kind, belief, weighted.correlation)
+        program = ConsistentProgram(standard, asked, kind, belief, weighted.correlation)
         prior = self._weigh_prior(information, program, weighted)
         bodies = program.solve(weighted.rows, weighted.rows @ weighted.values, prior.weight)
-        return Outcome(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis, asked).fit()
+        return PhysicalFit(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis, asked).fit()
 
-    def _kind(self, standard: Standard) -> str:
+    def _kind(self, standard: StandardParameters) -> str:
         """The prior that it is."""
         if self.prior != "auto":
             return self.prior
         return "log-det" if standard.described else "mass"
 
-    def _weigh_prior(self, information: Information, program: Program, weighted: Weighted) -> PriorUse:
+    def _weigh_prior(
+        self, information: Information, program: ConsistentProgram, weighted: WhitenedSystem
+    ) -> PriorUse:
         """The prior with its weight and why it has it."""
         kind, correlation = program.kind, weighted.correlation
         if kind == "none":
@@ -180,7 +182,7 @@ class PhysicallyConsistent:
                 errors[k, f] = _error(part.held_out, program.standard.regrouping @ values, weighted.weights)
         chosen = one_standard_error(errors)
         how = f"the strongest within a standard error of the best of {len(weights)} on {len(parts)} folds left out"
-        trials = tuple(Trial(float(w), float(e)) for w, e in zip(weights, errors.mean(axis=1), strict=True))
+        trials = tuple(PriorTrial(float(w), float(e)) for w, e in zip(weights, errors.mean(axis=1), strict=True))
         return PriorUse(kind, float(weights[chosen]), how, correlation, trials)
 
 

@@ -23,10 +23,10 @@ from armid.errors import EstimationError, Finding
 from armid.estimation.crossvalidation import folds, held_out_error, held_out_squares, split
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import solve
-from armid.estimation.prior import believe, carried
-from armid.estimation.problem import Problem
+from armid.estimation.prior import make_prior, project_covariance
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import scale_covariance
-from armid.estimation.whitening import Weighted, rows_of, weigh
+from armid.estimation.whitening import WhitenedSystem, rows_of, whiten
 from armid.information.information import Information, stack
 from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread
@@ -63,14 +63,14 @@ class Ridge:
             raise EstimationError(f"weight must be at least 0; found {self.weight!r}.", possible="auto, a number")
 
     @one_blas_thread
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate the base parameters.
 
         Raises:
             EstimationError: A weight of zero with data that do not determine the parameters, or no description to
                 keep near to.
         """
-        weighted = weigh(problem.information)
+        weighted = whiten(problem.information)
         prior = self._prior(problem, weighted)
         if self.weight == "auto":
             weight, how = _chosen(problem.information, weighted, prior)
@@ -80,14 +80,14 @@ class Ridge:
             solve(problem.information, weighted.weights)  # refuses what the data do not determine
         return _fit(weighted, prior, weight, how)
 
-    def settled(self, problem: Problem) -> Ridge:
+    def settled(self, problem: EstimationProblem) -> Ridge:
         """The method with the weight of the prior that it finds on a problem."""
         if self.weight != "auto":
             return self
-        weighted = weigh(problem.information)
+        weighted = whiten(problem.information)
         return replace(self, weight=_chosen(problem.information, weighted, self._prior(problem, weighted))[0])
 
-    def _prior(self, problem: Problem, weighted: Weighted) -> _Prior:
+    def _prior(self, problem: EstimationProblem, weighted: WhitenedSystem) -> _Prior:
         """Mean and precision of the base parameters for weight 1."""
         standard = problem.require_standard(self.name)
         towards = self.towards
@@ -95,8 +95,8 @@ class Ridge:
             towards = "nominal" if standard.described else "zero"
         at, copy = _places(problem)
         L = standard.regrouping[at]
-        belief = believe("log-det" if towards == "nominal" else "mass", replace(standard, regrouping=L), weighted)
-        covariance = carried(belief.precision, L)
+        belief = make_prior("log-det" if towards == "nominal" else "mass", replace(standard, regrouping=L), weighted)
+        covariance = project_covariance(belief.precision, L)
         covariance *= copy[:, None] == copy[None, :]  # friction of each recording is believed the same by itself
         return _Prior(towards, L @ belief.mean, covariance / weighted.correlation, belief.findings)
 
@@ -111,7 +111,7 @@ class _Prior:
     findings: tuple[Finding, ...]
 
 
-def _places(problem: Problem) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _places(problem: EstimationProblem) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Tell which base parameter each of the information's is, and its recording: 2 for `FV_1[2]`, 0 if shared."""
     names = [name.rstrip("]").split("[") for name in problem.information.names]
     copy = np.array([int(parts[1]) if len(parts) > 1 else 0 for parts in names], dtype=np.intp)
@@ -142,7 +142,7 @@ class _Path:
         return (self.turned / (self.sizes**2 + weight)) @ self.turned.T
 
 
-def _chosen(information: Information, weighted: Weighted, prior: _Prior) -> tuple[float, str]:
+def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -> tuple[float, str]:
     """The weight that errs least on folds left out, and how it was found."""
     candidates = STRENGTHS[:-1] if len(weighted.unseen) else STRENGTHS
     parts = split(information, folds(information))
@@ -157,7 +157,7 @@ def _chosen(information: Information, weighted: Weighted, prior: _Prior) -> tupl
     return float(candidates[int(np.argmin(errors.mean(axis=1)))]), f"chosen on {len(parts)} folds of blocks left out"
 
 
-def _fit(weighted: Weighted, prior: _Prior, weight: float, how: str) -> Fit:
+def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fit:
     """The estimate for a weight of the prior."""
     whole, weights = weighted.whole, weighted.weights
     path = _Path(*rows_of(whole, weights), prior)

@@ -29,11 +29,11 @@ from armid.estimation.estimators.wls import RESOLUTION, WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import Solution, solve
 from armid.estimation.per_recording import separate_by_recording
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.information.column_source import column_source
 from armid.information.information import Information, JointFactors, stack, total
-from armid.information.weighted_rows import Rows, Segment, weighted_information
+from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
 from armid.threads import one_blas_thread
 from armid.values import Array
 
@@ -87,7 +87,7 @@ class RobustLeastSquares:
             raise EstimationError(f"constant must be above 0; found {self.constant!r}.", possible="1.345, 4.685")
 
     @one_blas_thread
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate the base parameters.
 
         Raises:
@@ -95,7 +95,7 @@ class RobustLeastSquares:
         """
         model, base, observations = problem.require_samples(self.name)
         start = WeightedLeastSquares().estimate(problem)
-        passes = _Passes(problem, Rows(column_source(model, base), observations))
+        passes = _Passes(problem, WeightedRows(column_source(model, base), observations))
         huber = _Loss("huber", self.constant if self.loss == "huber" and self.constant else HUBER)
         found = self._settle(passes, huber, _State(start.values, passes.scale(start.values)), moving=True)
         if self.loss == "tukey":
@@ -151,7 +151,7 @@ class _State:
 class _Passes:
     """Passes over the rows of a problem."""
 
-    def __init__(self, problem: Problem, every: Rows) -> None:
+    def __init__(self, problem: EstimationProblem, every: WeightedRows) -> None:
         self.information = problem.information
         self.every = every
         self.names = every.source.names

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError, Finding, MissingExtraError
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import standard_per_recording
-from armid.estimation.physical_fit import Outcome
-from armid.estimation.prior import believe
-from armid.estimation.problem import Problem, Standard
+from armid.estimation.physical_fit import PhysicalFit
+from armid.estimation.prior import make_prior
+from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_fit import PriorUse
-from armid.estimation.whitening import Weighted, weigh
+from armid.estimation.whitening import WhitenedSystem, whiten
 from armid.threads import one_blas_thread
 from armid.values import Array
 
@@ -92,7 +92,7 @@ class ThesisNLP:
         object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
 
     @one_blas_thread
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate physical, standard and base parameters; every joint's rows count alike.
 
         Raises:
@@ -100,7 +100,7 @@ class ThesisNLP:
             EstimationError: No search ended at a point that keeps the constraints.
         """
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, problem.information)
-        weighted = weigh(problem.information, plain=True, resolution=RESOLUTION)
+        weighted = whiten(problem.information, plain=True, resolution=RESOLUTION)
         program = _Program(self, standard, weighted)
         rng = np.random.default_rng(self.seed)
         low, high = program.low, program.high
@@ -114,15 +114,15 @@ class ThesisNLP:
         values = min(good, key=lambda each: each[0])[1]
         costs = ", ".join(f"{each[0]:.8g}" if each[2] in SOLVED else each[2] for each in ends)
         findings = [Finding("local-search", "info", "", f"{self.starts} searches ended at objectives {costs}.")]
-        belief = believe("none", standard, weighted)
+        belief = make_prior("none", standard, weighted)
         prior = PriorUse("none", 0.0, "bounds and inequalities only", weighted.correlation)
-        return Outcome(standard, weighted, belief, prior, values, float("nan")).fit(findings)
+        return PhysicalFit(standard, weighted, belief, prior, values, float("nan")).fit(findings)
 
 
 class _Program:
     """The program in casadi, built once for all starts."""
 
-    def __init__(self, options: ThesisNLP, standard: Standard, weighted: Weighted) -> None:
+    def __init__(self, options: ThesisNLP, standard: StandardParameters, weighted: WhitenedSystem) -> None:
         try:
             casadi: Any = import_module("casadi")
         except ModuleNotFoundError as error:
@@ -196,7 +196,7 @@ class _Program:
         return limits
 
 
-def _bounds(options: ThesisNLP, standard: Standard, others: NDArray[np.intp]) -> tuple[Array, Array]:
+def _bounds(options: ThesisNLP, standard: StandardParameters, others: NDArray[np.intp]) -> tuple[Array, Array]:
     """Bounds of the unknowns."""
     (least, most), (small, large), far, cross = options.mass, options.moment, options.com, options.product
     low = [least, -far, -far, -far, small, -cross, small, -cross, -cross, small]

@@ -14,7 +14,7 @@ import numpy as np
 from armid.errors import EstimationError
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import fit_of, residual_deviation, solve
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.information.information import total
 from armid.threads import one_blas_thread
 
@@ -41,7 +41,7 @@ class WeightedLeastSquares:
     quick: ClassVar[bool] = True
 
     @one_blas_thread
-    def estimate(self, problem: Problem) -> Fit:
+    def estimate(self, problem: EstimationProblem) -> Fit:
         """Estimate the base parameters.
 
         Raises:

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armid.estimation.friction.candidates import Piece, Rung
+from armid.estimation.friction.candidates import Candidate, CandidateFamily
 from armid.values import Array
 
-__all__ = ["LARGE", "Offer", "of_the_arm", "of_the_joint", "proportions", "standard_error"]
+__all__ = ["LARGE", "CandidateGain", "of_the_arm", "of_the_joint", "proportions", "standard_error"]
 
 LOWEST = 0.1
 """Smallest share of a fold's error that counts as left: one fold explained by chance must not outweigh all others."""
@@ -36,7 +36,7 @@ BETTER = 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Offer:
+class CandidateGain:
     """A candidate with a shrinkage on one joint.
 
     Attributes:
@@ -50,7 +50,7 @@ class Offer:
 
     joint: int
     option: int
-    pieces: tuple[Piece, ...]
+    pieces: tuple[Candidate, ...]
     ridge: float
     gains: Array
     changes: Array
@@ -61,9 +61,9 @@ class Offer:
         return float(self.gains.sum())
 
 
-def of_the_arm(rung: Rung, offers: list[Offer]) -> list[Offer] | None:
+def of_the_arm(rung: CandidateFamily, offers: list[CandidateGain]) -> list[CandidateGain] | None:
     """The candidate with the largest gain over all joints, where all of them together make it clear."""
-    groups: dict[tuple[int, float], list[Offer]] = {}
+    groups: dict[tuple[int, float], list[CandidateGain]] = {}
     for offer in offers:
         groups.setdefault((offer.option, offer.ridge), []).append(offer)
     if not groups:
@@ -74,7 +74,9 @@ def of_the_arm(rung: Rung, offers: list[Offer]) -> list[Offer] | None:
     return best if _is_clear(gains, changes, rung.clear, rung.least) else None
 
 
-def of_the_joint(rung: Rung, own: list[Offer], shared: list[Offer] | None) -> Offer | None:
+def of_the_joint(
+    rung: CandidateFamily, own: list[CandidateGain], shared: list[CandidateGain] | None
+) -> CandidateGain | None:
     """Choose for a joint: as its arm does unless it clearly does better otherwise, else what is clear by itself."""
     if not own:
         return None

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.information.hysteresis_states import remember
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
@@ -35,7 +35,17 @@ from armid.model.terms import (
 )
 from armid.robot.robot import Robot
 
-__all__ = ["REFINED", "RUNGS", "Piece", "Rung", "Superset", "candidates", "described", "superset", "terms_of"]
+__all__ = [
+    "REFINED",
+    "RUNGS",
+    "Candidate",
+    "CandidateFamily",
+    "CandidateModel",
+    "candidate_model",
+    "candidates",
+    "described",
+    "terms_of",
+]
 
 WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)
 """Deflections of hysteresis [rad or m]: from what encoders resolve to a few degrees, where it begins to look like a
@@ -73,7 +83,7 @@ what it usually brings."""
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class Candidate:
     """A law of one shape.
 
     Attributes:
@@ -88,7 +98,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Rung:
+class CandidateFamily:
     """One kind of friction.
 
     Attributes:
@@ -104,7 +114,7 @@ class Rung:
     """
 
     name: str
-    options: tuple[tuple[Piece, ...], ...]
+    options: tuple[tuple[Candidate, ...], ...]
     shared: bool = False
     position: bool = False
     rounds: int = 1
@@ -113,41 +123,41 @@ class Rung:
     anew: bool = False
 
 
-def _singles(term: str, shapes: Sequence[float]) -> tuple[tuple[Piece, ...], ...]:
-    return tuple((Piece(term, shape),) for shape in shapes)
+def _singles(term: str, shapes: Sequence[float]) -> tuple[tuple[Candidate, ...], ...]:
+    return tuple((Candidate(term, shape),) for shape in shapes)
 
 
-_SPECTRUM = tuple(Piece(Hysteresis.name, width) for width in WIDTHS)
-_FINER = tuple(Piece(Hysteresis.name, width) for width in BETWEEN)
+_SPECTRUM = tuple(Candidate(Hysteresis.name, width) for width in WIDTHS)
+_FINER = tuple(Candidate(Hysteresis.name, width) for width in BETWEEN)
 
-RUNGS: tuple[Rung, ...] = (
-    Rung("hysteresis", (_SPECTRUM, _SPECTRUM[:-1], _SPECTRUM[1:]), shared=True, clear=2.5),
-    Rung("load", ((Piece(LoadCoulomb.name),),)),
-    Rung(
+RUNGS: tuple[CandidateFamily, ...] = (
+    CandidateFamily("hysteresis", (_SPECTRUM, _SPECTRUM[:-1], _SPECTRUM[1:]), shared=True, clear=2.5),
+    CandidateFamily("load", ((Candidate(LoadCoulomb.name),),)),
+    CandidateFamily(
         "velocity",
         (
             *_singles(Stribeck.name, STRIBECK),
             *_singles(Sigmoid.name, SIGMOID),
             *_singles(PowerViscous.name, (0.5,)),
-            tuple(Piece(PiecewiseViscous.name, knot) for knot in KNOTS),
+            tuple(Candidate(PiecewiseViscous.name, knot) for knot in KNOTS),
         ),
         rounds=2,
         least=0.03,
         anew=True,
     ),
-    Rung("ripple", _singles(Ripple.name, HARMONICS), position=True, rounds=3, clear=3.0, least=0.05),
-    Rung(
+    CandidateFamily("ripple", _singles(Ripple.name, HARMONICS), position=True, rounds=3, clear=3.0, least=0.05),
+    CandidateFamily(
         "asymmetry",
         (
-            (Piece(AsymmetricCoulomb.name),),
-            (Piece(AsymmetricViscous.name),),
-            (Piece(AsymmetricCoulomb.name), Piece(AsymmetricViscous.name)),
+            (Candidate(AsymmetricCoulomb.name),),
+            (Candidate(AsymmetricViscous.name),),
+            (Candidate(AsymmetricCoulomb.name), Candidate(AsymmetricViscous.name)),
         ),
         position=True,
         least=0.05,
     ),
-    Rung("finer hysteresis", (_FINER, *((piece,) for piece in (*_FINER, *_SPECTRUM))), least=0.02),
-    Rung("finest hysteresis", _singles(Hysteresis.name, FINEST), rounds=2, least=0.02),
+    CandidateFamily("finer hysteresis", (_FINER, *((piece,) for piece in (*_FINER, *_SPECTRUM))), least=0.02),
+    CandidateFamily("finest hysteresis", _singles(Hysteresis.name, FINEST), rounds=2, least=0.02),
 )
 """The rungs in the order in which they are climbed: what explains most of real arms first, what can imitate gravity
 or an offset last."""
@@ -172,7 +182,7 @@ class _Shelf:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Superset:
+class CandidateModel:
     """A model with all pieces beside its own terms.
 
     Attributes:
@@ -186,7 +196,7 @@ class Superset:
     model: DynamicsModel
     base: BaseParameters
     own: NDArray[np.bool_]
-    columns: dict[tuple[int, Piece], NDArray[np.intp]]
+    columns: dict[tuple[int, Candidate], NDArray[np.intp]]
 
     @property
     def count(self) -> int:
@@ -194,7 +204,7 @@ class Superset:
         return len(self.own)
 
 
-def candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Piece], ...]:
+def candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Candidate], ...]:
     """Pieces that each joint may get: what its speeds show whole, memory known early, ripple where it turns."""
     pieces = {piece for rung in RUNGS for option in rung.options for piece in option}
     present = {term.name for term in model.terms}
@@ -203,7 +213,7 @@ def candidates(model: DynamicsModel, observations: Observations) -> tuple[frozen
     lost = {piece: _unknown(model, piece, observations) for piece in pieces if piece.term == Hysteresis.name}
     fast = _speeds(model, observations)
     moved = np.any([np.ptp(run.motion.q, axis=0) > 0.0 for run in observations.runs], axis=0)
-    result: list[frozenset[Piece]] = []
+    result: list[frozenset[Candidate]] = []
     for j, joint in enumerate(model.robot.joints):
         own = {piece for piece in pieces if piece not in lost or lost[piece][j] <= UNKNOWN}
         if joint.is_prismatic:
@@ -213,7 +223,9 @@ def candidates(model: DynamicsModel, observations: Observations) -> tuple[frozen
     return tuple(result)
 
 
-def superset(model: DynamicsModel, base: BaseParameters, allowed: Sequence[frozenset[Piece]]) -> Superset:
+def candidate_model(
+    model: DynamicsModel, base: BaseParameters, allowed: Sequence[frozenset[Candidate]]
+) -> CandidateModel:
     """The model with all pieces that its joints may get.
 
     Args:
@@ -223,7 +235,7 @@ def superset(model: DynamicsModel, base: BaseParameters, allowed: Sequence[froze
     """
     width = _width(model)
     shelf: list[Law] = []
-    named: dict[tuple[int, Piece], list[str]] = {}
+    named: dict[tuple[int, Candidate], list[str]] = {}
     for j, pieces in enumerate(allowed):
         for k, piece in enumerate(sorted(pieces, key=lambda p: (p.term, p.shape, p.slope))):
             term = _term(piece.term, (piece.shape,), width, (model.robot.joint_names[j],))
@@ -233,7 +245,7 @@ def superset(model: DynamicsModel, base: BaseParameters, allowed: Sequence[froze
             named[j, piece] = [f"{law.symbol}_{law.joint + 1}" for law in laws]
             shelf += laws
     if not shelf:
-        return Superset(model, base, np.ones(base.count, dtype=np.bool_), {})
+        return CandidateModel(model, base, np.ones(base.count, dtype=np.bool_), {})
     whole = replace(model, terms=(*model.terms, _Shelf(tuple(shelf))))
     names = tuple(parameter.name for parameter in whole.parameters)
     place = {name: k for k, name in enumerate(names)}
@@ -248,10 +260,10 @@ def superset(model: DynamicsModel, base: BaseParameters, allowed: Sequence[froze
     wide = BaseParameters(names, units, kept[order], regrouping[order], base.gravity)
     position = {names[k]: row for row, k in enumerate(wide.kept)}
     columns = {key: np.array([position[name] for name in each]) for key, each in named.items()}
-    return Superset(whole, wide, order < base.count, columns)
+    return CandidateModel(whole, wide, order < base.count, columns)
 
 
-def terms_of(model: DynamicsModel, chosen: Sequence[frozenset[Piece]]) -> tuple[Term, ...]:
+def terms_of(model: DynamicsModel, chosen: Sequence[frozenset[Candidate]]) -> tuple[Term, ...]:
     """The terms that the chosen pieces of each joint become; joints with the same shapes share a term."""
     width = _width(model)
     shapes: dict[tuple[str, tuple[float, ...]], list[str]] = {}
@@ -262,7 +274,7 @@ def terms_of(model: DynamicsModel, chosen: Sequence[frozenset[Piece]]) -> tuple[
     return tuple(_term(term, own, width, tuple(joints)) for (term, own), joints in sorted(shapes.items()))
 
 
-def described(pieces: Sequence[Piece]) -> str:
+def described(pieces: Sequence[Candidate]) -> str:
     """Pieces in words: `hysteresis 0.01, 0.03`."""
     words: list[str] = []
     for term in dict.fromkeys(piece.term for piece in pieces):
@@ -302,7 +314,7 @@ def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.floa
     return result
 
 
-def _slope(piece: Piece, law: Expression) -> Expression:
+def _slope(piece: Candidate, law: Expression) -> Expression:
     """Derivative of a refined term's law by the logarithm of its shape."""
     velocity = symbol("dq")
     if piece.term == Stribeck.name:  # exp(-(dq / shape)²), the sign having a width of its own
@@ -310,11 +322,13 @@ def _slope(piece: Piece, law: Expression) -> Expression:
     return -velocity * derivative(law, "dq")  # a sigmoid is a function of dq / shape
 
 
-def _unknown(model: DynamicsModel, piece: Piece, observations: Observations) -> NDArray[np.float64]:
+def _unknown(model: DynamicsModel, piece: Candidate, observations: Observations) -> NDArray[np.float64]:
     """Share of each joint's rows that come before the memory of a width is known, shape (n,)."""
     if not all(run.consecutive for run in observations.runs):
         return np.ones(model.n)
     alone = DynamicsModel(model.robot, (Hysteresis((piece.shape,)),))
     had = np.sum([run.mask.sum(axis=0) for run in observations.runs], axis=0)
-    left = np.sum([remember(alone, run, observations.band).mask.sum(axis=0) for run in observations.runs], axis=0)
+    left = np.sum(
+        [with_hysteresis_states(alone, run, observations.band).mask.sum(axis=0) for run in observations.runs], axis=0
+    )
     return 1.0 - left / np.maximum(had, 1)

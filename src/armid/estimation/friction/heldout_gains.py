@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.crossvalidation import beside, held_out_squares
+from armid.estimation.crossvalidation import held_out_squares, training_information
 from armid.information.information import Information, select
 from armid.values import Array
 
-__all__ = ["Prior", "Reduced", "Stretches", "make_stretches"]
+__all__ = ["GainPrior", "HeldOutFolds", "Reduced", "make_folds"]
 
 ROUNDING = 1e-11
 """Added to the diagonal of products with columns of unit length: their rounding is ε times the square of a condition
@@ -30,7 +30,7 @@ number of a few hundred, and columns that depend on each other must not divide b
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Prior:
+class GainPrior:
     """A Gaussian prior on all parameters of the superset.
 
     Attributes:
@@ -47,7 +47,7 @@ class Prior:
         half = self.precision @ self.mean
         return np.block([[self.precision, half[:, None]], [half[None], np.array([[half @ self.mean]])]])
 
-    def spread(self, count: int, own: NDArray[np.intp]) -> Prior:
+    def spread(self, count: int, own: NDArray[np.intp]) -> GainPrior:
         """The same among more parameters, of which nothing is believed.
 
         Args:
@@ -58,7 +58,7 @@ class Prior:
         own = own[: len(self.mean)]
         mean[own] = self.mean
         precision[np.ix_(own, own)] = self.precision
-        return Prior(mean, precision)
+        return GainPrior(mean, precision)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -99,7 +99,7 @@ class Reduced:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Stretches:
+class HeldOutFolds:
     """The data as products, F stretches that are left out in turn.
 
     Attributes:
@@ -116,7 +116,7 @@ class Stretches:
     training: Array
     whole: Array
     weights: Array
-    prior: Prior
+    prior: GainPrior
 
     def solve(self, products: Array, kept: NDArray[np.intp], ridge: Array) -> Array:
         """Parameters (b,) from products, zero where not kept; ridge (b,) is relative to the columns' size."""
@@ -189,7 +189,7 @@ class Stretches:
         return np.linalg.solve(A, H[np.ix_(kept, rest)] / length[:, None]) / length[:, None]
 
 
-def make_stretches(information: Information, fold: NDArray[np.int64], weights: Array, prior: Prior) -> Stretches:
+def make_folds(information: Information, fold: NDArray[np.int64], weights: Array, prior: GainPrior) -> HeldOutFolds:
     """Products of the stretches.
 
     Args:
@@ -201,12 +201,12 @@ def make_stretches(information: Information, fold: NDArray[np.int64], weights: A
     names = np.unique(fold)
     each = [_products(information, fold == f, weights) for f in names]
     whole = np.sum(each, axis=0)
-    near = [beside(information, fold == f) for f in names]
+    near = [training_information(information, fold == f) for f in names]
     training = np.stack(
         [whole - own - _products(information, at, weights) for own, at in zip(each, near, strict=True)]
     )
     parts = tuple(select(information, fold == f) for f in names)
-    return Stretches(parts, np.stack(each), training, whole, weights, prior)
+    return HeldOutFolds(parts, np.stack(each), training, whole, weights, prior)
 
 
 def _products(information: Information, chosen: NDArray[np.bool_], weights: Array) -> Array:

@@ -12,8 +12,8 @@ from dataclasses import replace
 from armid.errors import ModelError
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
-from armid.estimation.problem import Problem, standard_of
-from armid.information.accumulate import inform
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.information.accumulate import accumulate_information
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -51,6 +51,8 @@ def with_load(model: DynamicsModel, observations: Observations, *, threads: int 
     )
     first = DynamicsModel(model.robot, plain)
     base = find_base_parameters(first)
-    problem = Problem(inform(first, base, observations, threads=threads), standard_of(first, base))
+    problem = EstimationProblem(
+        accumulate_information(first, base, observations, threads=threads), standard_of(first, base)
+    )
     bodies = torque_parameters(base, Ridge().estimate(problem))[first.inertial_columns].reshape(-1, 10)
     return replace(model, load_parameters=bodies)

@@ -14,13 +14,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.friction.acceptance import LARGE, Offer, of_the_arm, of_the_joint, proportions, standard_error
-from armid.estimation.friction.candidates import ONE_SHAPE, Piece, Rung, Superset
-from armid.estimation.friction.heldout_gains import Reduced, Stretches
+from armid.estimation.friction.acceptance import (
+    LARGE,
+    CandidateGain,
+    of_the_arm,
+    of_the_joint,
+    proportions,
+    standard_error,
+)
+from armid.estimation.friction.candidates import ONE_SHAPE, Candidate, CandidateFamily, CandidateModel
+from armid.estimation.friction.heldout_gains import HeldOutFolds, Reduced
 from armid.model.terms import Hysteresis
 from armid.values import Array
 
-__all__ = ["Climb", "Taken", "Trial", "climb"]
+__all__ = ["HeldOutTrial", "SelectedCandidate", "SelectionPath", "select_forward"]
 
 RIDGES = (0.003, 0.03)
 """Shrinkage of added columns that is tried, in shares of their squared length: enough to share a torque out among
@@ -34,7 +41,7 @@ PASSES = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class HeldOutTrial:
     """A candidate on a joint, beside what the joint had when it was last looked at.
 
     Attributes:
@@ -48,7 +55,7 @@ class Trial:
 
     joint: int
     rung: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[Candidate, ...]
     gain: float
     deviation: float
     chosen: bool
@@ -60,7 +67,7 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class SelectedCandidate:
     """Choice of a joint in one round.
 
     Attributes:
@@ -72,12 +79,12 @@ class Taken:
 
     rung: str
     joint: int
-    pieces: tuple[Piece, ...]
+    pieces: tuple[Candidate, ...]
     ridge: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Climb:
+class SelectionPath:
     """Choice of friction.
 
     Attributes:
@@ -87,27 +94,27 @@ class Climb:
         trials: All candidates that were looked at.
     """
 
-    taken: tuple[Taken, ...]
+    taken: tuple[SelectedCandidate, ...]
     kept: NDArray[np.intp]
     ridge: Array
-    trials: tuple[Trial, ...]
+    trials: tuple[HeldOutTrial, ...]
 
-    def chosen(self, joints: int) -> tuple[frozenset[Piece], ...]:
+    def chosen(self, joints: int) -> tuple[frozenset[Candidate], ...]:
         """Pieces of each of so many joints."""
-        own: list[set[Piece]] = [set() for _ in range(joints)]
+        own: list[set[Candidate]] = [set() for _ in range(joints)]
         for each in self.taken:
             own[each.joint] |= set(each.pieces)
         return tuple(frozenset(pieces) for pieces in own)
 
 
-def climb(
-    stretches: Stretches,
-    long: Stretches,
-    superset: Superset,
-    allowed: Sequence[frozenset[Piece]],
-    rungs: Sequence[Rung],
-    start: Climb | None = None,
-) -> Climb:
+def select_forward(
+    stretches: HeldOutFolds,
+    long: HeldOutFolds,
+    superset: CandidateModel,
+    allowed: Sequence[frozenset[Candidate]],
+    rungs: Sequence[CandidateFamily],
+    start: SelectionPath | None = None,
+) -> SelectionPath:
     """Choose friction.
 
     Args:
@@ -129,22 +136,24 @@ def climb(
         search.passes(rungs)
     search.prune({rung.name for rung in rungs if not rung.shared})
     search.thin()
-    return Climb(tuple(search.taken), search.kept, search.ridge, tuple(search.trials.values()))
+    return SelectionPath(tuple(search.taken), search.kept, search.ridge, tuple(search.trials.values()))
 
 
 class _Search:
     """The state of a search."""
 
-    def __init__(self, stretches: Stretches, long: Stretches, superset: Superset, allowed: list[set[Piece]]) -> None:
+    def __init__(
+        self, stretches: HeldOutFolds, long: HeldOutFolds, superset: CandidateModel, allowed: list[set[Candidate]]
+    ) -> None:
         self.stretches = stretches
         self.long = long
         self.superset = superset
         self.allowed = allowed
-        self.chosen: list[set[Piece]] = [set() for _ in allowed]
-        self.taken: list[Taken] = []
+        self.chosen: list[set[Candidate]] = [set() for _ in allowed]
+        self.taken: list[SelectedCandidate] = []
         self.ridge = np.zeros(superset.count)
-        self.trials: dict[tuple[int, tuple[Piece, ...]], Trial] = {}
-        self.made: dict[tuple[bool, bool], tuple[tuple[Taken, ...], Reduced]] = {}
+        self.trials: dict[tuple[int, tuple[Candidate, ...]], HeldOutTrial] = {}
+        self.made: dict[tuple[bool, bool], tuple[tuple[SelectedCandidate, ...], Reduced]] = {}
 
     @property
     def kept(self) -> NDArray[np.intp]:
@@ -154,7 +163,7 @@ class _Search:
             kept[self._columns(joint, pieces)] = True
         return np.flatnonzero(kept)
 
-    def passes(self, rungs: Sequence[Rung]) -> None:
+    def passes(self, rungs: Sequence[CandidateFamily]) -> None:
         """Climb all rungs, again and again until nothing is taken any more."""
         for _ in range(PASSES):
             before = sum(len(pieces) for pieces in self.chosen)
@@ -172,14 +181,14 @@ class _Search:
             if each.rung in rungs:
                 self._give_back(each)
 
-    def round(self, rung: Rung) -> bool:
+    def round(self, rung: CandidateFamily) -> bool:
         """Offer every joint one more candidate of a rung; whether any took one."""
         strict = self._left(self.stretches, all_anew=True)
         fair = self._left(self.stretches, all_anew=False)
         elsewhere = self._left(self.long, all_anew=True) if rung.position else None
         offers = self._offers(rung, fair)
         shared = of_the_arm(rung, offers) if rung.shared else None
-        taken: list[Offer] = []
+        taken: list[CandidateGain] = []
         for joint in range(len(self.allowed)):
             own = [offer for offer in offers if offer.joint == joint]
             pick = of_the_joint(rung, own, None if shared is None else [o for o in shared if o.joint == joint])
@@ -187,14 +196,14 @@ class _Search:
                 taken.append(pick)
             self._record(rung, own, pick if pick in taken else None)
         for pick in taken:
-            self.take(Taken(rung.name, pick.joint, pick.pieces, pick.ridge))
+            self.take(SelectedCandidate(rung.name, pick.joint, pick.pieces, pick.ridge))
         return bool(taken)
 
-    def together(self) -> Rung:
+    def together(self) -> CandidateFamily:
         """Return what is large on a joint but not clear by itself, one of each rung: things that hide each other."""
-        options: list[tuple[Piece, ...]] = []
+        options: list[tuple[Candidate, ...]] = []
         for joint, chosen in enumerate(self.chosen):
-            best: dict[str, Trial] = {}
+            best: dict[str, HeldOutTrial] = {}
             for trial in self.trials.values():
                 open_ = trial.joint == joint and not trial.chosen and chosen.isdisjoint(trial.pieces)
                 if open_ and trial.gain > max(LARGE, best[trial.rung].gain if trial.rung in best else 0.0):
@@ -202,9 +211,9 @@ class _Search:
             pieces = dict.fromkeys(piece for trial in best.values() for piece in trial.pieces)
             if len(best) > 1:
                 options.append(tuple(pieces))
-        return Rung("together", tuple(options), position=True, least=LARGE)
+        return CandidateFamily("together", tuple(options), position=True, least=LARGE)
 
-    def take(self, taken: Taken) -> None:
+    def take(self, taken: SelectedCandidate) -> None:
         """Give a joint what it takes."""
         self.chosen[taken.joint] |= set(taken.pieces)
         self.ridge[self._columns(taken.joint, taken.pieces)] = taken.ridge
@@ -231,7 +240,7 @@ class _Search:
         """
         while True:
             error = self._errors()
-            idle: list[tuple[float, Taken, Piece]] = []
+            idle: list[tuple[float, SelectedCandidate, Candidate]] = []
             for each in self.taken:
                 widths = sorted((p for p in each.pieces if p.term == Hysteresis.name), key=lambda p: p.shape)
                 for piece in widths[:-1]:
@@ -249,14 +258,14 @@ class _Search:
             trial = self.trials.pop((each.joint, each.pieces))
             self.trials[each.joint, rest] = replace(trial, pieces=rest)
 
-    def _left(self, stretches: Stretches, *, all_anew: bool) -> Reduced:
+    def _left(self, stretches: HeldOutFolds, *, all_anew: bool) -> Reduced:
         """Return what the model by now leaves, made anew only where it has changed."""
         key, state = (stretches is self.long, all_anew), tuple(self.taken)
         if key not in self.made or self.made[key][0] != state:
             self.made[key] = state, stretches.reduced(self.kept, self.ridge, all_anew=all_anew)
         return self.made[key][1]
 
-    def _give_back(self, taken: Taken) -> None:
+    def _give_back(self, taken: SelectedCandidate) -> None:
         self.chosen[taken.joint] -= set(taken.pieces)
         self.taken.remove(taken)
         key = taken.joint, taken.pieces
@@ -266,17 +275,17 @@ class _Search:
         """Weighted squared error (n,) of each joint on all stretches, all parameters estimated without each."""
         return self.stretches.errors(self.kept, self.ridge).sum(axis=0) * self.stretches.weights**2
 
-    def _columns(self, joint: int, pieces: set[Piece] | tuple[Piece, ...]) -> NDArray[np.intp]:
+    def _columns(self, joint: int, pieces: set[Candidate] | tuple[Candidate, ...]) -> NDArray[np.intp]:
         found = [self.superset.columns[joint, piece] for piece in pieces]
         return np.concatenate([np.zeros(0, dtype=np.intp), *found])
 
-    def _offers(self, rung: Rung, reduced: Reduced) -> list[Offer]:
+    def _offers(self, rung: CandidateFamily, reduced: Reduced) -> list[CandidateGain]:
         """All candidates of a rung on all joints."""
-        offers: list[Offer] = []
+        offers: list[CandidateGain] = []
         for joint, allowed in enumerate(self.allowed):
             free = allowed - self.chosen[joint]
             done = {piece.term for piece in self.chosen[joint]} & ONE_SHAPE
-            seen: set[tuple[Piece, ...]] = set()
+            seen: set[tuple[Candidate, ...]] = set()
             for option, pieces in enumerate(rung.options):
                 left = tuple(piece for piece in pieces if piece in free and piece.term not in done)
                 squares = reduced.squares[:, joint]
@@ -288,10 +297,10 @@ class _Search:
                     gains = reduced.gains(joint, columns, ridge)
                     if gains is not None:
                         changes = proportions(gains[0], squares)
-                        offers.append(Offer(joint, option, left, ridge, gains[0] / squares.sum(), changes))
+                        offers.append(CandidateGain(joint, option, left, ridge, gains[0] / squares.sum(), changes))
         return offers
 
-    def _contradicted(self, pick: Offer, strict: Reduced, elsewhere: Reduced | None) -> bool:
+    def _contradicted(self, pick: CandidateGain, strict: Reduced, elsewhere: Reduced | None) -> bool:
         """Tell whether the stricter ways of judging speak against a candidate."""
         columns = self._columns(pick.joint, pick.pieces)
         gains = strict.gains(pick.joint, columns, pick.ridge)
@@ -307,10 +316,10 @@ class _Search:
         own, squares = gains[0], elsewhere.squares[:, pick.joint]
         return bool(own.sum() <= 0.0 and proportions(own, squares).sum() >= 0.0)
 
-    def _record(self, rung: Rung, own: list[Offer], pick: Offer | None) -> None:
+    def _record(self, rung: CandidateFamily, own: list[CandidateGain], pick: CandidateGain | None) -> None:
         """Keep the better shrinkage of every candidate as evidence."""
         for offer in sorted(own, key=lambda offer: (offer is pick, offer.gain)):
             deviation = standard_error(offer.gains)
-            self.trials[offer.joint, offer.pieces] = Trial(
+            self.trials[offer.joint, offer.pieces] = HeldOutTrial(
                 offer.joint, rung.name, offer.pieces, offer.gain, deviation, offer is pick
             )

@@ -15,26 +15,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armid.errors import EstimationError
-from armid.estimation.crossvalidation import can_be_cut, folds, one_standard_error
+from armid.estimation.crossvalidation import can_cross_validate, folds, one_standard_error
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction.candidates import (
     RUNGS,
-    Piece,
-    Superset,
+    Candidate,
+    CandidateModel,
+    candidate_model,
     candidates,
     described,
-    superset,
     terms_of,
 )
-from armid.estimation.friction.heldout_gains import Prior, Stretches, make_stretches
-from armid.estimation.friction.search import Climb, Trial, climb
+from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
+from armid.estimation.friction.search import HeldOutTrial, SelectionPath, select_forward
 from armid.estimation.friction.shape_fit import refine
 from armid.estimation.per_recording import contrasted, offset_names, separate_by_recording
-from armid.estimation.prior import believe, carried
-from armid.estimation.problem import Problem, standard_of
-from armid.estimation.whitening import Weighted, weigh
-from armid.information.accumulate import inform
+from armid.estimation.prior import make_prior, project_covariance
+from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.whitening import WhitenedSystem, whiten
+from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, restrict, total
 from armid.maths.linalg import inverse_of
 from armid.measurement.observations import Observations
@@ -43,7 +43,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import LoadCoulomb, Term
 from armid.values import Array
 
-__all__ = ["Evidence", "Ladder", "choose_friction"]
+__all__ = ["FrictionSelection", "SelectionEvidence", "choose_friction"]
 
 FOLDS = 8
 """Stretches that are left out in turn: each trains on most of the data, and a standard error has seven degrees."""
@@ -62,7 +62,7 @@ STRENGTHS = np.logspace(4.0, -4.0, 17)
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class SelectionEvidence:
     """Evidence of left-out stretches for a candidate on a joint, beside what the joint then had.
 
     Attributes:
@@ -83,7 +83,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Ladder:
+class FrictionSelection:
     """Friction that was chosen, and why.
 
     Attributes:
@@ -103,7 +103,7 @@ class Ladder:
 
     model: DynamicsModel
     added: tuple[Term, ...]
-    evidence: tuple[Evidence, ...]
+    evidence: tuple[SelectionEvidence, ...]
     ratio: Array
     deviation: Array
     prior_weight: float | None
@@ -111,7 +111,7 @@ class Ladder:
     why: str = ""
 
 
-def choose_friction(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> Ladder:
+def choose_friction(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> FrictionSelection:
     """Choose friction for each joint by the error on stretches of motion that were left out.
 
     Args:
@@ -123,34 +123,37 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         ArmidError: No row counts.
     """
     base = find_base_parameters(model)
-    problem = Problem(inform(model, base, observations, threads=threads), standard_of(model, base), model, base)
+    problem = EstimationProblem(
+        accumulate_information(model, base, observations, threads=threads), standard_of(model, base), model, base
+    )
     used = int(problem.information.rows.any(axis=1).sum())
     if used < FEWEST:
         ones = np.ones(model.n)
         why = f"{used} blocks of rows are too few to judge friction on; {FEWEST} are the least."
-        return Ladder(model, (), (), ones, np.zeros(model.n), None, why=why)
+        return FrictionSelection(model, (), (), ones, np.zeros(model.n), None, why=why)
     drifting = _drifting(problem.information, model)
     data = contrasted(problem.information, drifting)
-    weighted = weigh(data)
+    weighted = whiten(data)
     strong, best, prior = _prior(problem, data, weighted)
     loaded = _loaded(problem, strong)
     allowed = candidates(loaded, observations)
 
-    def widen(pieces: Sequence[frozenset[Piece]]) -> tuple[Superset, Information]:
-        wide = superset(loaded, base, pieces)
-        information = contrasted(inform(wide.model, wide.base, observations, threads=threads), drifting)
+    def widen(pieces: Sequence[frozenset[Candidate]]) -> tuple[CandidateModel, Information]:
+        wide = candidate_model(loaded, base, pieces)
+        information = contrasted(
+            accumulate_information(wide.model, wide.base, observations, threads=threads), drifting
+        )
         return replace(wide, own=np.append(wide.own, np.ones(information.count - wide.count, np.bool_))), information
 
-    def climbed(start: Climb | None) -> tuple[Superset, Information, Stretches, Climb]:
-        own = [frozenset[Piece]()] * model.n if start is None else start.chosen(model.n)
+    def climbed(start: SelectionPath | None) -> tuple[CandidateModel, Information, HeldOutFolds, SelectionPath]:
+        own = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
         may = [pieces | more for pieces, more in zip(allowed, own, strict=True)]
         wide, information = widen(may)
         spread = prior.spread(wide.count, np.flatnonzero(wide.own))
         stretches, long = (
-            make_stretches(information, folds(information, count), weighted.weights, spread)
-            for count in (FOLDS, LONG)
+            make_folds(information, folds(information, count), weighted.weights, spread) for count in (FOLDS, LONG)
         )
-        return wide, information, stretches, climb(stretches, long, wide, may, RUNGS, start)
+        return wide, information, stretches, select_forward(stretches, long, wide, may, RUNGS, start)
 
     first = climbed(None)[-1]
     refined = refine(first, widen, prior, weighted.weights, model.n)
@@ -160,7 +163,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     chosen = replace(loaded if needs else model, terms=(*model.terms, *added))
     handed, why = _handed_on(best * weighted.correlation, restrict(information, found.kept))
     outcome = _outcome(stretches, wide, found)
-    return Ladder(chosen, added, _evidence(model, found.trials), *outcome, handed, bool(drifting), why)
+    return FrictionSelection(chosen, added, _evidence(model, found.trials), *outcome, handed, bool(drifting), why)
 
 
 def _drifting(information: Information, model: DynamicsModel) -> tuple[str, ...]:
@@ -175,10 +178,10 @@ def _drifting(information: Information, model: DynamicsModel) -> tuple[str, ...]
     told = all(information.rows[information.recording == each].any(axis=0).all() for each in recordings)
     if len(recordings) < 2 or not own.any() or not told:
         return ()
-    return names if can_be_cut(separate_by_recording(information, own), FOLDS) else ()
+    return names if can_cross_validate(separate_by_recording(information, own), FOLDS) else ()
 
 
-def _loaded(problem: Problem, weight: float) -> DynamicsModel:
+def _loaded(problem: EstimationProblem, weight: float) -> DynamicsModel:
     """The model with the bodies of a first estimate for what depends on the load, unless it knows them already."""
     model, base = problem.model, problem.base
     assert model is not None and base is not None  # `choose_friction` gives them
@@ -196,7 +199,7 @@ def _handed_on(rows: float, information: Information) -> tuple[float | None, str
         information: For the chosen model.
     """
     try:
-        return rows / weigh(information).correlation, ""
+        return rows / whiten(information).correlation, ""
     except EstimationError as error:  # weights that do not settle, where rows hardly outnumber the parameters
         return None, (
             "The prior's weight is left to the method: how many rows of the chosen model count as one independent "
@@ -204,7 +207,7 @@ def _handed_on(rows: float, information: Information) -> tuple[float | None, str
         )
 
 
-def _prior(problem: Problem, data: Information, weighted: Weighted) -> tuple[float, float, Prior]:
+def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSystem) -> tuple[float, float, GainPrior]:
     """Weights of the prior on the base parameters by stretches left out: to choose under, to estimate with.
 
     Friction is chosen under the strongest prior that is within a standard error of the best one: bodies that give way
@@ -220,25 +223,27 @@ def _prior(problem: Problem, data: Information, weighted: Weighted) -> tuple[flo
     """
     standard = problem.require_standard("friction ladder")
     whole = total(problem.information)
-    belief = believe("log-det" if standard.described else "mass", standard, replace(weighted, whole=whole))
+    belief = make_prior("log-det" if standard.described else "mass", standard, replace(weighted, whole=whole))
     mean = standard.regrouping @ belief.mean
-    precision = weighted.correlation * inverse_of(carried(belief.precision, standard.regrouping))
+    precision = weighted.correlation * inverse_of(project_covariance(belief.precision, standard.regrouping))
     kept, ridge = np.arange(data.count), np.zeros(data.count)
-    stretches = make_stretches(
-        data, folds(data, FOLDS), weighted.weights, Prior(mean, 0.0 * precision).spread(data.count, kept)
+    stretches = make_folds(
+        data, folds(data, FOLDS), weighted.weights, GainPrior(mean, 0.0 * precision).spread(data.count, kept)
     )
     errors = np.stack(
         [
-            replace(stretches, prior=Prior(mean, strength * precision).spread(data.count, kept)).errors(kept, ridge)
+            replace(stretches, prior=GainPrior(mean, strength * precision).spread(data.count, kept)).errors(
+                kept, ridge
+            )
             @ weighted.weights**2
             for strength in STRENGTHS
         ]
     )
     strong, best = (float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1)))))
-    return strong, best, Prior(mean, strong * precision)
+    return strong, best, GainPrior(mean, strong * precision)
 
 
-def _outcome(stretches: Stretches, wide: Superset, found: Climb) -> tuple[Array, Array]:
+def _outcome(stretches: HeldOutFolds, wide: CandidateModel, found: SelectionPath) -> tuple[Array, Array]:
     """Held-out RMS of each joint with the chosen friction over that without, and its standard error, shapes (n,)."""
     own = np.flatnonzero(wide.own)
     without = stretches.errors(own, found.ridge)
@@ -249,11 +254,11 @@ def _outcome(stretches: Stretches, wide: Superset, found: Climb) -> tuple[Array,
     return ratio, scatter / (2.0 * np.maximum(ratio, LOWEST))
 
 
-def _evidence(model: DynamicsModel, trials: Sequence[Trial]) -> tuple[Evidence, ...]:
+def _evidence(model: DynamicsModel, trials: Sequence[HeldOutTrial]) -> tuple[SelectionEvidence, ...]:
     """Trials in words, joint by joint."""
     names = model.robot.joint_names
     return tuple(
-        Evidence(
+        SelectionEvidence(
             names[trial.joint],
             trial.rung,
             described(trial.pieces),

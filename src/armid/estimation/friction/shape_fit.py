@@ -12,15 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.estimation.friction.candidates import REFINED, Piece, Superset
-from armid.estimation.friction.heldout_gains import Prior, make_stretches
-from armid.estimation.friction.search import Climb
+from armid.estimation.friction.candidates import REFINED, Candidate, CandidateModel
+from armid.estimation.friction.heldout_gains import GainPrior, make_folds
+from armid.estimation.friction.search import SelectionPath
 from armid.information.information import Information
 from armid.values import Array
 
 __all__ = ["Widen", "refine"]
 
-Widen = Callable[[Sequence[frozenset[Piece]]], tuple[Superset, Information]]
+Widen = Callable[[Sequence[frozenset[Candidate]]], tuple[CandidateModel, Information]]
 """Makes the superset of some pieces of each joint, and what the data say of it."""
 
 STEPS = 5
@@ -33,7 +33,7 @@ SPAN = np.log(2.0)
 """How far a shape may go from that of the grid, in its logarithm: to its neighbour."""
 
 
-def refine(found: Climb, widen: Widen, prior: Prior, weights: Array, joints: int) -> Climb:
+def refine(found: SelectionPath, widen: Widen, prior: GainPrior, weights: Array, joints: int) -> SelectionPath:
     """The same choice with the shapes of velocity laws that the data fit best.
 
     Args:
@@ -59,14 +59,14 @@ def refine(found: Climb, widen: Widen, prior: Prior, weights: Array, joints: int
 
 
 def _step(
-    found: Climb, widen: Widen, prior: Prior, weights: Array, joints: int
-) -> tuple[float, dict[tuple[int, Piece], float]]:
+    found: SelectionPath, widen: Widen, prior: GainPrior, weights: Array, joints: int
+) -> tuple[float, dict[tuple[int, Candidate], float]]:
     """Squared error that is left with the shapes as they are, and by how much the logarithm of each wants to move."""
     chosen = found.chosen(joints)
     slopes = [frozenset(replace(piece, slope=True) for piece in own if piece.term in REFINED) for own in chosen]
     wide, information = widen([own | more for own, more in zip(chosen, slopes, strict=True)])
     spread = prior.spread(wide.count, np.flatnonzero(wide.own))
-    once = make_stretches(information, np.zeros(information.blocks, dtype=np.int64), weights, spread)
+    once = make_folds(information, np.zeros(information.blocks, dtype=np.int64), weights, spread)
     ridge = np.zeros(wide.count)
     for each in found.taken:
         for piece in each.pieces:
@@ -76,7 +76,7 @@ def _step(
     values = np.append(-once.solve(once.whole, np.setdiff1d(whole, at), ridge), 1.0)
     error = float(values @ (once.whole + spread.products) @ values)
     both = once.solve(once.whole, whole, ridge)
-    steps: dict[tuple[int, Piece], float] = {}
+    steps: dict[tuple[int, Candidate], float] = {}
     for j, own in enumerate(slopes):
         for slope in own:
             piece = replace(slope, slope=False)
@@ -90,10 +90,10 @@ def _moved(first: float, shape: float, step: float) -> float:
     return float(first * np.exp(np.clip(np.log(shape / first) + step, -SPAN, SPAN)))
 
 
-def _renamed(found: Climb, shapes: dict[tuple[int, Piece], Piece]) -> Climb:
+def _renamed(found: SelectionPath, shapes: dict[tuple[int, Candidate], Candidate]) -> SelectionPath:
     """The choice and its evidence with other shapes of what was taken."""
 
-    def other(joint: int, pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
+    def other(joint: int, pieces: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
         return tuple(shapes.get((joint, piece), piece) for piece in pieces)
 
     taken = tuple(replace(each, pieces=other(each.joint, each.pieces)) for each in found.taken)

@@ -22,14 +22,14 @@ from numpy.typing import NDArray
 
 from armid.values import Array
 
-__all__ = ["RETURN", "put_aside", "renew"]
+__all__ = ["RETURN", "discount", "retained_rows"]
 
 RETURN = 100.0
 """Most information that is given up for a unit of new. Down to a tenth of the amplitude of the motion that taught a
 direction, a direction is forgotten as fast as asked; noise of a millionth of the information costs a 10 000th."""
 
 
-def put_aside(whole: Array, block: Array, share: float, changing: NDArray[np.bool_]) -> Array:
+def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np.bool_]) -> Array:
     """Rows that are to be kept when a share of all stored information is given up for a block.
 
     Args:
@@ -61,14 +61,14 @@ def put_aside(whole: Array, block: Array, share: float, changing: NDArray[np.boo
     return kept
 
 
-def renew(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
+def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
     """Rows that are left, (b, b + 1), once parameters have changed at once; the values stay until rows say more.
 
     The covariance of those that may change, the others given, grows by that of the jump. What is known of the others
     stays. It grows by so much each time, not as often: what no motion shows is never lost in rounding.
 
     Args:
-        whole: All that is stored, which determines all parameters, as in `put_aside`.
+        whole: All that is stored, which determines all parameters, as in `retained_rows`.
         changing: Parameters that may have changed, shape (b,).
         jump: Standard deviations of the change, shape (b,); only those of what may change count.
     """

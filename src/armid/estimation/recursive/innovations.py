@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.estimation.recursive.state import Innovations, State
+from armid.estimation.recursive.state import Innovations, RecursiveState
 from armid.information.information import Information
 from armid.values import Array
 
-__all__ = ["hear", "surprise"]
+__all__ = ["normalized_innovation", "update_noise_color"]
 
 CREEP = 2.0
 """Most squared error, over the usual one, that a block that shows a change adds to the usual."""
 
 
-def surprise(state: State, values: Array, new: Information) -> tuple[Array, Array]:
+def normalized_innovation(state: RecursiveState, values: Array, new: Information) -> tuple[Array, Array]:
     """Tell how far new rows are from what the estimate before them says.
 
     Args:
@@ -39,8 +39,8 @@ def surprise(state: State, values: Array, new: Information) -> tuple[Array, Arra
     return error, np.sqrt(error / level)
 
 
-def hear(
-    before: State,
+def update_noise_color(
+    before: RecursiveState,
     values: Array,
     new: Information,
     half: Array,
@@ -56,7 +56,7 @@ def hear(
         values: Its estimate, shape (b,).
         new: The block.
         half: Square root of the inverse of all information after the block, shape (b, b).
-        error: What `surprise` said of the block.
+        error: What `normalized_innovation` said of the block.
         left: Share of earlier blocks that is left.
         usual: Whether nothing has changed; a block that shows a change says little of the noise.
     """

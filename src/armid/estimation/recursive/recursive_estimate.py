@@ -26,17 +26,17 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError
 from armid.estimation.fit import CovarianceReport, Fit
-from armid.estimation.recursive.forgetting import put_aside, renew
-from armid.estimation.recursive.innovations import hear, surprise
-from armid.estimation.recursive.state import JUMP, Innovations, Memory, State
+from armid.estimation.recursive.forgetting import discount, retained_rows
+from armid.estimation.recursive.innovations import normalized_innovation, update_noise_color
+from armid.estimation.recursive.state import JUMP, ForgettingOptions, Innovations, RecursiveState
 from armid.estimation.uncertainty.jackknife import filled
-from armid.estimation.whitening import RESOLUTION, shortest
+from armid.estimation.whitening import RESOLUTION, minimum_norm_solution
 from armid.information.information import Information, JointFactors, merge, stack, total
 from armid.kernel import factor_columns
 from armid.maths.linalg import condition, inverse_of, scaled_condition
 from armid.values import Array, array
 
-__all__ = ["JUMP", "Innovations", "Memory", "State", "begin", "fit", "resume", "update"]
+__all__ = ["JUMP", "ForgettingOptions", "Innovations", "RecursiveState", "begin", "fit", "resume", "update"]
 
 ITERATIONS = 1000
 STANDSTILL = 1e-9
@@ -49,7 +49,9 @@ FIRST = 10.0
 """Blocks that the noise of an earlier run, its level and its colour, counts for beside those of the recording."""
 
 
-def begin(block: Information, memory: Memory | None = None, *, weights: Array | None = None) -> State:
+def begin(
+    block: Information, memory: ForgettingOptions | None = None, *, weights: Array | None = None
+) -> RecursiveState:
     """A state that knows nothing, for blocks like this one, which is not taken in.
 
     Args:
@@ -63,18 +65,18 @@ def begin(block: Information, memory: Memory | None = None, *, weights: Array | 
     given = np.ones(n) if weights is None else array(weights, (n,), "weights")
     news = Innovations(zero, np.ones(n), zero, np.zeros((n, b)), zero, zero)
     empty = np.zeros((b, b + 1))
-    chosen = _checked(memory or Memory(), b)
-    return State(block.names, joints, zero, empty, given, weights is not None, empty, None, chosen, news)
+    chosen = _checked(memory or ForgettingOptions(), b)
+    return RecursiveState(block.names, joints, zero, empty, given, weights is not None, empty, None, chosen, news)
 
 
 def resume(
     block: Information,
     earlier: Fit,
-    memory: Memory | None = None,
+    memory: ForgettingOptions | None = None,
     *,
     further: Array | None = None,
     factors: Information | None = None,
-) -> State:
+) -> RecursiveState:
     """A state that knows an earlier estimate with its covariance, noise levels of joints included.
 
     New rows weigh against it by what they are worth: the covariance of the earlier estimate over the textbook's says
@@ -123,7 +125,7 @@ def _definite(earlier: Fit, factors: Information | None) -> Array:
     return filled(earlier.covariance, inverse_of(A.T @ A + prior), float(np.min(earlier.freedom)))
 
 
-def update(state: State, block: Information, seconds: float) -> State:
+def update(state: RecursiveState, block: Information, seconds: float) -> RecursiveState:
     """Take in new rows.
 
     Args:
@@ -138,7 +140,7 @@ def update(state: State, block: Information, seconds: float) -> State:
         raise EstimationError(f"Time goes forwards; found {seconds:g} s from one block to the next.")
     new = total(block)
     values = state.values
-    error = surprise(state, values, new)
+    error = normalized_innovation(state, values, new)
     changed = bool((error[1] >= state.memory.renewal).any())
     left = float(np.exp(-seconds / state.memory.seconds))
     if changed:
@@ -150,22 +152,22 @@ def update(state: State, block: Information, seconds: float) -> State:
     kept = np.sqrt(left) * state.kept
     if left < 1.0:
         A, y = stack(new, state.weights)
-        aside = put_aside(state.whole, _triangle(np.column_stack([A, y])), 1.0 - left, _changing(state))
+        aside = retained_rows(state.whole, _triangle(np.column_stack([A, y])), 1.0 - left, _changing(state))
         kept = _triangle(np.vstack([kept, aside]))
     weights = state.weights if state.fixed else _next_weights(state, after, rows, kept)
     whole = _whole(after, kept, weights)
     moved = replace(state, joints=joints, rows=rows, kept=kept, weights=weights, whole=whole)
-    _, half, unseen = shortest(*_parted(whole))
+    _, half, unseen = minimum_norm_solution(*_parted(whole))
     if len(unseen):
         return moved
     if state.memory.jump is None:
         jump = JUMP * np.sqrt(np.sum(half**2, axis=1))
         moved = replace(moved, memory=replace(state.memory, jump=jump))
-    news = hear(replace(state, weights=weights), values, new, half, error, left, usual=not changed)
+    news = update_noise_color(replace(state, weights=weights), values, new, half, error, left, usual=not changed)
     return replace(moved, root=_spread(state, weights, new, half), innovations=news)
 
 
-def fit(state: State) -> Fit:
+def fit(state: RecursiveState) -> Fit:
     """The estimate with intervals; without forgetting that of weighted least squares.
 
     Raises:
@@ -173,14 +175,14 @@ def fit(state: State) -> Fit:
     """
     covariance = state.covariance
     if covariance is None:
-        unseen = shortest(state.whole[:, :-1], state.whole[:, -1])[2]
+        unseen = minimum_norm_solution(state.whole[:, :-1], state.whole[:, -1])[2]
         raise EstimationError(
             f"The rows so far determine {len(state.names) - len(unseen)} of {len(state.names)} parameters.",
             remedy="go on, move more joints, or begin with an earlier run.",
         )
     data = state.information
     weights = state.weights if state.fixed else _settled(state, data)
-    values, half, _ = shortest(*_parted(_whole(data, state.kept, weights)))
+    values, half, _ = minimum_norm_solution(*_parted(_whole(data, state.kept, weights)))
     squares, spent = _left(data, values, weights, half)
     A = stack(data)[0]
     c = state.innovations.correlation
@@ -204,7 +206,7 @@ def fit(state: State) -> Fit:
     )
 
 
-def _checked(memory: Memory, b: int) -> Memory:
+def _checked(memory: ForgettingOptions, b: int) -> ForgettingOptions:
     for name in ("changing", "jump"):
         given = getattr(memory, name)
         if given is not None and np.shape(given) != (b,):
@@ -212,7 +214,7 @@ def _checked(memory: Memory, b: int) -> Memory:
     return memory
 
 
-def _changing(state: State) -> NDArray[np.bool_]:
+def _changing(state: RecursiveState) -> NDArray[np.bool_]:
     given = state.memory.changing
     return np.ones(len(state.names), dtype=np.bool_) if given is None else given
 
@@ -268,9 +270,9 @@ def _left(data: Information, values: Array, weights: Array, half: Array) -> tupl
     return squares, spent
 
 
-def _next_weights(state: State, data: Information, rows: Array, kept: Array) -> Array:
+def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: Array) -> Array:
     """One over the deviation of each joint's residual, from the solution under the present weights."""
-    values, half, _ = shortest(*_parted(_whole(data, kept, state.weights)))
+    values, half, _ = minimum_norm_solution(*_parted(_whole(data, kept, state.weights)))
     squares, spent = _left(data, values, state.weights, half)
     torque = np.array([np.sum(joint.R[0, :, -1] ** 2) for joint in data.joints])
     deviation = np.sqrt(np.maximum(squares, RESOLUTION**2 * torque) / np.maximum(rows - spent, 1.0))
@@ -278,7 +280,7 @@ def _next_weights(state: State, data: Information, rows: Array, kept: Array) -> 
     return np.where(usable, 1.0 / np.where(usable, deviation, 1.0), state.weights)
 
 
-def _settled(state: State, data: Information) -> Array:
+def _settled(state: RecursiveState, data: Information) -> Array:
     """Weights that reproduce themselves."""
     for _ in range(ITERATIONS):
         weights = _next_weights(state, data, state.rows, state.kept)
@@ -291,18 +293,18 @@ def _settled(state: State, data: Information) -> Array:
     )
 
 
-def _renewed(state: State) -> State:
+def _renewed(state: RecursiveState) -> RecursiveState:
     """The state once what may change has done so: all that is known becomes rows that are kept."""
     assert state.root is not None  # else nothing is a surprise
     assert state.memory.jump is not None
     changing = _changing(state)
-    kept = _triangle(renew(state.whole, changing, state.memory.jump))
+    kept = _triangle(discount(state.whole, changing, state.memory.jump))
     empty = tuple(JointFactors(joint.parameters, np.zeros_like(joint.R)) for joint in state.joints)
     root = _square(np.column_stack([state.root, np.diag(np.where(changing, state.memory.jump, 0.0))]))
     return replace(state, joints=empty, rows=np.zeros_like(state.rows), kept=kept, whole=kept, root=root)
 
 
-def _spread(before: State, weights: Array, new: Information, half: Array) -> Array:
+def _spread(before: RecursiveState, weights: Array, new: Information, half: Array) -> Array:
     """Factor (b, b) of the covariance after new rows, with a square root of the inverse of all information."""
     if before.root is None:  # white noise until blocks have said more
         return _square(half)

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import EstimationError
-from armid.estimation.whitening import shortest
+from armid.estimation.whitening import minimum_norm_solution
 from armid.information.information import Information, JointFactors
 from armid.values import Array
 
-__all__ = ["JUMP", "Innovations", "Memory", "State"]
+__all__ = ["JUMP", "ForgettingOptions", "Innovations", "RecursiveState"]
 
 JUMP = 1000.0
 """How much larger than its deviation a change of a parameter at once may be: more than any."""
@@ -22,7 +22,7 @@ WHITE = 0.3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Memory:
+class ForgettingOptions:
     """Forgetting of the past.
 
     Attributes:
@@ -72,7 +72,7 @@ class Innovations:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class State:
+class RecursiveState:
     """All that is known after some blocks.
 
     Attributes:
@@ -97,7 +97,7 @@ class State:
     fixed: bool
     whole: Array
     root: Array | None
-    memory: Memory
+    memory: ForgettingOptions
     innovations: Innovations
 
     @property
@@ -108,7 +108,7 @@ class State:
     @property
     def values(self) -> Array:
         """The estimate, shape (b,); the shortest, columns of unit length, where the data do not determine it."""
-        return shortest(self.whole[:, :-1], self.whole[:, -1])[0]
+        return minimum_norm_solution(self.whole[:, :-1], self.whole[:, -1])[0]
 
     @property
     def information(self) -> Information:

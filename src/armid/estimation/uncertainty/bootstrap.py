@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.estimation.fit import Fit
-from armid.estimation.uncertainty.jackknife import block_products, grouped
+from armid.estimation.uncertainty.jackknife import block_products, group_blocks
 from armid.information.information import Information
 from armid.values import Array
 
@@ -25,7 +25,7 @@ def bootstrap(fit: Fit, information: Information, *, draws: int = 1000, seed: in
     Returns:
         Estimates, shape (draws, b). Their covariance is that of the estimate, their quantiles are its intervals.
     """
-    groups = grouped(information, together)
+    groups = group_blocks(information, together)
     scale = np.ones(len(fit.values))
     normal, gradient = block_products(information, groups, fit.values, fit.weights, scale)
     prior = np.zeros_like(normal[0]) if fit.prior_precision is None else fit.prior_precision

@@ -26,14 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.estimation.fit import CovarianceReport, Fit
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.standard_fit import stated
-from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, repeats
-from armid.estimation.uncertainty.jackknife import Repeated, correlation, grouped, jackknife, periods
-from armid.estimation.uncertainty.noise_spectrum import LARGEST, NoiseModel, Scatter
+from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, has_repetitions
+from armid.estimation.uncertainty.jackknife import RepetitionBlocks, correlation, group_blocks, jackknife, periods
+from armid.estimation.uncertainty.noise_spectrum import LARGEST, LevelScatter, NoiseModel
 from armid.estimation.uncertainty.reversals import moved_by_reversals
 from armid.estimation.uncertainty.whiteness import whiteness
-from armid.information.hysteresis_states import remember
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import unit_columns
 from armid.threads import one_blas_thread
@@ -44,8 +44,8 @@ __all__ = [
     "FEWEST_PERIODS",
     "Uncertainty",
     "block_covariance",
-    "choose",
-    "cover",
+    "choose_covariance_kind",
+    "estimate_covariance",
     "scale_covariance",
 ]
 
@@ -92,18 +92,18 @@ ALIKE = 0.1
 
 
 @one_blas_thread
-def cover(fit: Fit, source: Problem | Information) -> Fit:
+def estimate_covariance(fit: Fit, source: EstimationProblem | Information) -> Fit:
     """The fit with a covariance whose intervals cover, and the reason why it is of its kind.
 
     Args:
         fit: As the estimator gave it.
         source: The problem, whose samples are gone through again, or the information alone, blocks apart.
     """
-    problem = source if isinstance(source, Problem) else Problem(source)
+    problem = source if isinstance(source, EstimationProblem) else EstimationProblem(source)
     return Uncertainty(fit, problem).covered()
 
 
-def choose(white: float, free: int | None, repeated: float) -> tuple[str, str]:
+def choose_covariance_kind(white: float, free: int | None, repeated: float) -> tuple[str, str]:
     """Tell which kind of covariance it should be where the samples are at hand, and why.
 
     Args:
@@ -138,7 +138,7 @@ class Uncertainty:
         felt: Which parameters the rows show, shape (b,).
     """
 
-    def __init__(self, fit: Fit, problem: Problem, information: Information | None = None) -> None:
+    def __init__(self, fit: Fit, problem: EstimationProblem, information: Information | None = None) -> None:
         self.fit, self.problem = fit, problem
         own = problem.information if fit.information is None else fit.information
         self.information = own if information is None else information
@@ -166,7 +166,7 @@ class Uncertainty:
             return self._from_factors(motions, hindrance)
         scatter = spectrum.scatter
         free = None if motions is None else motions.free
-        kind, why = choose(spectrum.whiteness, free, spectrum.repeated)
+        kind, why = choose_covariance_kind(spectrum.whiteness, free, spectrum.repeated)
         report = CovarianceReport(why, len(spectrum.model.basis), spectrum.whiteness, scatter.noise)
         if kind == "white":
             return replace(self.white(), report=replace(report, parts=0))
@@ -210,20 +210,20 @@ class Uncertainty:
             return None
         return moved_by_reversals(self.problem, self.fit.values, self.fit.weights, self.prior)
 
-    def _motions(self) -> Repeated | None:
+    def _motions(self) -> RepetitionBlocks | None:
         """Tell which blocks are one repetition of which motion; `None` where motion does not repeat."""
         runs = () if self.problem.observations is None else self.problem.observations.runs
         known = [run.repetition is not None for run in runs]
         if not any(known):
             motions = periods(self.information)
-            return None if motions is None else Repeated.of_blocks(motions)
-        if not all(known) or any(repeats(run) is None for run in runs):
+            return None if motions is None else RepetitionBlocks.of_blocks(motions)
+        if not all(known) or any(has_repetitions(run) is None for run in runs):
             return None
         if sum(len(np.unique(run.block)) for run in runs) != self.information.blocks:
             return None
-        return Repeated.of_runs(runs, self.information.rows.sum(axis=1) > 0)
+        return RepetitionBlocks.of_runs(runs, self.information.rows.sum(axis=1) > 0)
 
-    def _from_factors(self, motions: Repeated | None, hindrance: str) -> Fit:
+    def _from_factors(self, motions: RepetitionBlocks | None, hindrance: str) -> Fit:
         """The best that factors alone allow."""
         report = CovarianceReport(hindrance, noise=self._noise())
         if motions is not None and motions.free >= FEWEST_PERIODS - 1:
@@ -235,7 +235,7 @@ class Uncertainty:
         covariance, free = found
         return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))
 
-    def _periods(self, found: Repeated, report: CovarianceReport) -> Fit:
+    def _periods(self, found: RepetitionBlocks, report: CovarianceReport) -> Fit:
         """The scatter between periods."""
         covariance = jackknife(
             self.information, found.groups, found.motions, self.fit.values, self.fit.weights, self.inverse
@@ -320,7 +320,7 @@ class _Spectrum:
     """
 
     model: NoiseModel
-    scatter: Scatter
+    scatter: LevelScatter
     whiteness: float
     repeated: float
 
@@ -340,27 +340,27 @@ def block_covariance(
         `None` where there are too few blocks with rows that count.
     """
     together = 1
-    groups = grouped(information)
+    groups = group_blocks(information)
     count = int(groups.max()) + 1
     if count < FEWEST_BLOCKS:
         return None
     while count // 2 >= MERGED_BLOCKS and correlation(information, groups, values, weights, inverse) > NEIGHBOURS:
         together *= 2
-        groups = grouped(information, together)
+        groups = group_blocks(information, together)
         count = int(groups.max()) + 1
     one = np.zeros(count, dtype=np.int64)
     return jackknife(information, groups, one, values, weights, inverse), count - 1.0
 
 
-def _same(problem: Problem, rows: NDArray[np.int64]) -> bool:
+def _same(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
     """Tell whether samples and information are about the same rows and parameters."""
     model, base, observations = problem.require_samples("cover")
     known = {name.split("[", 1)[0] for name in problem.information.names}  # copies for each recording are FV_1[1], …
-    counted = sum(remember(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
+    counted = sum(with_hysteresis_states(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
     return known == set(base.names) and bool(np.array_equal(counted, rows))
 
 
-def _repeated(bands: BandProducts, scatter: Scatter, rows: Array, weights: Array) -> float:
+def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: Array) -> float:
     """Variance of the mean of periods over what their differences say it should be."""
     squares, free = bands.within
     if not (free > 0.0).all():

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.information.column_source import ColumnSource, column_source
-from armid.information.hysteresis_states import remember
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.regressor_rows import rows
 from armid.maths.spectrum import frequencies, spectrum
 from armid.measurement.observations import ObservedRun
@@ -27,12 +27,12 @@ from armid.values import Array
 
 __all__ = [
     "BandProducts",
-    "Gathered",
+    "GatheredBands",
     "band_edges",
     "band_products",
-    "gather",
+    "gather_bands",
+    "has_repetitions",
     "named_columns",
-    "repeats",
     "residual_moments",
 ]
 
@@ -57,7 +57,7 @@ PIECES = 10
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Gathered:
+class GatheredBands:
     """Consecutive rows, perhaps averaged, perhaps several periods in one.
 
     A row that stands for m rows of a joint is their sum over √m, so that products and white noise keep their size.
@@ -119,7 +119,7 @@ class BandProducts:
         return np.cumsum([0, *(len(own) for own in self.parameters)])
 
 
-def gather(problem: Problem, values: Array) -> Iterator[Gathered]:
+def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[GatheredBands]:
     """The rows of a problem with their residuals, averaged to a moderate rate, periods folded.
 
     Args:
@@ -131,7 +131,7 @@ def gather(problem: Problem, values: Array) -> Iterator[Gathered]:
     values = np.broadcast_to(values, (information.n, information.count))
     source = column_source(model, base)
     for given in observations.runs:
-        run = remember(model, given, observations.band)
+        run = with_hysteresis_states(model, given, observations.band)
         parameters = named_columns(source, information.names, run)
         places = [np.searchsorted(j.parameters, own) for j, own in zip(information.joints, parameters, strict=True)]
         width = [len(joint.parameters) for joint in information.joints]
@@ -147,7 +147,7 @@ def gather(problem: Problem, values: Array) -> Iterator[Gathered]:
         yield from collector.rest()
 
 
-def band_products(problem: Problem, values: Array) -> BandProducts:
+def band_products(problem: EstimationProblem, values: Array) -> BandProducts:
     """Everything that the covariance of an estimate needs of the rows.
 
     Args:
@@ -156,7 +156,7 @@ def band_products(problem: Problem, values: Array) -> BandProducts:
     """
     parameters = tuple(joint.parameters for joint in problem.information.joints)
     n, W = len(parameters), sum(len(own) for own in parameters)
-    parts = list(gather(problem, values)) if _is_short(problem) else None
+    parts = list(gather_bands(problem, values)) if _is_short(problem) else None
     lengths = [(part.residual.shape[1], part.rate) for part in parts] if parts else _lengths(problem)
     edges = band_edges(lengths)
     E = len(edges)
@@ -164,7 +164,7 @@ def band_products(problem: Problem, values: Array) -> BandProducts:
     weighted = np.zeros((E, 2))
     pieces: list[Array] = []
     squares, within = np.zeros(n), np.zeros((2, n))
-    for part in parts if parts is not None else gather(problem, values):
+    for part in parts if parts is not None else gather_bands(problem, values):
         M = part.residual.shape[1]
         hertz = frequencies(M) * part.rate
         label, real = _labels(M, part.rate, edges)
@@ -229,7 +229,7 @@ def named_columns(source: ColumnSource, names: tuple[str, ...], run: ObservedRun
     return [every[own] for own in source.layout.parameters]
 
 
-def repeats(run: ObservedRun) -> NDArray[np.int64] | None:
+def has_repetitions(run: ObservedRun) -> NDArray[np.int64] | None:
     """First rows of the periods of a motion that repeats, and the shortest one's number of rows at the end.
 
     Blocks are the periods where repetitions are not known.
@@ -274,7 +274,7 @@ class _Collector:
         self.squares = np.zeros(n)
         self.apart = np.zeros(n)
 
-    def take(self, begin: int, columns: list[Array], residual: Array) -> Iterator[Gathered]:
+    def take(self, begin: int, columns: list[Array], residual: Array) -> Iterator[GatheredBands]:
         """Take rows that follow those taken; gives what is complete."""
         end = begin + residual.shape[1]
         while self.at < len(self.stretches):
@@ -291,7 +291,7 @@ class _Collector:
                 yield self._gathered(1)
                 self._clear()
 
-    def rest(self) -> Iterator[Gathered]:
+    def rest(self) -> Iterator[GatheredBands]:
         """Return what folding has put together."""
         if self.folded:
             yield self._gathered(len(self.stretches))
@@ -318,7 +318,7 @@ class _Collector:
         self.squares += (kept**2).sum(axis=1)
         self.apart += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
 
-    def _gathered(self, periods: int) -> Gathered:
+    def _gathered(self, periods: int) -> GatheredBands:
         """Return what was added, with rows scaled to keep products and white noise at their size."""
         scale = 1.0 / np.sqrt(np.maximum(self.count, 1.0))
         residual = self.residual * scale
@@ -326,7 +326,7 @@ class _Collector:
         if periods > 1:
             within[0] = self.apart - (residual**2).sum(axis=1)
             within[1] = (self.count > 0).sum(axis=1) * (periods - 1)
-        return Gathered(
+        return GatheredBands(
             self.sums * scale[self.of],
             residual,
             self.count > 0.0,
@@ -338,7 +338,7 @@ class _Collector:
 
 def _stretches(run: ObservedRun, each: int) -> tuple[list[tuple[int, int]], bool]:
     """First row and number of rows of what is taken together, and whether all of it goes into one."""
-    periods = repeats(run)
+    periods = has_repetitions(run)
     if periods is not None:
         return [(int(a), int(periods[-1])) for a in periods[:-1]], True
     total, longest = len(run.rows), SEGMENT * each
@@ -352,17 +352,17 @@ def _averaging(run: ObservedRun) -> int:
     return max(1, int(run.rate / (run.step * ENOUGH_RATE)))
 
 
-def _runs(problem: Problem) -> tuple[ObservedRun, ...]:
+def _runs(problem: EstimationProblem) -> tuple[ObservedRun, ...]:
     return () if problem.observations is None else problem.observations.runs
 
 
-def _is_short(problem: Problem) -> bool:
+def _is_short(problem: EstimationProblem) -> bool:
     """Tell whether all rows fit in memory together, so that they need to be made only once."""
     return sum(rows for rows, _ in _lengths(problem)) <= SEGMENT
 
 
-def _lengths(problem: Problem) -> list[tuple[int, float]]:
-    """Rows and rate of what `gather` will give."""
+def _lengths(problem: EstimationProblem) -> list[tuple[int, float]]:
+    """Rows and rate of what `gather_bands` will give."""
     found: list[tuple[int, float]] = []
     for run in _runs(problem):
         each = _averaging(run)
@@ -390,7 +390,7 @@ def _products(signals: Array, label: NDArray[np.intp], real: Array, bands: int) 
     return result
 
 
-def _pieces(part: Gathered) -> Array:
+def _pieces(part: GatheredBands) -> Array:
     """Sum of squares and number of rows of parts of the time, shape (parts, 2, n)."""
     M = part.residual.shape[1]
     starts = np.unique(np.arange(PIECES) * M // PIECES)

@@ -22,7 +22,7 @@ from armid.information.information import Information
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
 
-__all__ = ["Repeated", "block_products", "correlation", "filled", "grouped", "jackknife", "periods"]
+__all__ = ["RepetitionBlocks", "block_products", "correlation", "filled", "group_blocks", "jackknife", "periods"]
 
 RIDGE = 1e-12
 """Added to the diagonal of H, relative: a block that alone shows a direction then gives a huge variance."""
@@ -38,7 +38,7 @@ positions and rows masked near an end make a few hundredths, other motion makes 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Repeated:
+class RepetitionBlocks:
     """Repetitions of motions.
 
     Attributes:
@@ -55,7 +55,7 @@ class Repeated:
         return len(self.motions) - len(np.unique(self.motions))
 
     @classmethod
-    def of_blocks(cls, motions: Groups) -> Repeated:
+    def of_blocks(cls, motions: Groups) -> RepetitionBlocks:
         """Blocks that are a repetition each, by the motion that they are of."""
         used = np.flatnonzero(motions >= 0)
         groups = np.full(len(motions), -1, dtype=np.int64)
@@ -63,7 +63,7 @@ class Repeated:
         return cls(groups, motions[used])
 
     @classmethod
-    def of_runs(cls, runs: Sequence[ObservedRun], filled: NDArray[np.bool_]) -> Repeated:
+    def of_runs(cls, runs: Sequence[ObservedRun], filled: NDArray[np.bool_]) -> RepetitionBlocks:
         """Repetitions of runs that know theirs; blocks without rows are in none.
 
         Args:
@@ -81,7 +81,7 @@ class Repeated:
         return cls(np.array(groups, dtype=np.int64), np.array([k for k, _ in used], dtype=np.int64))
 
 
-def grouped(information: Information, together: int = 1) -> Groups:
+def group_blocks(information: Information, together: int = 1) -> Groups:
     """Number of the group that each block is in, -1 for a block without rows, shape (blocks,).
 
     Args:

@@ -22,7 +22,7 @@ from armid.estimation.uncertainty.frequency_bands import BandProducts
 from armid.maths.linalg import root_of
 from armid.values import Array
 
-__all__ = ["LARGEST", "NoiseModel", "Scatter", "hats"]
+__all__ = ["LARGEST", "LevelScatter", "NoiseModel", "leverages"]
 
 FIRST = 10.0
 """Real numbers of the spectrum below the second knot, as few as give the lowest level any certainty."""
@@ -51,7 +51,7 @@ LARGEST = 30_000_000
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Scatter:
+class LevelScatter:
     """Effect of noise on an estimate.
 
     Attributes:
@@ -93,7 +93,7 @@ class NoiseModel:
                 are the parameters where not given.
         """
         self.bands, self.weights = bands, weights
-        self.basis = hats(bands)
+        self.basis = leverages(bands)
         self.pairs = np.triu_indices(bands.n)
         self.twice = np.where(self.pairs[0] == self.pairs[1], 1.0, 2.0)
         try:
@@ -110,7 +110,7 @@ class NoiseModel:
     @staticmethod
     def size(bands: BandProducts, count: int) -> int:
         """Numbers that the matrices of all levels have, for so many parameters."""
-        return len(hats(bands)) * bands.n * (bands.n + 1) // 2 * count * (count + 1) // 2
+        return len(leverages(bands)) * bands.n * (bands.n + 1) // 2 * count * (count + 1) // 2
 
     def levels(self, moments: Array) -> Array:
         """Covariance of the noise at each frequency, in weighted units, shape (B, n, n).
@@ -124,7 +124,7 @@ class NoiseModel:
         theta = np.linalg.solve(self.left + np.diag(slight), measured + slight * white)
         return self._possible(self._square(np.asarray(theta, dtype=np.float64)))
 
-    def scatter(self, moments: Array, squares: Array, rows: Array) -> Scatter:
+    def scatter(self, moments: Array, squares: Array, rows: Array) -> LevelScatter:
         """Return what the noise behind these residuals does to the estimate.
 
         Args:
@@ -142,7 +142,7 @@ class NoiseModel:
         power = np.einsum("ae,ajj,ejj->j", self.basis, levels, self.bands.count)
         seen = np.einsum("ejj->j", moments) * self.weights**2
         taken = np.maximum(power - seen, 0.0) / self.weights**2
-        return Scatter(covariance, self._freedom(levels), np.sqrt((squares + taken) / np.maximum(rows, 1.0)))
+        return LevelScatter(covariance, self._freedom(levels), np.sqrt((squares + taken) / np.maximum(rows, 1.0)))
 
     def measured(self, moments: Array) -> Array:
         """r̃ᵀ E_a r̃ for each level, shape (levels,)."""
@@ -243,7 +243,7 @@ class NoiseModel:
         return np.maximum(variance**2 / np.maximum(spread, np.finfo(float).tiny), 1.0)
 
 
-def hats(bands: BandProducts) -> Array:
+def leverages(bands: BandProducts) -> Array:
     """Share of each level in each band, shape (B, E): levels stand an octave apart, with straight lines between."""
     count = np.einsum("ejj->e", bands.count) / bands.n
     reached = np.cumsum(count)

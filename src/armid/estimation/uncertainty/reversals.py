@@ -14,10 +14,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.frequency_bands import named_columns
 from armid.information.column_source import column_source
-from armid.information.hysteresis_states import remember
+from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.regressor_rows import rows
 from armid.measurement.band import Band
 from armid.measurement.observations import ObservedRun
@@ -39,7 +39,7 @@ LEFT = 0.1
 """Share of a direction's information that rows away from reversals must have for a comparison there."""
 
 
-def moved_by_reversals(problem: Problem, values: Array, weights: Array, prior: Array) -> Array | None:
+def moved_by_reversals(problem: EstimationProblem, values: Array, weights: Array, prior: Array) -> Array | None:
     """By how much an estimate moves where rows next to reversals are left out, shape (b,).
 
     Args:
@@ -59,7 +59,7 @@ def moved_by_reversals(problem: Problem, values: Array, weights: Array, prior: A
 
 
 def moved_among_unknowns(
-    problem: Problem,
+    problem: EstimationProblem,
     values: Array,
     weights: Array,
     through: Sequence[Array],
@@ -95,12 +95,12 @@ def moved_among_unknowns(
     return np.asarray(root @ (directions @ (inverse * (directions.T @ (root.T @ pull)))), dtype=np.float64)
 
 
-def _away(problem: Problem, weights: Array) -> Iterator[tuple[int, NDArray[np.int64], Array, Array]]:
+def _away(problem: EstimationProblem, weights: Array) -> Iterator[tuple[int, NDArray[np.int64], Array, Array]]:
     """Weighted rows away from reversals: joint, numbers of its parameters, columns (k, M) and torque (M,)."""
     model, base, observations = problem.require_samples("cover")
     source = column_source(model, base)
     for given in observations.runs:
-        run = remember(model, given, observations.band)
+        run = with_hysteresis_states(model, given, observations.band)
         own = named_columns(source, problem.information.names, run)
         counts = run.mask & _sliding(run, observations.band)
         for begin, x in rows(source, run, observations.band):

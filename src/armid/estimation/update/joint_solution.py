@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError
 from armid.estimation.fit import Fit
 from armid.estimation.together import Together, rest_of
-from armid.estimation.uncertainty.covariance import cover
-from armid.estimation.update.stacked_problem import Joined, pulls, triangular
+from armid.estimation.uncertainty.covariance import estimate_covariance
+from armid.estimation.update.stacked_problem import StackedProblem, scores, triangular
 from armid.information.information import Information, JointFactors, select, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 from armid.values import Array
 
-__all__ = ["Solved", "solve_joined"]
+__all__ = ["JointSolution", "solve_joined"]
 
 STANDSTILL = 1e-9
 """Largest relative change of weights and scales that ends the iteration: far below any effect on the estimate."""
@@ -38,7 +38,7 @@ PART = 1e-6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Solved:
+class JointSolution:
     """Solution of a joined problem.
 
     Attributes:
@@ -71,7 +71,9 @@ class Solved:
         return self.covariance + self.moves @ self.moves.T
 
 
-def solve_joined(joined: Joined, *, scale_deviation: Array | None = None, fixed: Array | None = None) -> Solved:
+def solve_joined(
+    joined: StackedProblem, *, scale_deviation: Array | None = None, fixed: Array | None = None
+) -> JointSolution:
     """Solve with one weight a joint, found by iteration as in weighted least squares.
 
     Args:
@@ -237,7 +239,9 @@ def _iterate(
     )
 
 
-def _solved(joined: Joined, unknowns: _Unknowns, weights: Array, values: Array, scale: Array) -> Solved:
+def _solved(
+    joined: StackedProblem, unknowns: _Unknowns, weights: Array, values: Array, scale: Array
+) -> JointSolution:
     """The solution with its covariance from all blocks."""
     seen = _seen(_linear(joined.information, unknowns, values, scale), unknowns.prior, weights)
     basis, unseen, P = seen.basis, seen.unseen, seen.prior[:, :-1]
@@ -246,7 +250,7 @@ def _solved(joined: Joined, unknowns: _Unknowns, weights: Array, values: Array, 
     size, n, count = len(values), seen.information.n, unknowns.count
     moves = np.zeros((size, n))
     if not unknowns.scaled:
-        pull = basis.T @ pulls(total(joined.information), weights)[unknowns.free] + P.T @ joined.moves
+        pull = basis.T @ scores(total(joined.information), weights)[unknowns.free] + P.T @ joined.moves
         moves[unknowns.free] = basis @ (least.inverse @ pull)
         moves *= joined.information.scale_deviation
     every = basis @ fit.covariance @ basis.T
@@ -266,16 +270,22 @@ def _solved(joined: Joined, unknowns: _Unknowns, weights: Array, values: Array, 
         moved = np.zeros(size)
         moved[unknowns.free] = (basis @ fit.report.moved)[:count]
         fit = replace(fit, report=replace(fit.report, moved=moved))
-    return Solved(values, _among_all(every, unknowns), white, moves, left, scale, scales, blind, freedom, fit)
+    return JointSolution(values, _among_all(every, unknowns), white, moves, left, scale, scales, blind, freedom, fit)
 
 
 def _covered(
-    joined: Joined, unknowns: _Unknowns, seen: _Seen, least: _Least, weights: Array, values: Array, scale: Array
+    joined: StackedProblem,
+    unknowns: _Unknowns,
+    seen: _Seen,
+    least: _Least,
+    weights: Array,
+    values: Array,
+    scale: Array,
 ) -> Fit:
     """The solution in z with its covariance: from samples where these are at hand, or else from factors."""
     fit = _fit(seen, least, weights)
     if joined.samples is None:
-        return cover(fit, seen.information)
+        return estimate_covariance(fit, seen.information)
     earlier, prior = joined.earlier, unknowns.prior[:, :-1]
     ties, rows, own = prior @ seen.basis, np.zeros((0, seen.basis.shape[1])), np.zeros((0, 0))
     is_new = np.ones(joined.information.blocks, dtype=np.bool_)

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError
 from armid.estimation.estimate import Status
 from armid.estimation.link_properties import ENTERING
-from armid.estimation.update.joint_solution import Solved, solve_joined
-from armid.estimation.update.stacked_problem import Joined
+from armid.estimation.update.joint_solution import JointSolution, solve_joined
+from armid.estimation.update.stacked_problem import StackedProblem
 from armid.maths.cones import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import (
     PSEUDO_INERTIA_OF,
@@ -33,7 +33,7 @@ from armid.maths.inertia import (
 )
 from armid.values import Array, array
 
-__all__ = ["LOAD_NAMES", "Gains", "Load", "find_gains", "find_load"]
+__all__ = ["LOAD_NAMES", "DriveGains", "PayloadEstimate", "estimate_gains", "estimate_payload"]
 
 LOAD_NAMES = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
 """Names of the load's parameters, in the order that they have everywhere."""
@@ -57,7 +57,7 @@ SAME_SPACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Load:
+class PayloadEstimate:
     """A body on the last link, in the frame of its ten parameters.
 
     Attributes:
@@ -82,7 +82,7 @@ class Load:
     inertia_intervals: Array
     moved: float
     unconstrained: Array
-    solved: Solved
+    solved: JointSolution
 
     @property
     def inertia_about_com(self) -> Array:
@@ -91,7 +91,7 @@ class Load:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Gains:
+class DriveGains:
     """Gains of the joints' torques: true = (1 + correction) · measured.
 
     Attributes:
@@ -105,7 +105,7 @@ class Gains:
     determined: NDArray[np.bool_]
 
 
-def find_load(joined: Joined) -> Load:
+def estimate_payload(joined: StackedProblem) -> PayloadEstimate:
     """The load of the new recordings.
 
     Args:
@@ -126,11 +126,11 @@ def find_load(joined: Joined) -> Load:
     return load
 
 
-def find_gains(joined: Joined, known: Array, deviation: Array) -> tuple[Load, Gains]:
+def estimate_gains(joined: StackedProblem, known: Array, deviation: Array) -> tuple[PayloadEstimate, DriveGains]:
     """Scales of the joints' torques from a load that is known, and what is not known of the load.
 
     Args:
-        joined: As for `find_load`.
+        joined: As for `estimate_payload`.
         known: Parameters of the load that are known, NaN where they are not, shape (10,).
         deviation: How far the scales may be from what was said, relative, shape (n,); infinite for no idea.
 
@@ -148,7 +148,7 @@ def find_gains(joined: Joined, known: Array, deviation: Array) -> tuple[Load, Ga
     freedom = solved.freedom[len(solved.values) :]
     half = _student(freedom) * np.sqrt(np.diag(solved.scale_covariance)) / solved.scale**2
     intervals = np.stack([correction - half, correction + half], axis=1)
-    return _load(joined, solved, known), Gains(correction, intervals, ~solved.unseen_scale)
+    return _load(joined, solved, known), DriveGains(correction, intervals, ~solved.unseen_scale)
 
 
 def _student(freedom: Array) -> Array:
@@ -158,7 +158,7 @@ def _student(freedom: Array) -> Array:
     return np.asarray(stdtrit(freedom, 0.975), dtype=np.float64)
 
 
-def _load(joined: Joined, solved: Solved, known: Array) -> Load:
+def _load(joined: StackedProblem, solved: JointSolution, known: Array) -> PayloadEstimate:
     """The load from a solution: the nearest real body, intervals, what each is worth."""
     ten = joined.load
     free = np.isnan(known)
@@ -179,7 +179,7 @@ def _load(joined: Joined, solved: Solved, known: Array) -> Load:
     covariance[np.ix_(free, free)] = wide.covariance
     com, com_half = _com(values, covariance, t)
     com_half[(ENTERING[MOMENTS] & blind).any(axis=1)] = np.nan
-    return Load(
+    return PayloadEstimate(
         values,
         statistical,
         intervals,
@@ -193,13 +193,15 @@ def _load(joined: Joined, solved: Solved, known: Array) -> Load:
     )
 
 
-def _as_known(values: Array, solved: Solved) -> Load:
+def _as_known(values: Array, solved: JointSolution) -> PayloadEstimate:
     """A load of which everything was said."""
     exact = np.stack([values, values], axis=1)
     com = values[MOMENTS] / values[MASS]
     status: tuple[Status, ...] = ("identified",) * 10
     inertia = np.repeat(about_com(values)[4:, None], 2, axis=1)
-    return Load(values, exact, exact, status, com, np.stack([com, com], axis=1), inertia, 0.0, values, solved)
+    return PayloadEstimate(
+        values, exact, exact, status, com, np.stack([com, com], axis=1), inertia, 0.0, values, solved
+    )
 
 
 def _span(directions: Array) -> Array:

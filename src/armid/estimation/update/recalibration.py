@@ -11,17 +11,17 @@ from armid.errors import EstimationError
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimate import collapse
 from armid.estimation.fit import Fit
-from armid.estimation.problem import Problem
-from armid.estimation.update.joint_solution import Solved, solve_joined
-from armid.estimation.update.stacked_problem import join
+from armid.estimation.problem import EstimationProblem
+from armid.estimation.update.joint_solution import JointSolution, solve_joined
+from armid.estimation.update.stacked_problem import stack_problems
 from armid.information.information import Information, JointFactors, merge
 from armid.values import Array
 
-__all__ = ["Change", "Recalibrated", "recalibrate_fit"]
+__all__ = ["ParameterChange", "Recalibrated", "recalibrate_fit"]
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class ParameterChange:
     """A base parameter before and after.
 
     Attributes:
@@ -60,7 +60,7 @@ class Recalibrated:
 
     fit: Fit
     information: Information
-    changes: tuple[Change, ...]
+    changes: tuple[ParameterChange, ...]
 
 
 def recalibrate_fit(
@@ -69,7 +69,7 @@ def recalibrate_fit(
     new: Information,
     own: NDArray[np.bool_],
     tool: Array | None = None,
-    samples: Problem | None = None,
+    samples: EstimationProblem | None = None,
 ) -> Recalibrated:
     """Estimate anew.
 
@@ -84,7 +84,7 @@ def recalibrate_fit(
     Raises:
         EstimationError: The new recordings do not show what the tool changes.
     """
-    joined = join(earlier, fit, new, own, tool, samples)
+    joined = stack_problems(earlier, fit, new, own, tool, samples)
     solved = solve_joined(joined)
     to_new = joined.to_new
     hidden = np.abs(to_new @ solved.unseen.T).max(axis=1, initial=0.0) > 0.0
@@ -104,7 +104,7 @@ def recalibrate_fit(
     return Recalibrated(found, new if own.all() else merge([shifted, latest]), changes)
 
 
-def _fit(new: Information, to_new: Array, solved: Solved) -> Fit:
+def _fit(new: Information, to_new: Array, solved: JointSolution) -> Fit:
     """The new estimate in base parameters, with the residual of the new recordings: the arm is as they show it."""
     part = np.abs(to_new) / np.abs(to_new).sum(axis=1, keepdims=True)
     values = to_new @ solved.values
@@ -123,7 +123,9 @@ def _fit(new: Information, to_new: Array, solved: Solved) -> Fit:
     )
 
 
-def _changes(names: tuple[str, ...], fit: Fit, found: Fit, moved: Array, solved: Solved) -> tuple[Change, ...]:
+def _changes(
+    names: tuple[str, ...], fit: Fit, found: Fit, moved: Array, solved: JointSolution
+) -> tuple[ParameterChange, ...]:
     """Every parameter before and after, and whether the difference is more than chance.
 
     For what changed freely the deviation of the difference follows from both recordings. What is shared has one value
@@ -141,7 +143,9 @@ def _changes(names: tuple[str, ...], fit: Fit, found: Fit, moved: Array, solved:
     deviation = np.sqrt(np.where(free, variance, apart))
     beyond = np.abs(change) > stdtrit(found.freedom, 0.975) * deviation
     return tuple(
-        Change(name, float(before[k]), float(found.values[k]), float(change[k]), float(deviation[k]), bool(beyond[k]))
+        ParameterChange(
+            name, float(before[k]), float(found.values[k]), float(change[k]), float(deviation[k]), bool(beyond[k])
+        )
         for k, name in enumerate(names)
     )
 

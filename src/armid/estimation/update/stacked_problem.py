@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import separate_by_recording
-from armid.estimation.problem import Problem
+from armid.estimation.problem import EstimationProblem
 from armid.information.information import Information, JointFactors, merge, select, stack, total
 from armid.maths.linalg import null_directions, unit_columns
 from armid.values import Array
 
-__all__ = ["Earlier", "Joined", "join", "pulls", "triangular", "with_load_columns"]
+__all__ = ["Earlier", "StackedProblem", "scores", "stack_problems", "triangular", "with_load_columns"]
 
 SMALLEST_PRECISION = 1e-9
 """Smallest eigenvalue of a prior's precision, diagonal one, at which it still says something of every direction."""
@@ -54,7 +54,7 @@ class Earlier:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Joined:
+class StackedProblem:
     """A least-squares problem of earlier and new recordings in c unknowns.
 
     Attributes:
@@ -78,18 +78,18 @@ class Joined:
     load: NDArray[np.intp]
     weights: Array
     to_new: Array
-    samples: Problem | None = None
+    samples: EstimationProblem | None = None
     earlier: Earlier | None = None
 
 
-def join(
+def stack_problems(
     earlier: Information,
     fit: Fit,
     new: Information,
     own: NDArray[np.bool_],
     load: Array | None = None,
-    samples: Problem | None = None,
-) -> Joined:
+    samples: EstimationProblem | None = None,
+) -> StackedProblem:
     """Put new recordings beside an earlier estimate.
 
     Args:
@@ -125,9 +125,9 @@ def join(
         apart, is_new = select(apart, is_new), np.ones(new.blocks, dtype=np.bool_)
     apart = replace(apart, scale_deviation=new.scale_deviation)
     if load is None:
-        return Joined(apart, prior, moves, before, after, np.arange(0), fit.weights, after, samples, errs)
+        return StackedProblem(apart, prior, moves, before, after, np.arange(0), fit.weights, after, samples, errs)
     wide = None if errs is None else replace(errs, pick=np.hstack([errs.pick, np.zeros((len(errs.pick), 10))]))
-    return Joined(
+    return StackedProblem(
         with_load_columns(apart, is_new, after.T @ load),
         np.insert(prior, [-1] * 10, 0.0, axis=1),
         moves,
@@ -265,10 +265,10 @@ def _moves_of(information: Information, fit: Fit) -> Array:
         at = [fit.names.index(name) for name in whole.names]
         normal = normal + fit.prior_precision[np.ix_(at, at)] / np.outer(length, length)
     inverse = np.linalg.pinv(normal, hermitian=True) / np.outer(length, length)
-    return inverse @ pulls(whole, fit.weights)
+    return inverse @ scores(whole, fit.weights)
 
 
-def pulls(whole: Information, weights: Array) -> Array:
+def scores(whole: Information, weights: Array) -> Array:
     """w_j² R_jᵀ ρ_j of each joint, shape (c, n)."""
     pulls = np.zeros((whole.count, whole.n))
     for j, joint in enumerate(whole.joints):

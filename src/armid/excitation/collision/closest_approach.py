@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.excitation.collision.coal import distances, too_close
-from armid.excitation.collision.collision_model import Collision
+from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.convex_hulls import parts_of
 from armid.values import Array
 
-__all__ = ["RATE", "Approach", "closest_approaches"]
+__all__ = ["RATE", "ClosestApproach", "closest_approaches"]
 
 RATE = 250.0
 """Poses a second in which bodies are measured [Hz]."""
@@ -35,7 +35,7 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Approach:
+class ClosestApproach:
     """Closest approach of two bodies.
 
     Attributes:
@@ -56,7 +56,9 @@ class Approach:
         return self.distance >= self.asked - ROUNDING
 
 
-def closest_approaches(collision: Collision, times: Array, poses: tuple[Array, Array]) -> tuple[Approach, ...]:
+def closest_approaches(
+    collision: CollisionOptions, times: Array, poses: tuple[Array, Array]
+) -> tuple[ClosestApproach, ...]:
     """Closest approach of every pair that should stay apart, nearest first.
 
     Args:
@@ -64,21 +66,21 @@ def closest_approaches(collision: Collision, times: Array, poses: tuple[Array, A
         times: Shape (N,) [s].
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links then.
     """
-    found: list[Approach] = []
+    found: list[ClosestApproach] = []
     if len(collision.pairs):
         bound = collision.every.bodies.distances(poses)
         for k, label in enumerate(collision.every.labels):
             distance, at = _least(collision, collision.pairs[k], bound[:, k], poses)
-            found.append(Approach(label, distance, float(times[at]), float(collision.every.margins[k])))
+            found.append(ClosestApproach(label, distance, float(times[at]), float(collision.every.margins[k])))
     for pair, kept in zip(collision.measured, collision.kept, strict=True):
         distance, at = _by_triangles(collision, pair, float(kept), poses)
         label = " - ".join(collision.shapes[i].name for i in pair)
-        found.append(Approach(label, distance, float(times[at]), float(kept)))
+        found.append(ClosestApproach(label, distance, float(times[at]), float(kept)))
     return tuple(sorted(found, key=lambda each: each.distance))
 
 
 def _least(
-    collision: Collision, pair: NDArray[np.intp], bound: Array, poses: tuple[Array, Array]
+    collision: CollisionOptions, pair: NDArray[np.intp], bound: Array, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
     """Least distance of two bodies by their convex parts, and in which pose; nothing is nearer than its bound."""
 
@@ -101,7 +103,7 @@ def _least(
 
 
 def _by_triangles(
-    collision: Collision, pair: NDArray[np.intp], kept: float, poses: tuple[Array, Array]
+    collision: CollisionOptions, pair: NDArray[np.intp], kept: float, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
     """Least distance of two bodies as they are in some poses, and in all in which they are too close."""
     wrong = np.flatnonzero(too_close(collision.shapes, pair, kept, poses))

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from armid.errors import ArmidError
 from armid.excitation.collision.coal import distances, too_close
 from armid.excitation.collision.convex_hulls import Hulls
-from armid.excitation.collision.distances import Bodies, Clearance
+from armid.excitation.collision.distances import Clearance, CollisionBodies
 from armid.excitation.collision.pairs import pairs_of_bodies
 from armid.excitation.collision.required_distances import (
     BY_CAPSULES,
     CONSTRUCTION,
     LEFT_OUT,
     MEASURED,
-    Keeping,
+    RequiredDistances,
     everything,
     settled,
 )
@@ -29,7 +29,16 @@ from armid.robot.shapes import Shape
 from armid.robot.visual_bodies import missing_bodies
 from armid.values import Array
 
-__all__ = ["Cell", "Collision", "LeftOut", "cell_of", "collision_of", "empty_cell", "kept_apart", "looked_at"]
+__all__ = [
+    "CollisionModel",
+    "CollisionOptions",
+    "IgnoredPair",
+    "collision_of",
+    "empty_collision_model",
+    "kept_apart",
+    "looked_at",
+    "make_collision_model",
+]
 
 LOOKED = 3000
 """Random poses in which pairs are looked at, to leave out of a search those that never come near each other."""
@@ -52,7 +61,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
+class IgnoredPair:
     """Two bodies that touch by construction and are not looked at.
 
     Attributes:
@@ -66,7 +75,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Collision:
+class CollisionOptions:
     """Pairs that a plan keeps apart.
 
     Attributes:
@@ -82,7 +91,7 @@ class Collision:
 
     searched: Clearance | None
     every: Clearance
-    skipped: tuple[LeftOut, ...]
+    skipped: tuple[IgnoredPair, ...]
     shapes: tuple[Shape, ...]
     pairs: NDArray[np.intp]
     own: int
@@ -112,7 +121,7 @@ class Collision:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Cell:
+class CollisionModel:
     """An arm and its surroundings, with all pairs of bodies that a motion could bring together.
 
     Attributes:
@@ -128,9 +137,9 @@ class Cell:
 
     robot: Robot
     shapes: tuple[Shape, ...]
-    bodies: Bodies
+    bodies: CollisionBodies
     pairs: NDArray[np.intp]
-    keeping: Keeping
+    keeping: RequiredDistances
     nearest: Array
     touching: Array
     tried: Array
@@ -156,7 +165,7 @@ class Cell:
         """Distance of each pair in poses (N, n), shape (N, m) [m]."""
         return self.bodies.distances(forward_kinematics(self.robot, q))
 
-    def closer(self, which: NDArray[np.intp], margin: float) -> Cell:
+    def closer(self, which: NDArray[np.intp], margin: float) -> CollisionModel:
         """The same with some of the pairs, rising, measured by hulls where these lie closer around the bodies."""
         hulls, poses = Hulls(self.shapes, self.pairs[which], which), forward_kinematics(self.robot, self.tried)
         apart, before = hulls.distances(poses), self.bodies.distances(poses)[:, which]
@@ -169,7 +178,9 @@ class Cell:
         return replace(self, bodies=bodies, nearest=nearest, touching=touching)
 
 
-def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *, margin: float = 0.02) -> Cell:
+def make_collision_model(
+    robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *, margin: float = 0.02
+) -> CollisionModel:
     """An arm among bodies, looked at in many random poses.
 
     Raises:
@@ -201,28 +212,28 @@ def cell_of(robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *,
     fastest = bodies.approach(some, robot.tree, limits.velocity).max(axis=0) if len(pairs) else np.zeros(0)
     keeping = everything(margin, np.minimum(HALF_STEP * fastest, CERTIFICATE))
     nearest = distance.min(axis=0, initial=np.inf)
-    cell = Cell(robot, shapes, bodies, pairs, keeping, nearest, touching, q[:TRIED])
+    cell = CollisionModel(robot, shapes, bodies, pairs, keeping, nearest, touching, q[:TRIED])
     cell = cell.closer(np.flatnonzero(touching > CONSTRUCTION), margin)
     around = cell.distances(cell.tried)
     return replace(cell, keeping=settled(keeping, robot, shapes, pairs, cell.tried, around, cell.touching))
 
 
-def empty_cell(robot: Robot) -> Cell:
+def empty_collision_model(robot: Robot) -> CollisionModel:
     """An arm of which nobody knows what space it takes, with nothing around it."""
     none = np.zeros((0, 2), dtype=np.intp)
-    bodies = Bodies((), (), none, np.zeros(0, dtype=np.intp))
+    bodies = CollisionBodies((), (), none, np.zeros(0, dtype=np.intp))
     nothing = np.zeros(0)
-    return Cell(robot, (), bodies, none, everything(0.0, nothing), nothing, nothing, np.zeros((0, robot.n)))
+    return CollisionModel(robot, (), bodies, none, everything(0.0, nothing), nothing, nothing, np.zeros((0, robot.n)))
 
 
 def collision_of(
     robot: Robot, limits: Limits, start: Array, surroundings: Sequence[Shape] = (), *, margin: float = 0.02
-) -> Collision:
+) -> CollisionOptions:
     """Pairs of bodies that a plan must keep apart; see `kept_apart`."""
-    return kept_apart(cell_of(robot, limits, surroundings, margin=margin), start)
+    return kept_apart(make_collision_model(robot, limits, surroundings, margin=margin), start)
 
 
-def kept_apart(cell: Cell, start: Array) -> Collision:
+def kept_apart(cell: CollisionModel, start: Array) -> CollisionOptions:
     """Pairs of bodies that a plan from a start pose must keep apart.
 
     Links next to each other are no pair. Links two joints apart that are closer than the margin in most poses keep
@@ -267,14 +278,14 @@ def kept_apart(cell: Cell, start: Array) -> Collision:
     return replace(made, searched=searched)
 
 
-def looked_at(cell: Cell) -> Collision:
+def looked_at(cell: CollisionModel) -> CollisionOptions:
     """Pairs of bodies that should keep apart, from whatever pose; see `kept_apart` for a search."""
     keeping, labels = cell.keeping, cell.bodies.labels
     kept, own = np.flatnonzero(keeping.of(BY_CAPSULES)), keeping.of(MEASURED)
-    return Collision(
+    return CollisionOptions(
         None,
         Clearance("collision", cell.bodies.only(kept), keeping.margin[kept]),
-        tuple(LeftOut(labels[k], float(keeping.touching[k])) for k in np.flatnonzero(keeping.of(LEFT_OUT))),
+        tuple(IgnoredPair(labels[k], float(keeping.touching[k])) for k in np.flatnonzero(keeping.of(LEFT_OUT))),
         cell.shapes,
         cell.pairs[kept],
         len(cell.robot.shapes),

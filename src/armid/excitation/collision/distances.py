@@ -24,7 +24,7 @@ from armid.maths.spatial import homogeneous
 from armid.robot.shapes import Shape, rotation_with_z
 from armid.values import Array
 
-__all__ = ["Bodies", "Clearance", "floor", "nearest_on_box", "nearest_on_segments"]
+__all__ = ["Clearance", "CollisionBodies", "floor", "nearest_on_box", "nearest_on_segments"]
 
 TINY = 1e-12
 """Squared length [m²] below which a line is a point."""
@@ -104,7 +104,7 @@ NO_HULLS = Hulls((), np.zeros((0, 2), dtype=np.intp), np.zeros(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Bodies:
+class CollisionBodies:
     """Capsules of the arm, and pairs of bodies with each other or with the surroundings.
 
     Attributes:
@@ -274,11 +274,11 @@ class Bodies:
         fastest = (moved @ speed[:, :, None])[:, :, 0] if speed.ndim == 2 else moved @ speed
         return np.maximum.reduceat(fastest, self.first, axis=1)
 
-    def only(self, which: Sequence[int] | NDArray[np.intp]) -> Bodies:
+    def only(self, which: Sequence[int] | NDArray[np.intp]) -> CollisionBodies:
         """Some of the pairs of bodies, in rising order."""
         chosen = np.isin(self.groups, np.asarray(which, dtype=np.intp))
         kept, groups = np.unique(self.groups[chosen], return_inverse=True)
-        return Bodies(self.capsules, self.solids, self.pairs[chosen], groups, self.hulls.only(kept))
+        return CollisionBodies(self.capsules, self.solids, self.pairs[chosen], groups, self.hulls.only(kept))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -293,7 +293,7 @@ class Clearance:
     """
 
     name: str
-    bodies: Bodies
+    bodies: CollisionBodies
     margin: Array | float
     spare: Array | float = 0.0
 
@@ -349,7 +349,7 @@ class Clearance:
             total[close] = distance[:, close].min(axis=0) - nearer.min(axis=0)
         return total / SCALE
 
-    def _approach(self, states: States, step: float, bodies: Bodies, fastest: float) -> Array:
+    def _approach(self, states: States, step: float, bodies: CollisionBodies, fastest: float) -> Array:
         """Tell how far (N, m) [m] pairs may come together within half a step of each point of a grid.
 
         Args:

@@ -24,7 +24,7 @@ from armid.excitation.collision.coal import apart, convex, mesh_faces, stamp, ve
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["Outline", "Part", "capsules_of", "hull_points", "lightened", "outline_of", "part_of"]
+__all__ = ["MeshOutline", "Part", "capsules_of", "hull_points", "lightened", "outline_of", "part_of"]
 
 FORMAT = 1
 """Of entries in the cache folder; raised where what is made of a mesh changes."""
@@ -74,7 +74,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Outline:
+class MeshOutline:
     """Outline of a mesh, in its frame.
 
     Attributes:
@@ -96,7 +96,7 @@ def capsules_of(shape: Shape) -> tuple[Shape, ...]:
     )
 
 
-def outline_of(shape: Shape) -> Outline:
+def outline_of(shape: Shape) -> MeshOutline:
     """Return what goes around a mesh, from the cache folder where it is there.
 
     Raises:
@@ -107,7 +107,7 @@ def outline_of(shape: Shape) -> Outline:
 
 
 @lru_cache(maxsize=256)
-def _outline(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> Outline:
+def _outline(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> MeshOutline:
     name = _name(path, scale)
     found = _read(kept(name)) if name else None
     if found is None:
@@ -129,7 +129,7 @@ def _name(path: str, scale: tuple[float, float, float]) -> str:
     return f"mesh-{hashlib.sha256(about.encode() + content).hexdigest()[:40]}"
 
 
-def _written(outline: Outline) -> Arrays:
+def _written(outline: MeshOutline) -> Arrays:
     """The outline as arrays."""
     arrays = {
         "sizes": np.array([each.size for each in outline.capsules]),
@@ -141,7 +141,7 @@ def _written(outline: Outline) -> Arrays:
     return arrays
 
 
-def _read(arrays: Arrays | None) -> Outline | None:
+def _read(arrays: Arrays | None) -> MeshOutline | None:
     """The outline of arrays; `None` where they are not those of one."""
     if arrays is None:
         return None
@@ -159,10 +159,10 @@ def _read(arrays: Arrays | None) -> Outline | None:
         )
     except (KeyError, ValueError, TypeError):
         return None
-    return Outline(capsules, parts) if capsules and parts else None
+    return MeshOutline(capsules, parts) if capsules and parts else None
 
 
-def _made(corners: Array, faces: NDArray[np.intp]) -> Outline:
+def _made(corners: Array, faces: NDArray[np.intp]) -> MeshOutline:
     """Return what goes around triangles; hulls of all slabs are made once, for both."""
     cuts = cuts_of(corners, faces)
     hulls: dict[int, ConvexHull] = {}
@@ -176,7 +176,7 @@ def _made(corners: Array, faces: NDArray[np.intp]) -> Outline:
         return around("", part, hull(part).points[hull(part).vertices])
 
     hollow = smallest(cuts, hull, lambda made: float(made.volume))
-    return Outline(smallest(cuts, capsule, volume_of), tuple(map(lightened, hollow)))
+    return MeshOutline(smallest(cuts, capsule, volume_of), tuple(map(lightened, hollow)))
 
 
 def hull_points(points: Array) -> ConvexHull:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.excitation.collision.distances import Bodies
+from armid.excitation.collision.distances import CollisionBodies
 from armid.excitation.collision.mesh_hulls import capsules_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
@@ -15,7 +15,7 @@ from armid.robot.shapes import Shape
 __all__ = ["joints_between", "pairs_of_bodies", "stands"]
 
 
-def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDArray[np.intp]]:
+def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBodies, NDArray[np.intp]]:
     """Capsules and solids with their pairs, and the pairs as indices into the shapes."""
     solid = [shape.kind in ("box", "half-space") and shape.link < 0 for shape in shapes]
     capsules: list[Shape] = []
@@ -36,7 +36,7 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[Bodies, NDAr
                 chosen.append((b, a) if solid[a] else (a, b))
     own = [(i, j, group) for group, (a, b) in enumerate(chosen) for i in places[a] for j in places[b]]
     index = np.array(own, dtype=np.intp).reshape(-1, 3)
-    bodies = Bodies(tuple(capsules), tuple(solids), index[:, :2], index[:, 2])
+    bodies = CollisionBodies(tuple(capsules), tuple(solids), index[:, :2], index[:, 2])
     return bodies, np.array(chosen, dtype=np.intp).reshape(-1, 2)
 
 

@@ -21,7 +21,7 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["BY_CAPSULES", "CONSTRUCTION", "LEFT_OUT", "MEASURED", "Keeping", "everything", "settled"]
+__all__ = ["BY_CAPSULES", "CONSTRUCTION", "LEFT_OUT", "MEASURED", "RequiredDistances", "everything", "settled"]
 
 BY_CAPSULES, MEASURED, LEFT_OUT = 0, 1, 2
 """How a pair is looked at: by what goes around the bodies, as they are and at the end alone, or not at all."""
@@ -50,7 +50,7 @@ FEW = 100
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Keeping:
+class RequiredDistances:
     """Distances kept by each of m pairs of bodies.
 
     Attributes:
@@ -72,28 +72,28 @@ class Keeping:
         """Tell which pairs are looked at in a way, shape (m,)."""
         return self.kind == kind
 
-    def lowered(self, distance: Array) -> Keeping:
+    def lowered(self, distance: Array) -> RequiredDistances:
         """The same where close pairs are closer yet in the start pose, at distances (m,) [m]: half of these."""
         lower = self.close & (distance > LEAST) & (distance < self.margin)
         return replace(self, margin=np.where(lower, HALF * distance, self.margin))
 
 
-def everything(margin: float, spare: Array) -> Keeping:
+def everything(margin: float, spare: Array) -> RequiredDistances:
     """All pairs keep the same margin [m], and a search so much beyond it, shape (m,) [m]."""
     count = len(spare)
     far = np.zeros(count, dtype=np.bool_)
-    return Keeping(np.full(count, margin), spare, np.full(count, BY_CAPSULES), np.zeros(count), far)
+    return RequiredDistances(np.full(count, margin), spare, np.full(count, BY_CAPSULES), np.zeros(count), far)
 
 
 def settled(
-    keeping: Keeping,
+    keeping: RequiredDistances,
     robot: Robot,
     shapes: Sequence[Shape],
     pairs: NDArray[np.intp],
     tried: Array,
     around: Array,
     touching: Array,
-) -> Keeping:
+) -> RequiredDistances:
     """Return what pairs keep that are close by construction.
 
     Args:
@@ -134,4 +134,4 @@ def settled(
                 usual = max(float(np.quantile(actual, 0.9)), 0.0)
         margin[k] = min(margin[k], HALF * usual)
         spare[k] = min(spare[k], QUARTER * usual)
-    return Keeping(margin, spare, kind, share, close)
+    return RequiredDistances(margin, spare, kind, share, close)

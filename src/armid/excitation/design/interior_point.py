@@ -18,8 +18,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from armid.excitation.design.sqp import Problem, Stage, about_start, drawn_together, highest
-from armid.excitation.limits.constraints import Channel, States, soft_maximum
+from armid.excitation.design.sqp import DescentProblem, Stage, about_start, max_utilisation, shrink_to_feasible
+from armid.excitation.limits.constraints import ConstraintChannel, States, soft_maximum
 from armid.values import Array
 
 __all__ = ["descend_inside", "quasi_newton"]
@@ -51,7 +51,7 @@ FIRST = 0.1
 Function = Callable[[Array], tuple[float, Array]]
 
 
-def descend_inside(problem: Problem, x: Array, stage: Stage, deadline: float = np.inf) -> Array:
+def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: float = np.inf) -> Array:
     """Go down without leaving the limits on the grid of a stage.
 
     Args:
@@ -60,10 +60,10 @@ def descend_inside(problem: Problem, x: Array, stage: Stage, deadline: float = n
         stage: How smooth everything is.
         deadline: Of `time.time` [s]; what is reached by then is returned.
     """
-    begun = drawn_together(problem, problem.fine, x, ROOM)
+    begun = shrink_to_feasible(problem, problem.fine, x, ROOM)
     if begun is None:  # the start pose itself is nearer to a limit than that
-        still = highest(problem, problem.fine, about_start(problem.basis, x, 0.0))
-        begun = drawn_together(problem, problem.fine, x, 0.5 * (1.0 + still)) if still < 1.0 else None
+        still = max_utilisation(problem, problem.fine, about_start(problem.basis, x, 0.0))
+        begun = shrink_to_feasible(problem, problem.fine, x, 0.5 * (1.0 + still)) if still < 1.0 else None
     if begun is None:
         return x
     x = begun
@@ -77,7 +77,10 @@ def descend_inside(problem: Problem, x: Array, stage: Stage, deadline: float = n
         ]
 
         def barrier(
-            x: Array, weight: float = weight, channels: list[Channel] = channels, excess: list[Array] = excess
+            x: Array,
+            weight: float = weight,
+            channels: list[ConstraintChannel] = channels,
+            excess: list[Array] = excess,
         ) -> tuple[float, Array]:
             if time.time() > deadline:
                 return math.inf, np.zeros_like(x)
@@ -99,7 +102,7 @@ def descend_inside(problem: Problem, x: Array, stage: Stage, deadline: float = n
 
         x = quasi_newton(barrier, x, iterations)
         if channels != list(problem.channels):  # a pair that was far away may have come near
-            inside = drawn_together(problem, problem.fine, x)
+            inside = shrink_to_feasible(problem, problem.fine, x)
             x = x if inside is None else inside
     return x
 

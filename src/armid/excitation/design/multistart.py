@@ -27,12 +27,20 @@ from armid.errors import ArmidError
 from armid.excitation.collision.distances import Clearance
 from armid.excitation.design.interior_point import descend_inside
 from armid.excitation.design.objective import Objective
-from armid.excitation.design.sqp import STAGES, Problem, descend, drawn_together, from_pose, highest, utilisation
+from armid.excitation.design.sqp import (
+    STAGES,
+    DescentProblem,
+    descend,
+    from_pose,
+    max_utilisation,
+    shrink_to_feasible,
+    utilisation,
+)
 from armid.excitation.limits.workspace import Workspace
 from armid.threads import ONE_THREAD
 from armid.values import Array
 
-__all__ = ["Candidate", "Progress", "Search", "search", "single_threaded_pool"]
+__all__ = ["Progress", "Search", "SearchCandidate", "search", "single_threaded_pool"]
 
 SCOUTS, REFINED = 6, 2
 """Starts of a round, and how many of them are worth the sharp stages: the value after the smooth ones tells most of
@@ -50,12 +58,12 @@ SHAKES = (0.1, 0.3, 0.8)
 FIRST_SCALE = 0.95
 """Random starts begin at this share of their limits."""
 
-Progress = Callable[["Candidate", float, int], None]
+Progress = Callable[["SearchCandidate", float, int], None]
 """Told the best plan so far, the seconds gone, and how many descents are done."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Candidate:
+class SearchCandidate:
     """A plan that keeps every limit on the grid of the search.
 
     Attributes:
@@ -84,7 +92,7 @@ class Search:
         history: Seconds, and value of the best so far, at the start and after each descent.
     """
 
-    best: Candidate
+    best: SearchCandidate
     rounds: int
     descents: int
     seconds: float
@@ -117,13 +125,13 @@ class _Outcome:
 
 
 @lru_cache(maxsize=4)
-def _problem(pickled: bytes) -> tuple[Problem, Objective]:
+def _problem(pickled: bytes) -> tuple[DescentProblem, Objective]:
     """The problem as it came, and the grid that candidates are compared on."""
-    problem: Problem = pickle.loads(pickled)
+    problem: DescentProblem = pickle.loads(pickled)
     return problem, problem.fine
 
 
-def random_start(problem: Problem, grid: Objective, rng: np.random.Generator) -> Array:
+def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Generator) -> Array:
     """Uniform random coefficients at rest at the start pose, each joint scaled to its own limits."""
     basis = problem.basis
     c = rng.uniform(-UNIFORM, UNIFORM, (basis.n, 2 * basis.harmonics + 1))
@@ -136,9 +144,9 @@ def random_start(problem: Problem, grid: Objective, rng: np.random.Generator) ->
             if label in by_name:
                 share[by_name[label]] = max(share[by_name[label]], peak)
     x *= (FIRST_SCALE / np.where(share > 0.0, share, FIRST_SCALE))[:, None]
-    inside = drawn_together(problem, grid, x.ravel())
+    inside = shrink_to_feasible(problem, grid, x.ravel())
     if inside is None and basis.free:  # random coefficients may begin in a pose that is none
-        inside = drawn_together(problem, grid, from_pose(basis, x.ravel()))
+        inside = shrink_to_feasible(problem, grid, from_pose(basis, x.ravel()))
     return x.ravel() if inside is None else inside
 
 
@@ -160,7 +168,7 @@ def _run(pickled: bytes, task: _Task) -> _Outcome:
         # What bodies leave free is bent: the first stage stays inside it.
         x, stages = descend_inside(problem, x, stages[0], task.deadline), stages[1:]
     x = descend(problem, x, stages, task.deadline)
-    inside = drawn_together(problem, grid, x)
+    inside = shrink_to_feasible(problem, grid, x)
     return _Outcome(task) if inside is None else _Outcome(task, x, inside, grid.value(inside))
 
 
@@ -209,7 +217,7 @@ def single_threaded_pool(workers: int) -> Generator[Executor]:
 class _Round:
     """The tasks of one round, first the scouts, then the refinement of the best of them."""
 
-    def __init__(self, number: int, seed: int, best: Candidate | None, deadline: float) -> None:
+    def __init__(self, number: int, seed: int, best: SearchCandidate | None, deadline: float) -> None:
         self.number = number
         shaken = 0 if best is None or best.kind == "start" else SCOUTS // 2
         self.scouts = [
@@ -239,10 +247,10 @@ class _Round:
 class _Board:
     """The best so far, and who is told of it."""
 
-    def __init__(self, problem: Problem, progress: Progress | None, began: float) -> None:
+    def __init__(self, problem: DescentProblem, progress: Progress | None, began: float) -> None:
         self.pickled = pickle.dumps(problem)
         self.problem, self.grid = _problem(self.pickled)
-        self.best: Candidate | None = None
+        self.best: SearchCandidate | None = None
         self.descents = 0
         self.history: list[tuple[float, float]] = []
         self._progress, self._began = progress, began
@@ -250,7 +258,7 @@ class _Board:
     def offer(self, x: Array, value: float, number: int, kind: str) -> None:
         """A plan inside the limits; kept where it is better."""
         if self.best is None or value < self.best.value:
-            self.best = Candidate(x, value, number, kind)
+            self.best = SearchCandidate(x, value, number, kind)
         if self._progress is not None:
             self._progress(self.best, time.time() - self._began, self.descents)
 
@@ -269,7 +277,7 @@ class _Board:
 
 
 def search(
-    problem: Problem,
+    problem: DescentProblem,
     *,
     seed: int = 1,
     budget: float | None = 30.0,
@@ -301,11 +309,11 @@ def search(
     deadline = np.inf if budget is None else began + budget
     board = _Board(problem, progress, began)
     first = random_start(board.problem, board.grid, np.random.default_rng((seed, 0, 0)))
-    if highest(board.problem, board.grid, first) > 1.0 + 1e-6:
+    if max_utilisation(board.problem, board.grid, first) > 1.0 + 1e-6:
         raise ArmidError("Not even standing still at the start pose keeps the limits.", remedy=_blame(board, first))
     board.offer(first, board.grid.value(first), 0, "start")
     for x in given:
-        inside = drawn_together(board.problem, board.grid, x)
+        inside = shrink_to_feasible(board.problem, board.grid, x)
         if inside is not None:
             board.offer(inside, board.grid.value(inside), 0, "given")
     board.note()

@@ -23,7 +23,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["Goal", "Objective", "along", "information_along", "known_sizes"]
+__all__ = ["CriterionGoal", "Objective", "along", "information_along", "known_sizes"]
 
 
 TOLD = 3.0
@@ -31,7 +31,7 @@ TOLD = 3.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Goal:
+class CriterionGoal:
     """Purpose of a motion.
 
     Attributes:
@@ -97,7 +97,7 @@ class Objective:
 
     def __init__(
         self,
-        goal: Goal,
+        goal: CriterionGoal,
         basis: SeriesBasis,
         samples: int,
         *,
@@ -149,14 +149,14 @@ class Objective:
         return np.asarray(total).T.ravel()
 
 
-def information_along(goal: Goal, motion: Motion) -> Array:
+def information_along(goal: CriterionGoal, motion: Motion) -> Array:
     """G of any motion sampled at the goal's rate, with the laws as they are, once; shape (b, b)."""
     columns = Columns(goal.source, motion.samples)
     columns.fill(motion.q, motion.dq, motion.ddq)
     return columns.information(1.0 / goal.noise**2)
 
 
-def along(goal: Goal, motion: Motion) -> Array:
+def along(goal: CriterionGoal, motion: Motion) -> Array:
     """G of a motion repeated as the goal says, with what is there already, shape (b, b)."""
     G = goal.repetitions * information_along(goal, motion)
     return G if goal.prior is None else G + goal.prior

@@ -17,20 +17,20 @@ import numpy as np
 from scipy.optimize import minimize
 
 from armid.excitation.collision.distances import Clearance
-from armid.excitation.design.objective import Goal, Objective
-from armid.excitation.limits.constraints import Channel, States, soft_maximum
+from armid.excitation.design.objective import CriterionGoal, Objective
+from armid.excitation.limits.constraints import ConstraintChannel, States, soft_maximum
 from armid.excitation.series_basis import SeriesBasis
 from armid.values import Array
 
 __all__ = [
     "STAGES",
-    "Problem",
+    "DescentProblem",
     "Stage",
     "about_start",
     "descend",
-    "drawn_together",
     "from_pose",
-    "highest",
+    "max_utilisation",
+    "shrink_to_feasible",
     "utilisation",
 ]
 
@@ -79,7 +79,7 @@ STAGES = (
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class DescentProblem:
     """Message to a search.
 
     Attributes:
@@ -89,9 +89,9 @@ class Problem:
         scale: Speed [rad/s or m/s] that widths of signs are shares of.
     """
 
-    goal: Goal
+    goal: CriterionGoal
     basis: SeriesBasis
-    channels: tuple[Channel, ...]
+    channels: tuple[ConstraintChannel, ...]
     scale: float = 1.0
 
     def objective(self, stage: Stage) -> Objective:
@@ -99,7 +99,7 @@ class Problem:
         samples = max(64, round(stage.density * self.basis.harmonics))
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
-    def near(self, states: States) -> list[Channel]:
+    def near(self, states: States) -> list[ConstraintChannel]:
         """Return what motions like the one at hand must not exceed; of many pairs of bodies, those that come near."""
         return [channel.near(states) if isinstance(channel, Clearance) else channel for channel in self.channels]
 
@@ -120,7 +120,7 @@ class _Late(Exception):  # noqa: N818  (no error: the time is up)
 class _Evaluation:
     """Value, limits and their gradients of a stage; SLSQP asks for them one after the other at the same point."""
 
-    def __init__(self, problem: Problem, stage: Stage, x: Array, deadline: float) -> None:
+    def __init__(self, problem: DescentProblem, stage: Stage, x: Array, deadline: float) -> None:
         self._objective = problem.objective(stage)
         self._sharpness = stage.limit_sharpness
         self._deadline = deadline
@@ -169,7 +169,7 @@ class _Evaluation:
         self._point = point
 
 
-def descend(problem: Problem, x: Array, stages: tuple[Stage, ...], deadline: float = np.inf) -> Array:
+def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadline: float = np.inf) -> Array:
     """Run stages one after the other, each from where the one before has stopped.
 
     Args:
@@ -203,36 +203,36 @@ def descend(problem: Problem, x: Array, stages: tuple[Stage, ...], deadline: flo
     return x
 
 
-def _sane(problem: Problem, reached: Array, before: Array) -> Array:
+def _sane(problem: DescentProblem, reached: Array, before: Array) -> Array:
     """Return what a stage has reached, unless it has run away: then that drawn together, or where the stage began."""
     if not np.isfinite(reached).all():
         return before
-    if highest(problem, problem.fine, reached) < RUN_AWAY:
+    if max_utilisation(problem, problem.fine, reached) < RUN_AWAY:
         return reached
-    inside = drawn_together(problem, problem.fine, reached)
+    inside = shrink_to_feasible(problem, problem.fine, reached)
     if inside is None or problem.fine.value(inside) > problem.fine.value(before):
         return before
     return inside
 
 
-def utilisation(problem: Problem, grid: Objective, x: Array) -> list[Array]:
+def utilisation(problem: DescentProblem, grid: Objective, x: Array) -> list[Array]:
     """Shares of the limits along a grid, channel by channel, (N, m) each."""
     states = States(grid, np.asarray(x))
     return [channel.values(states) for channel in problem.channels]
 
 
-def highest(problem: Problem, grid: Objective, x: Array) -> float:
+def max_utilisation(problem: DescentProblem, grid: Objective, x: Array) -> float:
     """Largest share of any limit along a grid."""
     return max((float(u.max()) for u in utilisation(problem, grid, x)), default=0.0)
 
 
-def _inside(problem: Problem, grid: Objective, x: Array, limit: float) -> bool:
+def _inside(problem: DescentProblem, grid: Objective, x: Array, limit: float) -> bool:
     """Tell whether every limit is kept along a grid; bodies, which take longest, are looked at last."""
     states = States(grid, np.asarray(x))
     return all(float(channel.values(states).max()) <= limit for channel in problem.channels)
 
 
-def drawn_together(problem: Problem, grid: Objective, x: Array, limit: float = FEASIBLE) -> Array | None:
+def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit: float = FEASIBLE) -> Array | None:
     """The largest multiple, at most one, of a series about its start pose that keeps every limit on a grid.
 
     Returns:

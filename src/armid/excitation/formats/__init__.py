@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import cast
 
 from armid.excitation.formats import csv, fri, mat, ros2, urscript
-from armid.excitation.formats.track import Format, Track
+from armid.excitation.formats.track import Format, SampledMotion
 
-__all__ = ["FORMATS", "Format", "Track"]
+__all__ = ["FORMATS", "Format", "SampledMotion"]
 
 FORMATS: dict[str, Format] = {
     "csv": cast("Format", csv),

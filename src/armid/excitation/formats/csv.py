@@ -7,7 +7,7 @@ import io
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.formats.track import Track, number_rows
+from armid.excitation.formats.track import SampledMotion, number_rows
 from armid.model.motion import Motion
 
 __all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
@@ -16,13 +16,13 @@ SUFFIX = ".csv"
 RATE = 250.0
 
 
-def problem(track: Track) -> str:
+def problem(track: SampledMotion) -> str:
     """Nothing stands against a table."""
     del track
     return ""
 
 
-def write(track: Track) -> bytes:
+def write(track: SampledMotion) -> bytes:
     """A header with the joints' names, then a row a sample."""
     header = ",".join(["time", *(f"{kind}_{joint}" for kind in ("q", "dq", "ddq") for joint in track.joints)])
     motion = track.motion
@@ -32,7 +32,7 @@ def write(track: Track) -> bytes:
     return text.getvalue().encode()
 
 
-def read(content: bytes) -> Track:
+def read(content: bytes) -> SampledMotion:
     """The motion; the plan does not stand in a table.
 
     Raises:
@@ -47,4 +47,4 @@ def read(content: bytes) -> Track:
         )
     values = number_rows(rows, 1 + 3 * len(names))
     states = np.split(values[:, 1:], 3, axis=1)
-    return Track("", tuple(names), (False,) * len(names), Motion(values[:, 0], *states))
+    return SampledMotion("", tuple(names), (False,) * len(names), Motion(values[:, 0], *states))

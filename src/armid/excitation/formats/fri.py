@@ -9,7 +9,7 @@ import io
 
 import numpy as np
 
-from armid.excitation.formats.track import Track, number_rows, states_of_positions
+from armid.excitation.formats.track import SampledMotion, number_rows, states_of_positions
 
 __all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
 
@@ -19,22 +19,22 @@ RATE = 200.0
 JOINTS = 7
 
 
-def problem(track: Track) -> str:
+def problem(track: SampledMotion) -> str:
     """The arms that speak FRI have seven joints that turn."""
     if len(track.joints) != JOINTS or any(track.prismatic):
         return f"FRI moves {JOINTS} joints that turn"
     return ""
 
 
-def write(track: Track) -> bytes:
+def write(track: SampledMotion) -> bytes:
     """A row a cycle; the cycle's time stands nowhere in it."""
     text = io.StringIO()
     np.savetxt(text, track.motion.q, delimiter=",", fmt="%.9f")
     return text.getvalue().encode()
 
 
-def read(content: bytes) -> Track:
+def read(content: bytes) -> SampledMotion:
     """The positions, with the usual cycle of 5 ms."""
     q = number_rows(content.decode(errors="replace"), JOINTS)
     motion = states_of_positions(np.arange(len(q)) / RATE, q)
-    return Track("", tuple(f"A{k + 1}" for k in range(JOINTS)), (False,) * JOINTS, motion)
+    return SampledMotion("", tuple(f"A{k + 1}" for k in range(JOINTS)), (False,) * JOINTS, motion)

@@ -11,7 +11,7 @@ from scipy.io import loadmat, savemat
 from scipy.io.matlab import MatReadError
 
 from armid.errors import ArmidError
-from armid.excitation.formats.track import Track
+from armid.excitation.formats.track import SampledMotion
 from armid.model.motion import Motion
 
 __all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
@@ -22,13 +22,13 @@ RATE = 250.0
 COEFFICIENTS = ("base_frequency", "a", "b", "offset")
 
 
-def problem(track: Track) -> str:
+def problem(track: SampledMotion) -> str:
     """Nothing stands against a file of arrays."""
     del track
     return ""
 
 
-def write(track: Track) -> bytes:
+def write(track: SampledMotion) -> bytes:
     """A version 5 file, which every MATLAB reads."""
     motion = track.motion
     values: dict[str, Any] = {"t": motion.time, "q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
@@ -42,7 +42,7 @@ def write(track: Track) -> bytes:
     return buffer.getvalue()
 
 
-def read(content: bytes) -> Track:
+def read(content: bytes) -> SampledMotion:
     """Motion and plan.
 
     Raises:
@@ -58,4 +58,4 @@ def read(content: bytes) -> Track:
             f"This is no file of a plan: {error}.", remedy="give a file that armid excite wrote."
         ) from error
     plan = str(values["plan"]) if "plan" in values else ""
-    return Track("", joints, (False,) * len(joints), Motion(time, *states), plan)
+    return SampledMotion("", joints, (False,) * len(joints), Motion(time, *states), plan)

@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.formats.track import PLAN_MARK, Track, plan_in_comments
+from armid.excitation.formats.track import PLAN_MARK, SampledMotion, plan_in_comments
 from armid.model.motion import Motion
 from armid.values import Array
 
@@ -23,7 +23,7 @@ POINT = re.compile(
 )
 
 
-def problem(track: Track) -> str:
+def problem(track: SampledMotion) -> str:
     """Nothing stands against a trajectory."""
     del track
     return ""
@@ -33,7 +33,7 @@ def _list(values: Array) -> str:
     return "[" + ", ".join(f"{x:.12g}" for x in values) + "]"
 
 
-def write(track: Track) -> bytes:
+def write(track: SampledMotion) -> bytes:
     """Positions, velocities and accelerations at every point; the plan in a comment."""
     lines = [f"# {PLAN_MARK}{track.plan}"] if track.plan else []
     lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in track.joints), "points:"]
@@ -49,7 +49,7 @@ def write(track: Track) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def read(content: bytes) -> Track:
+def read(content: bytes) -> SampledMotion:
     """Points and plan.
 
     Raises:
@@ -66,4 +66,4 @@ def read(content: bytes) -> Track:
     states = (np.array([json.loads(point[k]) for point in found], dtype=np.float64) for k in range(3))
     time = np.array([int(point[3]) + 1e-9 * int(point[4]) for point in found])
     plan = plan_in_comments(text, "#")
-    return Track("", tuple(joints), (False,) * len(joints), Motion(time, *states), plan)
+    return SampledMotion("", tuple(joints), (False,) * len(joints), Motion(time, *states), plan)

@@ -11,14 +11,14 @@ from armid.errors import ArmidError
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["PLAN_MARK", "Format", "Track", "number_rows", "plan_in_comments", "states_of_positions"]
+__all__ = ["PLAN_MARK", "Format", "SampledMotion", "number_rows", "plan_in_comments", "states_of_positions"]
 
 PLAN_MARK = "armid-plan "
 """Before the plan, as one line of JSON in a comment, where a format has comments."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Track:
+class SampledMotion:
     """A motion for a controller.
 
     Attributes:
@@ -52,15 +52,15 @@ class Format(Protocol):
     SUFFIX: str
     RATE: float
 
-    def problem(self, track: Track) -> str:
+    def problem(self, track: SampledMotion) -> str:
         """Tell why the format cannot hold this track; empty where it can."""
         ...
 
-    def write(self, track: Track) -> bytes:
+    def write(self, track: SampledMotion) -> bytes:
         """The file."""
         ...
 
-    def read(self, content: bytes) -> Track:
+    def read(self, content: bytes) -> SampledMotion:
         """Return what `write` has written, as far as the format keeps it."""
         ...
 

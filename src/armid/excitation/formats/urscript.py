@@ -7,7 +7,13 @@ import re
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.formats.track import PLAN_MARK, Track, number_rows, plan_in_comments, states_of_positions
+from armid.excitation.formats.track import (
+    PLAN_MARK,
+    SampledMotion,
+    number_rows,
+    plan_in_comments,
+    states_of_positions,
+)
 
 __all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
 
@@ -22,14 +28,14 @@ LOOKAHEAD, GAIN = 0.1, 300
 SERVO = re.compile(r"servoj\(\[(.*?)\], t=([\d.]+)")
 
 
-def problem(track: Track) -> str:
+def problem(track: SampledMotion) -> str:
     """These arms have six joints that turn."""
     if len(track.joints) != JOINTS or any(track.prismatic):
         return f"URScript moves {JOINTS} joints that turn"
     return ""
 
 
-def write(track: Track) -> bytes:
+def write(track: SampledMotion) -> bytes:
     """One `movej` at walking pace, then a `servoj` a sample, then a stop."""
     rows = [", ".join(f"{x:.9f}" for x in q) for q in track.motion.q]
     lines = [f"# {PLAN_MARK}{track.plan}"] if track.plan else []
@@ -39,7 +45,7 @@ def write(track: Track) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def read(content: bytes) -> Track:
+def read(content: bytes) -> SampledMotion:
     """Positions and plan.
 
     Raises:
@@ -52,4 +58,4 @@ def read(content: bytes) -> Track:
     q = number_rows("\n".join(row for row, _ in found), JOINTS)
     motion = states_of_positions(np.arange(float(len(q))) * float(found[0][1]), q)
     joints = tuple(f"joint_{k + 1}" for k in range(JOINTS))
-    return Track("", joints, (False,) * JOINTS, motion, plan_in_comments(text, "#"))
+    return SampledMotion("", joints, (False,) * JOINTS, motion, plan_in_comments(text, "#"))

@@ -21,7 +21,7 @@ from armid.excitation.design.objective import Objective
 from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
-__all__ = ["Amplitudes", "Channel", "Coefficients", "Range", "States", "soft_maximum"]
+__all__ = ["AmplitudeLimit", "CoefficientLimit", "ConstraintChannel", "RangeLimit", "States", "soft_maximum"]
 
 ROUND = 1e-8
 """Added under the root of an amplitude, so that it has a slope where a harmonic vanishes [(rad/s)²]."""
@@ -90,7 +90,7 @@ class States:
         return self.objective.columns.torque(values)
 
 
-class Channel(Protocol):
+class ConstraintChannel(Protocol):
     """Something along a series that has a limit.
 
     Attributes:
@@ -130,7 +130,7 @@ def soft_maximum(values: Array, sharpness: float) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Range:
+class RangeLimit:
     """A derivative of the joints' positions that stays within a middle and half a width.
 
     Attributes:
@@ -171,7 +171,7 @@ class Range:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Amplitudes:
+class AmplitudeLimit:
     """Sums of the harmonics' amplitudes, a bound of a motion whatever its phases: (3.55d) and (3.55e).
 
     Attributes:
@@ -219,7 +219,7 @@ class Amplitudes:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Coefficients:
+class CoefficientLimit:
     """Every coefficient by itself: (3.55f).
 
     Attributes:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, did_you_mean
-from armid.excitation.limits.constraints import Amplitudes, Channel, Coefficients, Range
+from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, ConstraintChannel, RangeLimit
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.series_basis import SeriesBasis
 from armid.model.motion import Motion
@@ -202,28 +202,28 @@ def _finite(values: Array) -> NDArray[np.intp]:
     return np.flatnonzero(np.isfinite(values))
 
 
-def motion_channels(limits: Limits) -> tuple[Channel, ...]:
+def motion_channels(limits: Limits) -> tuple[ConstraintChannel, ...]:
     """Position, velocity, acceleration and jerk of the motion itself."""
     names = limits.joints
     bounded = _finite(limits.upper - limits.lower)
     low, high = limits.lower[bounded], limits.upper[bounded]
     middle, half = 0.5 * (high + low), 0.5 * (high - low)
-    result: list[Channel] = []
+    result: list[ConstraintChannel] = []
     if len(bounded):
         labels = tuple(names[j] for j in bounded)
-        result.append(Range("position", 0, tuple(bounded.tolist()), labels, middle, half))
+        result.append(RangeLimit("position", 0, tuple(bounded.tolist()), labels, middle, half))
     for order, kind in enumerate(("velocity", "acceleration", "jerk"), 1):
         values: Array = getattr(limits, kind)
         own = _finite(values)
         if len(own):
             labels = tuple(names[j] for j in own)
-            result.append(Range(kind, order, tuple(own.tolist()), labels, np.zeros(len(own)), values[own]))
+            result.append(RangeLimit(kind, order, tuple(own.tolist()), labels, np.zeros(len(own)), values[own]))
     return tuple(result)
 
 
 def thesis_channels(
     limits: Limits, basis: SeriesBasis, *, form: Literal["thesis", "thesis-literal"] = "thesis"
-) -> tuple[Channel, ...]:
+) -> tuple[ConstraintChannel, ...]:
     """(3.55d-f), bounds by the amplitudes of the harmonics whatever their phases.
 
     (3.55f) is printed with 1/L, which the thesis's own tables violate. Without it, it follows from (3.55d) and
@@ -236,16 +236,16 @@ def thesis_channels(
     def of(joints: NDArray[np.intp]) -> tuple[tuple[int, ...], tuple[str, ...]]:
         return tuple(joints.tolist()), tuple(names[j] for j in joints)
 
-    result: list[Channel] = [
-        Amplitudes("position", 0, *of(bounded), room[bounded]),
-        Amplitudes("velocity", 1, *of(moving), limits.velocity[moving]),
+    result: list[ConstraintChannel] = [
+        AmplitudeLimit("position", 0, *of(bounded), room[bounded]),
+        AmplitudeLimit("velocity", 1, *of(moving), limits.velocity[moving]),
     ]
     if form == "thesis-literal":
         number, L = np.arange(1, basis.harmonics + 1), basis.harmonics
         limit = np.minimum(number * (basis.base_frequency / L) * room[:, None], limits.velocity[:, None])
         every = np.arange(len(names))
         labels = tuple(name for name in names for _ in range(2 * L))
-        result.append(Coefficients("coefficients", tuple(every.tolist()), labels, limit))
+        result.append(CoefficientLimit("coefficients", tuple(every.tolist()), labels, limit))
     return tuple(result)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from armid.export.formats import mjcf, sdf, urdf
-from armid.export.types import Body, Content, Source, Witness, Written
+from armid.export.types import Body, Content, DescriptionSource, Witness, WrittenDescription
 from armid.robot.robot import Robot
 from armid.values import Array
 
@@ -26,7 +26,7 @@ class Exporter(Protocol):
     """Whether a description of this format is edited in place."""
 
     @staticmethod
-    def bodies(source: Source, raw: Robot, robot: Robot) -> list[Body]:
+    def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
         """Bodies of a description that move, a link's own body before those that it carries.
 
         Args:
@@ -37,7 +37,7 @@ class Exporter(Protocol):
         ...
 
     @staticmethod
-    def write(content: Content) -> Written:
+    def write(content: Content) -> WrittenDescription:
         """The file: the description edited where there is one, else a file of its own."""
         ...
 

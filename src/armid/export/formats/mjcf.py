@@ -22,8 +22,17 @@ from scipy.spatial.transform import Rotation
 from armid.errors import Finding, OutputError, RobotError
 from armid.export.body_split import placed
 from armid.export.other_programs import mujoco_witness, pinocchio_witness
-from armid.export.types import Body, Content, Source, Witness, Written, com_form, text_of, unique_names
-from armid.export.xml_edit import Document, Node, element_text
+from armid.export.types import (
+    Body,
+    Content,
+    DescriptionSource,
+    Witness,
+    WrittenDescription,
+    com_form,
+    text_of,
+    unique_names,
+)
+from armid.export.xml_edit import Document, XmlNode, element_text
 from armid.robot.mjcf_plain import IGNORED_COMPILER, Plain, flatten, plain_mjcf
 from armid.robot.pinocchio_model import build, pinocchio
 from armid.robot.readers import mjcf as reader
@@ -79,7 +88,7 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
     return document.edited(), tuple(files)
 
 
-def bodies(source: Source, raw: Robot, robot: Robot) -> list[Body]:
+def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
     """Bodies of an MJCF that move, parents before children."""
     plain = _plain(source.data, source.locked)
     model = _model(plain)
@@ -101,7 +110,7 @@ def bodies(source: Source, raw: Robot, robot: Robot) -> list[Body]:
     return found
 
 
-def write(content: Content) -> Written:
+def write(content: Content) -> WrittenDescription:
     """The description with its inertials and joint values replaced, or an MJCF of bodies without shape."""
     if content.source is None:
         return _fresh(content)
@@ -114,7 +123,7 @@ def write(content: Content) -> Written:
         elif node.tag == "joint":
             for term, value in content.joints.get(name, {}).items():
                 document.set(node, ATTRIBUTES[term], text_of(value))
-    return Written(document.edited(), _relative_files(document))
+    return WrittenDescription(document.edited(), _relative_files(document))
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
@@ -160,10 +169,10 @@ def _nominal(element: ET.Element) -> InertialParameters | None:
     return InertialParameters.from_vector(np.array(model.inertias[1].toDynamicParameters()))
 
 
-def _names(root: Node) -> dict[Node, str]:
+def _names(root: XmlNode) -> dict[XmlNode, str]:
     """Bodies and joints by element, nameless ones called as the reader calls them."""
     unnamed = count()
-    result: dict[Node, str] = {}
+    result: dict[XmlNode, str] = {}
     for body in (node for node in root.walk() if node.tag == "body"):
         name = body.values.get("name") or f"body_{next(unnamed)}"
         result[body] = name
@@ -172,7 +181,7 @@ def _names(root: Node) -> dict[Node, str]:
     return result
 
 
-def _refuse_computed(root: Node) -> None:
+def _refuse_computed(root: XmlNode) -> None:
     """Refuse settings by which MuJoCo would make other inertias than those written."""
     for compiler in root.every("compiler"):
         found = [key for key in IGNORED_COMPILER if key in compiler.values]
@@ -184,7 +193,7 @@ def _refuse_computed(root: Node) -> None:
             )
 
 
-def _edit_inertial(document: Document, node: Node, body: InertialParameters, name: str) -> None:
+def _edit_inertial(document: Document, node: XmlNode, body: InertialParameters, name: str) -> None:
     mass, com, about = com_form(body, f"body {name!r}")
     wanted = {"pos": text_of(*com), "mass": text_of(mass), "fullinertia": text_of(*(about[i, j] for i, j in FULL))}
     if mass == 0.0:  # MuJoCo takes no tensor of zeros
@@ -233,7 +242,7 @@ def _without_meshes(data: bytes) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
-def _fresh(content: Content) -> Written:
+def _fresh(content: Content) -> WrittenDescription:
     """An MJCF of its own: bodies with inertia and no shape."""
     robot = content.robot
     names = unique_names([link.name for link in robot.links])
@@ -264,7 +273,7 @@ def _fresh(content: Content) -> Written:
         "  </worldbody>",
         "</mujoco>",
     ]
-    return Written(("\n".join(lines) + "\n").encode())
+    return WrittenDescription(("\n".join(lines) + "\n").encode())
 
 
 def _pose(pose: Array) -> str:

@@ -14,7 +14,17 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from armid.errors import OutputError
-from armid.export.types import Body, Content, Source, Witness, Written, com_form, rpy_of, text_of, unique_names
+from armid.export.types import (
+    Body,
+    Content,
+    DescriptionSource,
+    Witness,
+    WrittenDescription,
+    com_form,
+    rpy_of,
+    text_of,
+    unique_names,
+)
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.robot import Frame, InertialParameters, Joint, Link, Robot
 from armid.values import Array
@@ -30,13 +40,13 @@ TAGS = {"viscous": "damping", "coulomb": "friction"}
 NOT_READ = "no program at hand reads SDF; the file was read back by armid alone"
 
 
-def bodies(source: Source, raw: Robot, robot: Robot) -> list[Body]:
+def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
     """None: descriptions in SDF are not read."""
     del source, raw, robot
     return []
 
 
-def write(content: Content) -> Written:
+def write(content: Content) -> WrittenDescription:
     """A model of its own."""
     robot = content.robot
     # Links, joints and frames share one space of names.
@@ -65,7 +75,7 @@ def write(content: Content) -> Written:
         "  </model>",
         "</sdf>",
     ]
-    return Written(("\n".join(lines) + "\n").encode())
+    return WrittenDescription(("\n".join(lines) + "\n").encode())
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:

@@ -18,8 +18,18 @@ import numpy as np
 from armid.errors import Finding, OutputError
 from armid.export.body_split import placed
 from armid.export.other_programs import mujoco_witness, pinocchio_witness
-from armid.export.types import Body, Content, Source, Witness, Written, com_form, rpy_of, text_of, unique_names
-from armid.export.xml_edit import Document, Node, element_text
+from armid.export.types import (
+    Body,
+    Content,
+    DescriptionSource,
+    Witness,
+    WrittenDescription,
+    com_form,
+    rpy_of,
+    text_of,
+    unique_names,
+)
+from armid.export.xml_edit import Document, XmlNode, element_text
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.readers import urdf as reader
 from armid.robot.robot import InertialParameters, Joint, Robot
@@ -36,7 +46,7 @@ TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1,
 LIMITS = ("effort", "velocity")
 
 
-def bodies(source: Source, raw: Robot, robot: Robot) -> list[Body]:
+def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
     """Links of a URDF that move, parents before children."""
     root = ET.fromstring(source.data)
     links = {link.get("name", ""): link for link in root.findall("link")}
@@ -61,7 +71,7 @@ def bodies(source: Source, raw: Robot, robot: Robot) -> list[Body]:
     return found
 
 
-def write(content: Content) -> Written:
+def write(content: Content) -> WrittenDescription:
     """The description with its inertials and friction replaced, or a URDF of bodies without shape."""
     if content.source is None:
         return _fresh(content)
@@ -75,7 +85,7 @@ def write(content: Content) -> Written:
         friction = {ATTRIBUTES[term]: text_of(x) for term, x in values.items() if term in ATTRIBUTES}
         if friction:
             _edit_dynamics(document, joint, friction)
-    return Written(document.edited(), _relative_meshes(document))
+    return WrittenDescription(document.edited(), _relative_meshes(document))
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
@@ -134,7 +144,7 @@ def _nominal(link: ET.Element) -> InertialParameters | None:
     )
 
 
-def _edit_inertial(document: Document, link: Node, body: InertialParameters) -> None:
+def _edit_inertial(document: Document, link: XmlNode, body: InertialParameters) -> None:
     """Give a link its inertia; what stands of an `<inertial>` stays where it is."""
     mass, com, about = com_form(body, f"link {link.values.get('name')!r}")
     inertial = link.find("inertial")
@@ -161,7 +171,7 @@ def _edit_inertial(document: Document, link: Node, body: InertialParameters) -> 
         document.last(inertial, missing)
 
 
-def _edit_dynamics(document: Document, joint: Node, friction: Mapping[str, str]) -> None:
+def _edit_dynamics(document: Document, joint: XmlNode, friction: Mapping[str, str]) -> None:
     """Give a joint its damping and friction."""
     dynamics = joint.find("dynamics")
     if dynamics is None:
@@ -189,7 +199,7 @@ def _relative_meshes(document: Document) -> tuple[Finding, ...]:
     return (Finding("relative-meshes", "info", "", what, "put the written file beside it"),)
 
 
-def _fresh(content: Content) -> Written:
+def _fresh(content: Content) -> WrittenDescription:
     """A URDF of its own: links with inertia and no shape."""
     robot = content.robot
     _refuse_unlimited(robot)
@@ -220,7 +230,7 @@ def _fresh(content: Content) -> Written:
         "  </joint>",
         "</robot>",
     ]
-    return Written(("\n".join(lines) + "\n").encode(), tuple(findings))
+    return WrittenDescription(("\n".join(lines) + "\n").encode(), tuple(findings))
 
 
 def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, float]) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from armid.errors import Finding, RecordingError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Held, Robot
 from armid.values import Array
@@ -24,7 +24,7 @@ LISTED = 20
 """Names of channels shown in a finding; a humanoid publishes fifty."""
 
 
-def in_joint_order(recording: Recording, reading: Reading, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
+def in_joint_order(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
     """The recording with the robot's joints alone, in its order, and what its other channels show.
 
     Raises:
@@ -49,7 +49,7 @@ def in_joint_order(recording: Recording, reading: Reading, robot: Robot) -> tupl
     return kept, findings
 
 
-def channels_of_joints(recording: Recording, reading: Reading, robot: Robot) -> list[int]:
+def channels_of_joints(recording: Recording, reading: LogFormat, robot: Robot) -> list[int]:
     """Tell which channel of a recording is each joint's, counted from 0.
 
     Raises:
@@ -59,7 +59,7 @@ def channels_of_joints(recording: Recording, reading: Reading, robot: Robot) -> 
     return [targets.index(name) for name in robot.joint_names]
 
 
-def _targets(recording: Recording, reading: Reading, robot: Robot) -> list[str]:
+def _targets(recording: Recording, reading: LogFormat, robot: Robot) -> list[str]:
     """Tell whose each channel is: a joint of the robot, one that is held still, another's, or nobody's (empty)."""
     given = reading.joint_map
     channels = recording.channels
@@ -108,7 +108,7 @@ def _by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
     )
 
 
-def _others(recording: Recording, reading: Reading, robot: Robot, targets: list[str]) -> tuple[Finding, ...]:
+def _others(recording: Recording, reading: LogFormat, robot: Robot, targets: list[str]) -> tuple[Finding, ...]:
     """Report channels that are of no joint of the robot: motion where none should be, or nothing that matters."""
     held = {each.name: each for each in robot.held}
     found = [_of_held(recording.q[:, k], held[name], reading) for k, name in enumerate(targets) if name in held]
@@ -124,7 +124,7 @@ def _others(recording: Recording, reading: Reading, robot: Robot, targets: list[
     return tuple(finding for finding in found if finding is not None)
 
 
-def _of_held(q: Array, held: Held, reading: Reading) -> Finding | None:
+def _of_held(q: Array, held: Held, reading: LogFormat) -> Finding | None:
     """Return what a log shows of a joint that is held still: that it moves, or stands elsewhere."""
     q = q[np.isfinite(q)]
     if not q.size or reading.transmission is not None:

@@ -12,7 +12,7 @@ from armid.errors import RecordingError
 from armid.measurement.columns.names import Clock, clock_of, named, time_unit, words
 from armid.values import Array
 
-__all__ = ["Question", "Values", "clock_columns", "evenly_growing", "unit_of_step"]
+__all__ = ["ClockRequest", "Values", "clock_columns", "evenly_growing", "unit_of_step"]
 
 Values = Callable[[str], NDArray[np.generic]]
 """What gives the numbers under a name; it raises `RecordingError` where they are none."""
@@ -34,7 +34,7 @@ IN_STEP = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class ClockRequest:
     """Sets of columns that are equally good.
 
     Attributes:
@@ -46,7 +46,7 @@ class Question:
     sets: tuple[tuple[str, ...], ...]
 
 
-def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[str, ...] | Question:
+def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[str, ...] | ClockRequest:
     """Choose the column of times that is nearest to the measurement, with that of its nanoseconds where it has one.
 
     Args:
@@ -64,7 +64,7 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
     nearest = min(clock.rank for clock in clocks)
     best = [clock for clock in clocks if clock.rank == nearest]
     pairs = [(clock.column, *([fine[_stem(clock)].column] if _stem(clock) in fine else [])) for clock in best]
-    return pairs[0] if len(pairs) == 1 else Question("time", tuple(pairs))
+    return pairs[0] if len(pairs) == 1 else ClockRequest("time", tuple(pairs))
 
 
 def _grows(values: Array) -> bool:
@@ -103,7 +103,7 @@ def unit_of_step(step: float) -> tuple[float, str] | None:
     return next((length, name) for most, length, name in UNITS if step < most)
 
 
-def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | Question:
+def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockRequest:
     """The column with a unit of time that grows; of several that count the same time the first."""
     spans: dict[str, float] = {}
     for name in dict.fromkeys(names):
@@ -115,7 +115,7 @@ def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | Question
         return ()
     first = next(iter(spans.values()))
     if any(abs(span / first - 1.0) > IN_STEP for span in spans.values()):
-        return Question("time", tuple((name,) for name in spans))
+        return ClockRequest("time", tuple((name,) for name in spans))
     return (next(iter(spans)),)
 
 

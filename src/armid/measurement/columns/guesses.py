@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from armid.measurement.columns.clocks import Question, Values, clock_columns
-from armid.measurement.columns.names import Named, clock_of, named, words
+from armid.measurement.columns.clocks import ClockRequest, Values, clock_columns
+from armid.measurement.columns.names import ColumnName, clock_of, named, words
 
-__all__ = ["Guess", "Question", "guess_columns", "shortened"]
+__all__ = ["ClockRequest", "Guess", "guess_columns", "shortened"]
 
 MOTION = ("q", "dq", "ddq")
 
@@ -48,14 +48,14 @@ class _Group:
 
     quantity: str
     of_current: bool
-    members: Mapping[Channel, Named] = field(default_factory=dict[Channel, Named])
+    members: Mapping[Channel, ColumnName] = field(default_factory=dict[Channel, ColumnName])
 
     @property
     def by_name(self) -> bool:
         return any(channel and isinstance(channel, str) for channel in self.members)
 
     @property
-    def first(self) -> Named:
+    def first(self) -> ColumnName:
         return next(iter(self.members.values()))
 
     @property
@@ -72,7 +72,7 @@ def guess_columns(
     channels: int = 0,
     matrices: bool = False,
     values: Values | None = None,
-) -> Guess | Question:
+) -> Guess | ClockRequest:
     """Guess which columns hold some quantities.
 
     Args:
@@ -93,7 +93,7 @@ def guess_columns(
     columns: dict[str, tuple[str, ...]] = {}
     reasons: list[str] = []
     time = clock_columns(names, values) if "time" in quantities else ()
-    if isinstance(time, Question):
+    if isinstance(time, ClockRequest):
         return time
     if time:
         columns["time"] = time
@@ -108,7 +108,7 @@ def guess_columns(
         ]
         best = _best(fitting, len(wanted), len(labels))
         if len(best) > 1:
-            return Question(quantity, tuple(group.columns for group in best))
+            return ClockRequest(quantity, tuple(group.columns for group in best))
         if best:
             chosen[quantity] = best[0]
         elif quantity == "q":
@@ -124,7 +124,7 @@ def guess_columns(
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
     """Columns by what they hold and by their form; those of one form and channel are in groups of their own."""
-    found: dict[tuple[str, tuple[str, ...], bool, int], dict[Channel, Named]] = {}
+    found: dict[tuple[str, tuple[str, ...], bool, int], dict[Channel, ColumnName]] = {}
     for column in dict.fromkeys(names):
         for each in named(column, labels):
             if each.channel == "" and not matrices:
@@ -142,7 +142,7 @@ def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> l
     ]
 
 
-def _in_order(members: Mapping[Channel, Named]) -> dict[Channel, Named]:
+def _in_order(members: Mapping[Channel, ColumnName]) -> dict[Channel, ColumnName]:
     numbered = {channel: each for channel, each in members.items() if isinstance(channel, int)}
     return dict(sorted(numbered.items())) if len(numbered) == len(members) else dict(members)
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
-from armid.measurement.columns.guesses import Guess, Question, guess_columns, shortened
-from armid.measurement.columns.units import factors, is_current, unit_fields, units_told
-from armid.measurement.log_format import PRESETS, QUANTITIES, Reading
+from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns, shortened
+from armid.measurement.columns.units import factors, is_current, stated_units, unit_fields
+from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
 from armid.robot.robot import Robot
@@ -70,7 +70,7 @@ class Selection:
 
 def select(
     names: Sequence[str],
-    reading: Reading,
+    reading: LogFormat,
     path: Path,
     robot: Robot | None = None,
     *,
@@ -110,7 +110,7 @@ def select(
     return Selection(**chosen, guessed=guessed, findings=findings)
 
 
-def _stated(present: Mapping[str, Any], reading: Reading, path: Path) -> dict[str, tuple[str, ...]]:
+def _stated(present: Mapping[str, Any], reading: LogFormat, path: Path) -> dict[str, tuple[str, ...]]:
     """Columns that the reading names, that its preset has, or that have the usual names."""
     chosen: dict[str, tuple[str, ...]] = {}
     for quantity in QUANTITIES:
@@ -134,7 +134,7 @@ def _stated(present: Mapping[str, Any], reading: Reading, path: Path) -> dict[st
 def assemble(
     selection: Selection,
     column: Callable[[str], NDArray[Any]],
-    reading: Reading,
+    reading: LogFormat,
     path: Path,
     joint_names: Sequence[str] = (),
 ) -> Recording:
@@ -178,7 +178,7 @@ def _guess(
     present: Mapping[str, Any],
     quantities: Sequence[str],
     chosen: Mapping[str, tuple[str, ...]],
-    reading: Reading,
+    reading: LogFormat,
     robot: Robot | None,
     path: Path,
     *,
@@ -201,7 +201,7 @@ def _guess(
         matrices=matrices,
         values=values,
     )
-    if isinstance(guess, Question):
+    if isinstance(guess, ClockRequest):
         raise RecordingError(
             f"{path}: {len(guess.sets)} sets of columns may hold {guess.quantity}: "
             f"{'; '.join(shortened(each) for each in guess.sets)}.",
@@ -211,7 +211,7 @@ def _guess(
     return guess
 
 
-def _as_reading(guess: Guess, reading: Reading, robot: Robot | None) -> dict[str, Any]:
+def _as_reading(guess: Guess, reading: LogFormat, robot: Robot | None) -> dict[str, Any]:
     """Return what a reading would say for the same columns."""
     if not guess.columns:
         return {}
@@ -227,7 +227,7 @@ def _as_reading(guess: Guess, reading: Reading, robot: Robot | None) -> dict[str
 
 def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]]) -> tuple[Finding, ...]:
     """Return what was found out by the names, with the lines of a study that say it."""
-    units = units_told(chosen)
+    units = stated_units(chosen)
     told = [f"By the names of the columns: {'; '.join(guess.reasons)}."] if guess.columns else []
     told += [f"By their names, {units}."] if units else []
     if not told:
@@ -243,14 +243,14 @@ def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tup
     return (Finding(code, severity, "", " ".join(told), lines(**plain) if plain else ""),)
 
 
-def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], reading: Reading) -> bool:
+def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], reading: LogFormat) -> bool:
     """Tell whether a clock is needed, and the reading has not left it out."""
     asked = reading.rate is None and reading.consecutive is not False and reading.preset is None
     return asked and not chosen["time"] and "time" not in reading.columns
 
 
 def _possible_clocks(
-    present: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], values: Values, reading: Reading
+    present: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], values: Values, reading: LogFormat
 ) -> tuple[Finding, ...]:
     """Columns that grow evenly and are not used: one of them may be the clock that the file lacks."""
     found = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
@@ -266,7 +266,7 @@ def _possible_clocks(
     return (Finding("clock-possible", "info", "time", evidence, remedy),)
 
 
-def _time_unit(reading: Reading, selection: Selection) -> float:
+def _time_unit(reading: LogFormat, selection: Selection) -> float:
     """Length of one unit of the time column [s]: what reading or header say, else what the preset does."""
     if reading.time_unit is not None or "time_unit" in selection.guessed:
         return float(reading.time_unit or selection.guessed["time_unit"])

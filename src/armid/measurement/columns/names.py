@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 __all__ = [
     "Clock",
-    "Named",
+    "ColumnName",
     "clock_of",
     "column_unit",
     "named",
@@ -119,7 +119,7 @@ GREEK = {"q\u0308": "ddq", "q\u0307": "dq", "τ": "tau", "θ": "theta", "φ": "p
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class ColumnName:
     """Meaning of a column's name.
 
     Attributes:
@@ -178,7 +178,7 @@ def split_unit(column: str) -> tuple[str, str]:
     return (hit[1], hit[2]) if hit else (text, "")
 
 
-def named(column: str, labels: Sequence[str]) -> list[Named]:
+def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
     """Return what a name may say of a column: nothing, or one for each of its numbers that may be the channel.
 
     Args:
@@ -186,7 +186,7 @@ def named(column: str, labels: Sequence[str]) -> list[Named]:
         labels: What the joints are called in the file, longer names first.
     """
     text, unit = split_unit(column)
-    found: list[Named] = []
+    found: list[ColumnName] = []
     for channel, form in _channels(words(text), labels):
         measured = unit_of(unit) if unit else next((UNITS[word] for word in form if word in ANGLES), None)
         if unit and measured is None:
@@ -199,7 +199,9 @@ def named(column: str, labels: Sequence[str]) -> list[Named]:
         if quantity == "effort" and measured is not None and measured[0] == "current":
             quantity = "current"
         role = 0 if MEASURED & set(form) else 2 if COMMANDED & set(form) else 1
-        found.append(Named(column, quantity, channel, tuple(form), (role, int(bool(MOTOR & set(form)))), measured))
+        found.append(
+            ColumnName(column, quantity, channel, tuple(form), (role, int(bool(MOTOR & set(form)))), measured)
+        )
     return found
 
 

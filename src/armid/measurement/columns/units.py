@@ -8,9 +8,9 @@ from typing import Any
 
 from armid.errors import RecordingError
 from armid.measurement.columns.names import column_unit, split_time, split_unit, time_unit
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 
-__all__ = ["factors", "is_current", "unit_fields", "units_told"]
+__all__ = ["factors", "is_current", "stated_units", "unit_fields"]
 
 DEGREE = 0.017453292519943295
 """One degree [rad]."""
@@ -22,7 +22,7 @@ def is_current(column: str) -> bool:
     return unit is not None and unit[0] == "current"
 
 
-def unit_fields(chosen: Mapping[str, Sequence[str]], reading: Reading, path: Path) -> dict[str, Any]:
+def unit_fields(chosen: Mapping[str, Sequence[str]], reading: LogFormat, path: Path) -> dict[str, Any]:
     """Fields of a reading that the names of the chosen columns say, `units` and `time_unit`.
 
     Raises:
@@ -64,7 +64,7 @@ def factors(columns: Sequence[str], units: str | Sequence[str] | None) -> dict[s
     return found
 
 
-def units_told(chosen: Mapping[str, Sequence[str]]) -> str:
+def stated_units(chosen: Mapping[str, Sequence[str]]) -> str:
     """Units other than SI that names of chosen columns say, in words; empty where they say none."""
     told: list[str] = []
     for quantity, columns in chosen.items():

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import unit_of_step
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import excluding, lines, naming
 from armid.values import Array
 
-__all__ = ["fault", "settle"]
+__all__ = ["clean", "recording_error"]
 
 MIN_SAMPLES = 10
 """Fewer samples than this give neither a derivative at both ends nor a residual to judge by."""
@@ -54,7 +54,7 @@ SMOOTH = 0.5
 """Step from row to row over spread of the positions: separate samples have about √2, a motion far below 0.1."""
 
 
-def settle(recording: Recording, reading: Reading) -> tuple[Recording, tuple[Finding, ...]]:
+def clean(recording: Recording, reading: LogFormat) -> tuple[Recording, tuple[Finding, ...]]:
     """Check the clock, drop or mask rows that are no measurement, find out whether rows are consecutive.
 
     Args:
@@ -83,7 +83,7 @@ def settle(recording: Recording, reading: Reading) -> tuple[Recording, tuple[Fin
     return _masked(recording, reading), (*findings, *ties, *found)
 
 
-def fault(code: str, recording: Recording, evidence: str, remedy: str) -> RecordingError:
+def recording_error(code: str, recording: Recording, evidence: str, remedy: str) -> RecordingError:
     """An error about a recording; `code` is the finding's name in the doctor's list."""
     return RecordingError(f"{recording.source or 'The recording'}: {evidence} [{code}]", remedy=remedy)
 
@@ -101,7 +101,7 @@ def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
     return replace(recording, number=number[keep], **quantities)
 
 
-def _excluded(recording: Recording, reading: Reading) -> NDArray[np.bool_]:
+def _excluded(recording: Recording, reading: LogFormat) -> NDArray[np.bool_]:
     """Rows inside the excluded intervals, shape (N,)."""
     inside = np.zeros(recording.samples, dtype=np.bool_)
     if not reading.exclude:
@@ -114,7 +114,7 @@ def _excluded(recording: Recording, reading: Reading) -> NDArray[np.bool_]:
     return inside
 
 
-def _check_exclude(recording: Recording, reading: Reading) -> None:
+def _check_exclude(recording: Recording, reading: LogFormat) -> None:
     """Refuse intervals that miss the recording: most likely they are on another clock."""
     if recording.time is None:
         return
@@ -126,7 +126,7 @@ def _check_exclude(recording: Recording, reading: Reading) -> None:
             )
 
 
-def _without_excluded_nan(recording: Recording, reading: Reading) -> Recording:
+def _without_excluded_nan(recording: Recording, reading: LogFormat) -> Recording:
     """Drop rows that are excluded and hold NaN; only a clock can tell that there is a gap then."""
     _check_exclude(recording, reading)
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
@@ -135,7 +135,7 @@ def _without_excluded_nan(recording: Recording, reading: Reading) -> Recording:
     return _kept(recording, ~(broken & _excluded(recording, reading)))
 
 
-def _masked(recording: Recording, reading: Reading) -> Recording:
+def _masked(recording: Recording, reading: LogFormat) -> Recording:
     """The recording with excluded rows masked."""
     if not reading.exclude:
         return recording
@@ -154,7 +154,7 @@ def _everything(recording: Recording) -> Array:
     return np.hstack([values for values in measured if values is not None])
 
 
-def _refuse_nan(recording: Recording, reading: Reading) -> None:
+def _refuse_nan(recording: Recording, reading: LogFormat) -> None:
     """Refuse values that are not finite, with what to leave out of the log for them."""
     for name in ("time", "q", "dq", "ddq", "effort"):
         values = getattr(recording, name)
@@ -163,7 +163,7 @@ def _refuse_nan(recording: Recording, reading: Reading) -> None:
         bad = np.argwhere(~np.isfinite(values))
         row = int(bad[0, 0])
         channel = "time" if values.ndim == 1 else f"{name} of {recording.channels[int(bad[0, 1])]}"
-        raise fault(
+        raise recording_error(
             "value-missing",
             recording,
             f"{channel} is {values[tuple(bad[0])]} in row {row + 1} (and in {len(np.unique(bad[:, 0])) - 1} more).",
@@ -171,7 +171,7 @@ def _refuse_nan(recording: Recording, reading: Reading) -> None:
         )
 
 
-def _without(name: str, rows: NDArray[np.intp], recording: Recording, reading: Reading) -> str:
+def _without(name: str, rows: NDArray[np.intp], recording: Recording, reading: LogFormat) -> str:
     """Return what leaves rows that are not finite out of a log, or the whole quantity where it can be spared."""
     pieces = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     few = len(pieces) <= MOST_HOLES and len(rows) <= LARGEST_HOLES * recording.samples
@@ -212,14 +212,14 @@ def _check_clock(recording: Recording) -> None:
     counted = unit_of_step(typical)
     if counted is not None and recording.consecutive is not False:
         unit, name = counted
-        raise fault(
+        raise recording_error(
             "clock-unit",
             recording,
             f"the clock steps by {typical:g} from row to row; it seems not to count seconds but {name}.",
             lines("s; consecutive = false, where rows are separate measurements", time_unit=unit),
         )
     if recording.rate is not None and typical > 0 and abs(recording.rate * typical - 1) > RATE_TOLERANCE:
-        raise fault(
+        raise recording_error(
             "clock-rate",
             recording,
             f"the clock says {1 / typical:.4g} Hz, rate says {recording.rate:g} Hz.",
@@ -322,7 +322,7 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
         raise _clockless(recording, implied if coherent >= COHERENT else float("nan"))
     if coherent >= COHERENT:
         if np.isfinite(implied) and abs(implied / recording.rate - 1) > RATE_TOLERANCE:
-            raise fault(
+            raise recording_error(
                 "clock-rate",
                 recording,
                 f"q and dq imply {implied:.3g} Hz, rate says {recording.rate:g} Hz.",
@@ -351,12 +351,12 @@ def _clockless(recording: Recording, implied: float) -> RecordingError:
     possible = next((each for each in recording.findings if each.code == "clock-possible"), None)
     evidence = "there is no clock and no rate."
     if possible is not None:
-        return fault("clock-missing", recording, f"{evidence} {possible.evidence}", possible.remedy)
+        return recording_error("clock-missing", recording, f"{evidence} {possible.evidence}", possible.remedy)
     remedy = "find out the rate in Hz and say it (rate = …), name a time column, or say consecutive = false if rows "
     remedy += "are separate samples."
     if np.isfinite(implied):
         remedy = lines(f"Hz; q and dq imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
-    return fault("clock-missing", recording, evidence, remedy)
+    return recording_error("clock-missing", recording, evidence, remedy)
 
 
 def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:

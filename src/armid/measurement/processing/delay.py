@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from armid.errors import RecordingError
 from armid.maths.sampling import resample
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.values import Array
 
-__all__ = ["in_time"]
+__all__ = ["compensate_delay"]
 
 BRIDGED = 0.02
 """Longest step over which a torque is read between its samples [s], as where a clock is made even: a tenth of a
@@ -26,7 +26,7 @@ FEWEST = 4
 """Samples that a cubic needs; shorter stretches between gaps do not count."""
 
 
-def in_time(recording: Recording, reading: Reading) -> Recording:
+def compensate_delay(recording: Recording, reading: LogFormat) -> Recording:
     """The recording with its torque as early as it was measured.
 
     A cubic spline reads it between samples. Rows whose torque would lie before the first sample, behind the last or

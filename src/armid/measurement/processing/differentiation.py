@@ -9,21 +9,21 @@ from armid.maths.signals import (
     periodic_filter,
     zero_phase,
 )
-from armid.measurement.processing.options import Processing
+from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.resampling import Stretch
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["motion_filter", "movement"]
+__all__ = ["differentiate", "motion_filter"]
 
 
-def motion_filter(processing: Processing, rate: float) -> Array | None:
+def motion_filter(processing: ProcessingOptions, rate: float) -> Array | None:
     """The filter of the positions at a rate [Hz]; none for the family `none`."""
     cutoff = processing.motion_cutoff or float(processing.cutoff)
     return low_pass(processing.family, processing.order, cutoff, rate)
 
 
-def movement(stretch: Stretch, processing: Processing, *, given: bool) -> Motion:
+def differentiate(stretch: Stretch, processing: ProcessingOptions, *, given: bool) -> Motion:
     """Positions, velocities and accelerations at full rate.
 
     Args:

@@ -8,14 +8,14 @@ from typing import Any, Literal
 from armid.errors import StudyError
 from armid.measurement.band import Band, Edges, Family
 
-__all__ = ["THESIS", "Derivatives", "Processing", "Standstill"]
+__all__ = ["THESIS", "Derivatives", "ProcessingOptions", "Standstill"]
 
 Derivatives = Literal["given", "velocity", "central", "periodic", "filter"]
 Standstill = Literal["drop", "keep"]
 
 
 @dataclass(frozen=True, slots=True)
-class Processing:
+class ProcessingOptions:
     """Processing of recordings; the keys of a study's `[processing]`.
 
     Attributes:
@@ -106,7 +106,7 @@ class Processing:
         if self.cutoff == "auto":
             raise StudyError(
                 'processing.cutoff = "auto" is not yet found from a motion.',
-                remedy="find it with armid.measurement.processing.pipeline.observe, or give it in Hz.",
+                remedy="find it with armid.measurement.processing.pipeline.process_recordings, or give it in Hz.",
             )
         return Band(self.family, self.cutoff, self.order, self.edges, self.columns)
 
@@ -119,7 +119,7 @@ def _choice(name: str, value: object, known: tuple[object, ...]) -> None:
         )
 
 
-def _number(processing: Processing, name: str, *, zero: bool, also: str = "") -> None:
+def _number(processing: ProcessingOptions, name: str, *, zero: bool, also: str = "") -> None:
     """Make an option a float, finite and positive (or zero)."""
     value: Any = getattr(processing, name)
     good = isinstance(value, int | float) and not isinstance(value, bool)
@@ -129,7 +129,7 @@ def _number(processing: Processing, name: str, *, zero: bool, also: str = "") ->
     object.__setattr__(processing, name, float(value))
 
 
-THESIS = Processing(
+THESIS = ProcessingOptions(
     cutoff=3.5,
     order=20,
     columns=False,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from armid.maths.signals import edge_samples, low_pass
 from armid.measurement.observations import ObservedRun
 from armid.measurement.processing.differentiation import motion_filter
-from armid.measurement.processing.options import Processing
+from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.resampling import Stretch
 from armid.model.motion import Motion
 from armid.values import Array
@@ -46,7 +46,7 @@ Flags = NDArray[np.bool_]
 def run_of(
     stretch: Stretch,
     motion: Motion,
-    processing: Processing,
+    processing: ProcessingOptions,
     repeats: tuple[float, float] | None = None,
     recording: int = 0,
     *,
@@ -85,7 +85,7 @@ def run_of(
     return ObservedRun(motion, stretch.effort, rate, step, 0, mask, block, recording=recording, repetition=which)
 
 
-def separate_rows(stretch: Stretch, motion: Motion, processing: Processing, recording: int = 0) -> ObservedRun:
+def separate_rows(stretch: Stretch, motion: Motion, processing: ProcessingOptions, recording: int = 0) -> ObservedRun:
     """Rows that do not follow each other: every one, unfiltered; only bad and slow ones are masked."""
     mask = ~stretch.bad & (np.abs(motion.dq) >= processing.slow)
     block = np.arange(stretch.samples) // BLOCK_ROWS
@@ -93,7 +93,7 @@ def separate_rows(stretch: Stretch, motion: Motion, processing: Processing, reco
 
 
 def moving(
-    runs: Sequence[ObservedRun], still: Sequence[Flags], processing: Processing
+    runs: Sequence[ObservedRun], still: Sequence[Flags], processing: ProcessingOptions
 ) -> tuple[list[ObservedRun], Array]:
     """The runs of one recording without the rows of a joint that its standstill reaches, where enough are left.
 
@@ -114,14 +114,14 @@ def moving(
     return [replace(run, mask=run.mask & ~(rows & left)) for run, rows in zip(runs, near, strict=True)], share
 
 
-def edge_margin(processing: Processing, rate: float) -> int:
+def edge_margin(processing: ProcessingOptions, rate: float) -> int:
     """Samples left out at each end of a run: what is asked, and where ends are dropped what the filters reach."""
     drop = processing.edges == "drop"
     seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
     return max([round(seconds * rate), *(edge_samples(low) for low in _filters(processing, rate) if drop)])
 
 
-def _step(processing: Processing, rate: float, circle: int | None) -> int:
+def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int:
     """Samples a row; a divisor of the period where the rows must go round."""
     if processing.family == "none" or processing.decimate == 0:
         return 1
@@ -131,7 +131,9 @@ def _step(processing: Processing, rate: float, circle: int | None) -> int:
     return max(d for d in range(1, min(step, circle) + 1) if circle % d == 0)
 
 
-def _spoiled(bad: Flags, rows: Rows, processing: Processing, rate: float, step: int, *, periodic: bool) -> Flags:
+def _spoiled(
+    bad: Flags, rows: Rows, processing: ProcessingOptions, rate: float, step: int, *, periodic: bool
+) -> Flags:
     """Rows that bad samples reach: through half a row, and as far as the filters carry them, shape (M, n)."""
     filters = _filters(processing, rate)
     half = -(-step // 2)
@@ -143,7 +145,7 @@ def _spoiled(bad: Flags, rows: Rows, processing: Processing, rate: float, step: 
     return near | _any_within(_long(bad, lobe), rows, max(half, reach), periodic=periodic)
 
 
-def _at_standstill(still: Flags, run: ObservedRun, processing: Processing) -> Flags:
+def _at_standstill(still: Flags, run: ObservedRun, processing: ProcessingOptions) -> Flags:
     """Rows that samples at standstill reach, through half a row or as far as the filters carry them, shape (M, n)."""
     reach = max([-(-run.step // 2), *(edge_samples(low, STICKING) for low in _filters(processing, run.rate))])
     return _any_within(still, run.rows, reach, periodic=processing.edges == "periodic")
@@ -159,7 +161,7 @@ def _long(flags: Flags, length: int) -> Flags:
     return result
 
 
-def _filters(processing: Processing, rate: float) -> list[Array]:
+def _filters(processing: ProcessingOptions, rate: float) -> list[Array]:
     """The filters that torque and positions pass."""
     if processing.family == "none":
         return []

@@ -20,7 +20,7 @@ from armid.measurement.processing.resampling import Stretch
 from armid.measurement.processing.standstill import position_noise
 from armid.values import Array
 
-__all__ = ["Repetition", "found_period", "repetition"]
+__all__ = ["Repetition", "find_period", "repetition"]
 
 RATE = 100.0
 """Rate at which positions are compared [Hz]: straight lines between samples err by a hundredth of an amplitude at 5
@@ -90,9 +90,7 @@ class Repetition:
     apart: float
 
 
-def found_period(
-    pieces: Sequence[Stretch], source: str, findings: list[Finding]
-) -> tuple[float | None, float | None]:
+def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding]) -> tuple[float | None, float | None]:
     """Period and start [s] of the motion of a recording without gaps; `None` where it does not repeat.
 
     Args:

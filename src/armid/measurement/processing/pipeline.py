@@ -17,25 +17,25 @@ from armid.errors import Finding, RecordingError
 from armid.maths.sampling import automatic_cutoff
 from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.alignment import average, check_closed, whole_periods, windows
-from armid.measurement.processing.differentiation import movement
-from armid.measurement.processing.options import THESIS, Processing
+from armid.measurement.processing.differentiation import differentiate
+from armid.measurement.processing.options import THESIS, ProcessingOptions
 from armid.measurement.processing.output_grid import MOST_STILL, edge_margin, moving, run_of, separate_rows
-from armid.measurement.processing.period import found_period
-from armid.measurement.processing.resampling import Stretch, evened, gather, is_even, jitter, stretches
+from armid.measurement.processing.period import find_period
+from armid.measurement.processing.resampling import Stretch, gather, is_even, jitter, resample_uniform, stretches
 from armid.measurement.processing.standstill import position_noise, standing
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["THESIS", "Processing", "observe", "process", "resolve"]
+__all__ = ["THESIS", "ProcessingOptions", "process_recording", "process_recordings", "resolve_options"]
 
 SHORTEST = 4
 """Samples that the one-sided differences at the ends of a run need."""
 
 
-def observe(
+def process_recordings(
     recordings: Sequence[Recording],
-    processing: Processing,
+    processing: ProcessingOptions,
     *,
     periods: Sequence[float | Literal["find"] | None] | None = None,
     starts: Sequence[float | None] | None = None,
@@ -56,11 +56,11 @@ def observe(
     Raises:
         RecordingError: A recording does not allow what `processing` asks.
     """
-    processing = resolve(processing, recordings)
+    processing = resolve_options(processing, recordings)
     runs: list[ObservedRun] = []
     findings: list[Finding] = []
     for index, recording in enumerate(recordings):
-        more, noticed = process(
+        more, noticed = process_recording(
             recording,
             processing,
             period=periods[index] if periods else None,
@@ -73,9 +73,9 @@ def observe(
     return Observations(tuple(runs), processing.band), tuple(findings)
 
 
-def process(
+def process_recording(
     recording: Recording,
-    processing: Processing,
+    processing: ProcessingOptions,
     *,
     period: float | Literal["find"] | None = None,
     start: float | None = None,
@@ -100,7 +100,7 @@ def process(
     Raises:
         RecordingError: The recording does not allow what `processing` asks.
     """
-    processing = resolve(processing, [recording])
+    processing = resolve_options(processing, [recording])
     given = _uses_given(recording, processing)
     findings: list[Finding] = []
     recording = _without_saturated(recording, processing, effort_limits, findings)
@@ -112,7 +112,7 @@ def process(
     noise = np.max([position_noise(piece.q, piece.time) for piece in pieces], axis=0)
     found = period == "find"
     if period == "find":
-        period, start = found_period(pieces, recording.source, findings)
+        period, start = find_period(pieces, recording.source, findings)
     start = float(pieces[0].time[0]) if period is not None and start is None else start
     pieces = _on_a_grid(pieces, processing, given, period, recording.source, findings)
     if processing.edges == "periodic":
@@ -122,7 +122,7 @@ def process(
     for piece in pieces:
         margin, run = edge_margin(processing, piece.rate), None
         if piece.samples >= max(SHORTEST, 2 * margin + 1):
-            motion = movement(piece, processing, given=given)
+            motion = differentiate(piece, processing, given=given)
             run = run_of(piece, motion, processing, repeats, index, found=found)
         if run is None:
             findings.append(_nothing_left(piece, margin, recording.source))
@@ -135,7 +135,7 @@ def process(
     return _moving(runs, still, processing, recording, findings), tuple(findings)
 
 
-def resolve(processing: Processing, recordings: Sequence[Recording]) -> Processing:
+def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recording]) -> ProcessingOptions:
     """The same processing with its automatic cut-off, if any, found from the motion of all recordings.
 
     The cut-off is the widest that any of them needs. Where no recording has rows that follow each other, there is
@@ -147,7 +147,7 @@ def resolve(processing: Processing, recordings: Sequence[Recording]) -> Processi
     for recording in recordings:
         if recording.consecutive is not False:
             piece = max(stretches(recording, None)[0], key=lambda piece: piece.samples)
-            piece = evened(piece, None, 0.0, each=False)
+            piece = resample_uniform(piece, None, 0.0, each=False)
             found.append(automatic_cutoff(piece.q, piece.rate))
     if not found:
         return replace(processing, cutoff=0.0, family="none")
@@ -157,7 +157,7 @@ def resolve(processing: Processing, recordings: Sequence[Recording]) -> Processi
 # Steps ---------------------------------------------------------------------------------------------------------
 
 
-def _uses_given(recording: Recording, processing: Processing) -> bool:
+def _uses_given(recording: Recording, processing: ProcessingOptions) -> bool:
     """Tell whether recorded velocities and accelerations are used as they stand."""
     both = recording.dq is not None and recording.ddq is not None
     lacking = {"given": not both, "velocity": recording.dq is None}
@@ -170,14 +170,14 @@ def _uses_given(recording: Recording, processing: Processing) -> bool:
     return both if processing.derivatives is None else processing.derivatives == "given"
 
 
-def _highest_cutoff(processing: Processing) -> float | None:
+def _highest_cutoff(processing: ProcessingOptions) -> float | None:
     if processing.family == "none":
         return None
     return max(float(processing.cutoff), processing.motion_cutoff or 0.0)
 
 
 def _without_saturated(
-    recording: Recording, processing: Processing, limits: ArrayLike | None, findings: list[Finding]
+    recording: Recording, processing: ProcessingOptions, limits: ArrayLike | None, findings: list[Finding]
 ) -> Recording:
     """The recording with samples near an effort limit marked as not valid."""
     if processing.saturation is None or recording.effort is None:
@@ -206,7 +206,7 @@ def _without_saturated(
 def _moving(
     runs: Sequence[ObservedRun],
     still: Sequence[NDArray[np.bool_]],
-    processing: Processing,
+    processing: ProcessingOptions,
     recording: Recording,
     findings: list[Finding],
 ) -> tuple[ObservedRun, ...]:
@@ -253,7 +253,7 @@ def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
 
 
 def _separate(
-    recording: Recording, processing: Processing, given: bool, index: int, findings: list[Finding]
+    recording: Recording, processing: ProcessingOptions, given: bool, index: int, findings: list[Finding]
 ) -> ObservedRun:
     """Rows that do not follow each other: no filter, no derivatives, every row."""
     whole, _ = gather(recording, clock=False)
@@ -279,7 +279,7 @@ def _separate(
 
 def _on_a_grid(
     pieces: Sequence[Stretch],
-    processing: Processing,
+    processing: ProcessingOptions,
     given: bool,
     period: float | None,
     source: str,
@@ -293,14 +293,14 @@ def _on_a_grid(
 
 
 def _even(
-    piece: Stretch, processing: Processing, period: float | None, source: str, findings: list[Finding]
+    piece: Stretch, processing: ProcessingOptions, period: float | None, source: str, findings: list[Finding]
 ) -> Stretch:
     """The stretch on an even grid; where the motion goes round, with a whole number of samples a period."""
     span = None
     if processing.edges == "periodic":
         span = period if period is not None else piece.samples / piece.rate
     rows = 0.0 if processing.family == "none" else processing.decimate
-    moved = evened(piece, span, rows, each=processing.average)
+    moved = resample_uniform(piece, span, rows, each=processing.average)
     if moved is piece:
         return piece
     if moved.rate == piece.rate and is_even(piece.time, piece.number):
@@ -345,7 +345,7 @@ def _left_uneven(piece: Stretch, source: str) -> Finding:
 
 def _circles(
     pieces: Sequence[Stretch],
-    processing: Processing,
+    processing: ProcessingOptions,
     period: float | None,
     start: float | None,
     source: str,

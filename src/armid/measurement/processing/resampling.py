@@ -14,7 +14,7 @@ from armid.maths.sampling import resample
 from armid.measurement.recording import Recording
 from armid.values import Array
 
-__all__ = ["Stretch", "evened", "gather", "is_even", "jitter", "stretches", "uniform"]
+__all__ = ["Stretch", "gather", "is_even", "jitter", "resample_uniform", "stretches", "uniform"]
 
 GAP_STEPS = 2.5
 """A step of so many median steps is a gap: two lost samples in a row, beyond the jitter of a log."""
@@ -226,7 +226,7 @@ def _mean_rate(piece: Stretch, step: float) -> float:
     return float(f"{mean:.{DIGITS}g}")
 
 
-def evened(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> Stretch:
+def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> Stretch:
     """The stretch on an even grid: its own where its clock is even enough, else one that suits the output rows.
 
     On its own grid only samples that are missing are made, by a cubic spline; all others stay as they are.

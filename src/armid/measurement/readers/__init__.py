@@ -8,27 +8,27 @@ from typing import Protocol
 
 from armid.errors import RecordingError
 from armid.measurement.bag_files import COMPRESSED, STORAGE, is_packed, sha256_of_recording
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import bag, csv, excel, mat, npz, parquet
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
-__all__ = ["ENDINGS", "READERS", "Reader", "load_recording"]
+__all__ = ["ENDINGS", "READERS", "RecordingReader", "load_recording"]
 
 
-class Reader(Protocol):
+class RecordingReader(Protocol):
     """Offer of a reader module."""
 
     SUFFIXES: tuple[str, ...]
     """Endings of the file names it reads, lower case, with the dot."""
 
     @staticmethod
-    def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+    def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
         """Read one file, by the names of the robot's joints where it is given; `load_recording` adds the source."""
         ...
 
 
-READERS: tuple[Reader, ...] = (csv, parquet, npz, mat, bag, excel)
+READERS: tuple[RecordingReader, ...] = (csv, parquet, npz, mat, bag, excel)
 """The catalogue: a new format is a module here and a word in this line."""
 
 
@@ -40,7 +40,7 @@ ENDINGS: tuple[str, ...] = (
 """Endings of files that can be read; the folder of a ROS bag can be, too."""
 
 
-def load_recording(path: Path | str, reading: Reading | None = None, robot: Robot | None = None) -> Recording:
+def load_recording(path: Path | str, reading: LogFormat | None = None, robot: Robot | None = None) -> Recording:
     """Read a recording as the file says it; `interpret` puts it in the robot's terms.
 
     Args:
@@ -53,11 +53,11 @@ def load_recording(path: Path | str, reading: Reading | None = None, robot: Robo
         MissingExtraError: The format needs a package that is not installed.
     """
     path = Path(path)
-    recording = _reader(path).read(path, reading or Reading(), robot)
+    recording = _reader(path).read(path, reading or LogFormat(), robot)
     return replace(recording, source=str(path), sha256=sha256_of_recording(path))
 
 
-def _reader(path: Path) -> Reader:
+def _reader(path: Path) -> RecordingReader:
     """Tell who reads it."""
     if path.is_dir():
         return bag

@@ -14,7 +14,7 @@ import numpy as np
 from armid.errors import Finding, MissingExtraError, RecordingError
 from armid.measurement.bag_files import STORAGE, opened
 from armid.measurement.joint_states import FIELDS, JointStates, Publisher, collect, joined, names_of
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
@@ -46,7 +46,7 @@ DEFINITIONS = {
 Fields = tuple[Sequence[str], dict[str, Any]]
 
 
-def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
     """Read joint states, matched by name. Times are the header stamps, in seconds since the first one.
 
     Args:
@@ -79,7 +79,7 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
         ) from error
 
 
-def _read_open(bag: Any, reading: Reading, robot: Robot | None, path: Path) -> Recording:
+def _read_open(bag: Any, reading: LogFormat, robot: Robot | None, path: Path) -> Recording:
     """The recording of an open bag."""
     names = {joint: name for name, joint in reading.joint_map.items() if joint}
     wanted = tuple(names.values()) if robot is None else tuple(names.get(j, j) for j in robot.joint_names)
@@ -111,7 +111,7 @@ def _read_open(bag: Any, reading: Reading, robot: Robot | None, path: Path) -> R
     )
 
 
-def _candidates(kinds: Mapping[str, str], reading: Reading, path: Path) -> Iterable[list[str]]:
+def _candidates(kinds: Mapping[str, str], reading: LogFormat, path: Path) -> Iterable[list[str]]:
     """Topics to look at, kind by kind: the one that is asked for, or all with joint states."""
     known = sorted(topic for topic, kind in kinds.items() if kind in KINDS)
     if reading.topic is not None:
@@ -143,7 +143,7 @@ def _publishers(bag: Any, topic: str, fields_of: Callable[[Any], Fields]) -> lis
     return list(found.values())
 
 
-def _recording(states: JointStates, reading: Reading, *findings: Finding) -> Recording:
+def _recording(states: JointStates, reading: LogFormat, *findings: Finding) -> Recording:
     if "position" not in states.values:
         raise RecordingError(
             "The joint states carry no positions.", remedy="record a topic whose publisher fills in `position`."

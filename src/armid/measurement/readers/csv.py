@@ -10,7 +10,7 @@ from pathlib import Path
 
 from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns.lookup import assemble, select
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_of
 from armid.robot.robot import Robot
@@ -25,7 +25,7 @@ PACKED: tuple[str, ...] = (".gz", ".xz", ".bz2", ".zst")
 """Endings behind that of a text table that say how it is packed."""
 
 
-def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
     """Read a text table; its encoding, its delimiter and its decimal sign are found out.
 
     Lines that begin with `#`, `%` or `//` may precede the table; the last of them may be the header, and a line of

@@ -12,7 +12,7 @@ import numpy as np
 
 from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns.lookup import assemble, select
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array
@@ -25,7 +25,7 @@ EXTRA = "io"
 PACKAGE = "python_calamine"
 
 
-def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
     """Read the first sheet of a workbook that has a row of names above rows of numbers.
 
     Raises:
@@ -61,7 +61,7 @@ def _is_header(row: Sequence[Any]) -> bool:
 
 
 def _recording(
-    rows: Sequence[Sequence[Any]], head: int, reading: Reading, robot: Robot | None, path: Path
+    rows: Sequence[Sequence[Any]], head: int, reading: LogFormat, robot: Robot | None, path: Path
 ) -> Recording:
     names = [str(cell).strip() for cell in rows[head]]
     body = [row for row in rows[head + 1 :] if any(cell != "" for cell in row)]

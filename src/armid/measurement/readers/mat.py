@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns.lookup import Selection, assemble, numeric, select
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array
@@ -31,7 +31,7 @@ NUMERIC = frozenset("double single int8 int16 int32 int64 uint8 uint16 uint32 ui
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
     """Read matrices from a MATLAB file; a matrix has one row a sample, as MATLAB shows it.
 
     Raises:
@@ -45,7 +45,7 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
     return _read_v5(path, reading, robot)
 
 
-def _read_v5(path: Path, reading: Reading, robot: Robot | None) -> Recording:
+def _read_v5(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
     """Read a file of version 5 or older."""
     # Imported here: it takes a third of a second, which only MATLAB files should cost.
     from scipy.io import loadmat, matlab, whosmat
@@ -76,7 +76,7 @@ def _read_v5(path: Path, reading: Reading, robot: Robot | None) -> Recording:
     return _assembled(selection, data, reading, path, names)
 
 
-def _read_v73(path: Path, reading: Reading, robot: Robot | None) -> Recording:
+def _read_v73(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
     """Read a file of version 7.3, in which HDF5 holds every matrix transposed."""
     try:
         import h5py
@@ -102,7 +102,7 @@ def _read_v73(path: Path, reading: Reading, robot: Robot | None) -> Recording:
 
 
 def _assembled(
-    selection: Selection, data: dict[str, NDArray[Any]], reading: Reading, path: Path, names: list[str]
+    selection: Selection, data: dict[str, NDArray[Any]], reading: LogFormat, path: Path, names: list[str]
 ) -> Recording:
     """The recording from variables in MATLAB's orientation."""
     # A vector may lie or stand in MATLAB. It is one channel where each channel has its own or there is one joint;

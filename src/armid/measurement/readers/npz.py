@@ -11,7 +11,7 @@ import numpy as np
 
 from armid.errors import RecordingError
 from armid.measurement.columns.lookup import assemble, numeric, select
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array, load
@@ -24,7 +24,7 @@ NAMES = ("joint_names", "names")
 """Variables that may hold the names of the channels."""
 
 
-def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
     """Read a NumPy archive. Nothing in it is ever unpickled.
 
     Raises:
@@ -53,7 +53,7 @@ def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
         ) from error
 
 
-def _recording(archive: np.lib.npyio.NpzFile, reading: Reading, robot: Robot | None, path: Path) -> Recording:
+def _recording(archive: np.lib.npyio.NpzFile, reading: LogFormat, robot: Robot | None, path: Path) -> Recording:
     """The recording in an open archive."""
     if "value.json" in archive.files:
         saved = load(Recording, path)

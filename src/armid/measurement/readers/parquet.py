@@ -8,7 +8,7 @@ import numpy as np
 
 from armid.errors import MissingExtraError, RecordingError
 from armid.measurement.columns.lookup import assemble, numeric, select
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array
@@ -19,7 +19,7 @@ SUFFIXES: tuple[str, ...] = (".parquet", ".pq")
 EXTRA = "io"
 
 
-def read(path: Path, reading: Reading, robot: Robot | None = None) -> Recording:
+def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
     """Read the columns that are needed from a Parquet file.
 
     Raises:

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from armid.report.data.recording_data import Evidence
+from armid.report.data.recording_data import RecordingData
 from armid.values import Array
 
 __all__ = ["HALF_WINDOW", "Reversals", "find_reversals", "since_reversal"]
@@ -39,7 +39,7 @@ class Reversals:
     fitted: Array
 
 
-def find_reversals(evidence: Sequence[Evidence], j: int) -> Reversals:
+def find_reversals(evidence: Sequence[RecordingData], j: int) -> Reversals:
     """All reversals of a joint whose rows count and lie within one contiguous run."""
     grid = np.linspace(-HALF_WINDOW, HALF_WINDOW, STEPS)
     fastest = max((float(np.abs(each.dq[:, j]).max()) for each in evidence), default=0.0)

@@ -13,27 +13,28 @@ from armid.model.expression import text
 from armid.model.terms.term import Law
 from armid.report.data.joint_names import label_of
 from armid.report.data.number_format import fixed
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.data.recording_data import friction_columns
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["law_tables", "law_text"]
 
 
-def law_tables(material: Material) -> tuple[Table, ...]:
+def law_tables(material: PageData) -> tuple[Table, ...]:
     """The laws, one line a joint; where they were chosen, with the choice, and folded all that was looked at."""
     joints, record = material.joints, _ladder(material)
     laws = [law_text([law for law in _laws(material) if law.joint == j]) for j in range(len(joints))]
     note = "q: position, dq: velocity of the joint; the parameters are in the table of parameters."
     head = [Column("joint", words=True), Column("law", words=True)]
     rows = [
-        [Cell(label_of(joints, j), kind="name"), Cell(law or "–", law, kind="formula")] for j, law in enumerate(laws)
+        [TableCell(label_of(joints, j), kind="name"), TableCell(law or "–", law, kind="formula")]
+        for j, law in enumerate(laws)
     ]
     if record is None:
         return (Table("laws", "Law of friction, joint by joint", head, rows, note),)
     for row, each in zip(rows, record["joints"], strict=True):
         ratio = f"{fixed(each['ratio'], 2)} ± {fixed(each['deviation'], 2)}"
-        row[1:1] = [Cell("; ".join(each["chosen"]) or "–"), Cell(ratio, each["ratio"])]
+        row[1:1] = [TableCell("; ".join(each["chosen"]) or "–"), TableCell(ratio, each["ratio"])]
     head[1:1] = [Column("chosen beside viscous and Coulomb", words=True), Column("relative error")]
     looked_at = _evidence(record, joints)
     if looked_at.rows:
@@ -77,14 +78,14 @@ def _plain(law: Law) -> str:
     return f"{said} of {weighted}"
 
 
-def _laws(material: Material) -> list[Law]:
+def _laws(material: PageData) -> list[Law]:
     """All laws of friction of the model, joint by joint."""
     model = material.run.model
     chosen = friction_columns(model)[model.law_columns].astype(bool)
     return [law for (_, law), own in zip(model.laws, chosen, strict=True) if own]
 
 
-def _ladder(material: Material) -> dict[str, Any] | None:
+def _ladder(material: PageData) -> dict[str, Any] | None:
     """Tell how friction was chosen; nothing where it was named and not chosen."""
     path = Path(material.run.folder) / "friction.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
@@ -96,10 +97,10 @@ def _evidence(record: dict[str, Any], joints: Sequence[Any]) -> Table:
     names = [joint.name for joint in joints]
     rows = [
         [
-            Cell(each["candidate"]),
-            Cell(fixed(each["ratio"], 3), each["ratio"]),
-            Cell(fixed(each["deviation"], 3), each["deviation"]),
-            Cell("chosen" if each["chosen"] else ""),
+            TableCell(each["candidate"]),
+            TableCell(fixed(each["ratio"], 3), each["ratio"]),
+            TableCell(fixed(each["deviation"], 3), each["deviation"]),
+            TableCell("chosen" if each["chosen"] else ""),
         ]
         for each in evidence
     ]

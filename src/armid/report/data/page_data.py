@@ -11,24 +11,24 @@ from typing import Any
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
-from armid.report.data.recording_data import Evidence, look_at
+from armid.report.data.recording_data import RecordingData, evaluate_recording
 from armid.robot import Joint
 from armid.runs.certification import Verdict, certify_run
-from armid.runs.locate_recording import read_again
+from armid.runs.locate_recording import read_recording_of
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.values import Array
 
-__all__ = ["Material", "choices_of", "gather", "records_of", "velocity_unit", "with_evidence"]
+__all__ = ["PageData", "choices_of", "gather", "records_of", "velocity_unit", "with_evidence"]
 
 MOST_OF_A_ROLE = 3
 """Recordings of each role that are drawn; every one is in the tables."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Material:
+class PageData:
     """A run with all that its sections draw from.
 
     Attributes:
@@ -43,7 +43,7 @@ class Material:
     run: Run
     study: Mapping[str, Any]
     validation: Mapping[str, Any]
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[RecordingData, ...] = ()
     missing: tuple[str, ...] = ()
     verdict: Verdict | None = None
 
@@ -52,12 +52,12 @@ class Material:
         """The arm's joints."""
         return self.run.robot.joints
 
-    def of_role(self, role: str) -> tuple[Evidence, ...]:
+    def of_role(self, role: str) -> tuple[RecordingData, ...]:
         """Recordings that train, or that validate."""
         return tuple(each for each in self.evidence if each.choice.role == role)
 
     @property
-    def drawn(self) -> tuple[Evidence, ...]:
+    def drawn(self) -> tuple[RecordingData, ...]:
         """Recordings that pictures show: a few of each role, validation first."""
         return (*self.of_role("validate")[:MOST_OF_A_ROLE], *self.of_role("train")[:MOST_OF_A_ROLE])
 
@@ -86,7 +86,7 @@ def gather(
     *,
     recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
     data: Path | str | None = None,
-) -> Material:
+) -> PageData:
     """Read a run's records and, where they still are, its recordings.
 
     Args:
@@ -106,7 +106,7 @@ def with_evidence(
     *,
     recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
     data: Path | str | None = None,
-) -> Material:
+) -> PageData:
     """A run's records and recordings without its certificate, which pictures do not need.
 
     Args:
@@ -119,25 +119,25 @@ def with_evidence(
     """
     material = records_of(run)
     folder = str(material.study["folder"])
-    evidence: list[Evidence] = []
+    evidence: list[RecordingData] = []
     missing: list[str] = []
     for choice, sha256 in choices_of(run, material.study) if recordings is None else ():
         try:
-            evidence.append(look_at(run, choice, read_again(run, choice, sha256, folder, data)))
+            evidence.append(evaluate_recording(run, choice, read_recording_of(run, choice, sha256, folder, data)))
         except ArmidError as error:
             missing.append(error.problem)
     for choice, recording in recordings or ():
-        evidence.append(look_at(run, choice, recording))
+        evidence.append(evaluate_recording(run, choice, recording))
     return replace(material, evidence=tuple(evidence), missing=tuple(missing))
 
 
-def records_of(run: Run) -> Material:
+def records_of(run: Run) -> PageData:
     """A run's records alone.
 
     Raises:
         ArmidError: One of them is damaged.
     """
-    return Material(run, _record(run, "study"), _record(run, "validation"))
+    return PageData(run, _record(run, "study"), _record(run, "validation"))
 
 
 def _record(run: Run, name: str) -> dict[str, Any]:
@@ -154,7 +154,7 @@ def _record(run: Run, name: str) -> dict[str, Any]:
 def choices_of(run: Run, study: Mapping[str, Any]) -> list[tuple[RecordingChoice, str]]:
     """The recordings that a run's study names, with their digests (sha256)."""
     choices = [
-        RecordingChoice(each["path"], each["role"], Reading(**each["reading"]), tuple(each["part"]))
+        RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
         for each in study["recordings"]
     ]
     return list(zip(choices, _digests(run), strict=True))

@@ -17,11 +17,11 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.identify import observe_recordings
+from armid.study.identify import process_study_recordings
 from armid.validation.prediction_interval import band_of_rows
 from armid.values import Array
 
-__all__ = ["Evidence", "Spectrum", "friction_columns", "joined", "look_at"]
+__all__ = ["RecordingData", "Spectrum", "evaluate_recording", "friction_columns", "joined"]
 
 BAND_ROWS = 5000
 """Rows, or up to twice as many, at which the band is worked out; it varies as slowly as the motion does."""
@@ -49,7 +49,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Evidence:
+class RecordingData:
     """One recording on its output grid, M rows, in the study's band.
 
     Attributes:
@@ -98,19 +98,19 @@ class Evidence:
 
 
 def joined(
-    evidence: Sequence[Evidence], what: Literal["q", "dq", "measured", "friction", "residual"], j: int
+    evidence: Sequence[RecordingData], what: Literal["q", "dq", "measured", "friction", "residual"], j: int
 ) -> Array:
     """One quantity of one joint over several recordings, one after another."""
     return np.concatenate([np.zeros(0), *(getattr(each, what)[:, j] for each in evidence)])
 
 
-def look_at(run: Run, choice: RecordingChoice, recording: Recording) -> Evidence:
+def evaluate_recording(run: Run, choice: RecordingChoice, recording: Recording) -> RecordingData:
     """Process a recording as the run did and compare its torque with the estimate's.
 
     Raises:
         RecordingError: The recording does not allow what the run's processing asks.
     """
-    observations, _ = observe_recordings([(choice, recording)], run.processing, run.robot)
+    observations, _ = process_study_recordings([(choice, recording)], run.processing, run.robot)
     model, estimate, runs, band = run.model, run.estimate, observations.runs, observations.band
     theta = torque_parameters(estimate.base, estimate.fit)
     only_friction = np.where(friction_columns(model), theta, 0.0)
@@ -120,7 +120,7 @@ def look_at(run: Run, choice: RecordingChoice, recording: Recording) -> Evidence
     time = np.concatenate([motion.time for motion in grid])
     mask = np.concatenate([each.mask for each in found])
     longest = max(runs, key=lambda each: each.motion.samples)
-    return Evidence(
+    return RecordingData(
         choice,
         time - time[0],
         np.concatenate([motion.q for motion in grid]),

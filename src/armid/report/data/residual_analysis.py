@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.measurement.processing.options import Processing
+from armid.measurement.processing.options import ProcessingOptions
 from armid.report.data.friction_at_reversals import HALF_WINDOW, since_reversal
-from armid.report.data.recording_data import Evidence, joined
+from armid.report.data.recording_data import RecordingData, joined
 from armid.values import Array
 
-__all__ = ["MUCH", "Remains", "explained", "find_remains"]
+__all__ = ["MUCH", "ResidualShares", "explained", "residual_shares"]
 
 BINS = 12
 """Classes of velocity, position and time: coarse enough for a dozen rows in each of short recordings."""
@@ -25,7 +25,7 @@ MUCH = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Remains:
+class ResidualShares:
     """Shares of a residual's variance, 0 to 1; NaN where there is nothing to judge by.
 
     Attributes:
@@ -39,16 +39,16 @@ class Remains:
     reversal: float
 
 
-def find_remains(evidence: Sequence[Evidence], processing: Processing, j: int) -> Remains:
+def residual_shares(evidence: Sequence[RecordingData], processing: ProcessingOptions, j: int) -> ResidualShares:
     """Return what the residual of a joint depends on, over several recordings."""
     if not evidence:
-        return Remains(np.nan, np.nan, np.nan)
+        return ResidualShares(np.nan, np.nan, np.nan)
     residual, dq, q = joined(evidence, "residual", j), joined(evidence, "dq", j), joined(evidence, "q", j)
     since = np.concatenate([_since(each, j) for each in evidence])
     share = min(_independent(each, processing) for each in evidence)
     forward = (dq > 0.0).astype(np.intp)
     way = np.where(dq > 0.0, 1.0, -1.0)
-    return Remains(
+    return ResidualShares(
         explained(residual, classes(dq), share),
         explained(residual, classes(q) * 2 + forward, share),
         explained(
@@ -90,14 +90,14 @@ def classes(x: Array) -> NDArray[np.intp]:
     return np.where(np.isfinite(x), np.digitize(x, edges), BINS).astype(np.intp)
 
 
-def _since(evidence: Evidence, j: int) -> Array:
+def _since(evidence: RecordingData, j: int) -> Array:
     if not evidence.is_consecutive:
         return np.full(len(evidence.time), np.nan)
     runs = pairwise(evidence.starts)
     return np.concatenate([since_reversal(evidence.time[a:b], evidence.dq[a:b, j]) for a, b in runs])
 
 
-def _independent(evidence: Evidence, processing: Processing) -> float:
+def _independent(evidence: RecordingData, processing: ProcessingOptions) -> float:
     """Rows that a band leaves independent: two a cycle of its cut-off."""
     if processing.family == "none" or not evidence.is_consecutive:
         return 1.0

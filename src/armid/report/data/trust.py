@@ -10,11 +10,11 @@ import numpy as np
 from armid.report.data.findings import evidence_words, remedy_words, serious
 from armid.report.data.joint_names import MOST_NAMES, by_joint, label_of
 from armid.report.data.number_format import share, short
-from armid.report.data.page_data import Material, velocity_unit
-from armid.report.data.residual_analysis import MUCH, find_remains
+from armid.report.data.page_data import PageData, velocity_unit
+from armid.report.data.residual_analysis import MUCH, residual_shares
 from armid.report.section import effort_unit
 
-__all__ = ["POOR_COVERAGE", "Judgement", "beyond_intervals", "judge"]
+__all__ = ["POOR_COVERAGE", "TrustJudgement", "judge_trust", "outside_intervals"]
 
 GOOD_SHARE = 0.1
 """Relative RMS, over the torque's standard deviation, up to which a joint is called well predicted: the thesis's
@@ -34,7 +34,7 @@ SLOW = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
+class TrustJudgement:
     """The verdict in words.
 
     Attributes:
@@ -48,7 +48,7 @@ class Judgement:
     wanted: tuple[str, ...]
 
 
-def judge(material: Material) -> Judgement:
+def judge_trust(material: PageData) -> TrustJudgement:
     """Judge a run; what weighs most comes first."""
     trusted: list[str] = []
     doubted: list[str] = []
@@ -58,13 +58,13 @@ def judge(material: Material) -> Judgement:
         trusted += good
         doubted += bad
         wanted += next_
-    return Judgement(tuple(trusted), tuple(doubted), tuple(dict.fromkeys(wanted)))
+    return TrustJudgement(tuple(trusted), tuple(doubted), tuple(dict.fromkeys(wanted)))
 
 
 Words = tuple[list[str], list[str], list[str]]
 
 
-def _torque(material: Material) -> Words:
+def _torque(material: PageData) -> Words:
     """Error on validation motion, all joints together and each."""
     if not material.validation["recordings"]:
         return (
@@ -110,7 +110,7 @@ def _torque(material: Material) -> Words:
     return good, bad, next_
 
 
-def _moving(material: Material) -> tuple[float, float]:
+def _moving(material: PageData) -> tuple[float, float]:
     """Error in validation where joints move, all together, and the share of rows in which they stand."""
     held_out = material.of_role("validate")
     if not held_out:
@@ -126,7 +126,7 @@ def _moving(material: Material) -> tuple[float, float]:
     return float(np.linalg.norm(rms)), float(stands.sum() / max(counts.sum(), 1))
 
 
-def _bands(material: Material) -> Words:
+def _bands(material: PageData) -> Words:
     """Tell whether the 95 % bands hold what they promise."""
     coverage = material.validation_column("coverage95")
     poor = [j for j, x in enumerate(coverage) if x < POOR_COVERAGE]
@@ -146,7 +146,7 @@ def _bands(material: Material) -> Words:
     )
 
 
-def _parameters(material: Material) -> Words:
+def _parameters(material: PageData) -> Words:
     """Tell which parameters are told from zero, and which cannot be what they are."""
     estimate = material.run.estimate
     names = estimate.fit.names
@@ -173,7 +173,7 @@ def _parameters(material: Material) -> Words:
     return good, bad, next_
 
 
-def beyond_intervals(material: Material) -> bool:
+def outside_intervals(material: PageData) -> bool:
     """Tell whether the nearest consistent parameters lie outside the intervals of some parameters."""
     if material.verdict is None or material.verdict.certificate.feasible:
         return False
@@ -182,7 +182,7 @@ def beyond_intervals(material: Material) -> bool:
     return any(abs(each.change) > half[each.name] for each in material.verdict.certificate.blame)
 
 
-def _bodies(material: Material) -> Words:
+def _bodies(material: PageData) -> Words:
     """Physical consistency."""
     if material.verdict is None:
         return [], [], []
@@ -193,7 +193,7 @@ def _bodies(material: Material) -> Words:
     if certificate.feasible:
         return ["The parameters are physically consistent: a real body can have them."], bad, []
     away = f"{short(certificate.distance)} ({share(certificate.relative_distance)}) away"
-    if beyond_intervals(material):
+    if outside_intervals(material):
         bad.append(
             f"Not physically consistent: the nearest such values lie {away}, outside the intervals. "
             "Do not simulate or export these."
@@ -203,23 +203,23 @@ def _bodies(material: Material) -> Words:
     return [], bad, []
 
 
-def _errors(material: Material) -> Words:
+def _errors(material: PageData) -> Words:
     """Return what contradicts the recordings or the description."""
     return _noticed(material, "error")
 
 
-def _warnings(material: Material) -> Words:
+def _warnings(material: PageData) -> Words:
     """Return what else was found."""
     return _noticed(material, "warning")
 
 
-def _noticed(material: Material, severity: str) -> Words:
+def _noticed(material: PageData, severity: str) -> Words:
     found = serious(material.run.estimate.findings, severity)
     bad = list(dict.fromkeys(map(evidence_words, found)))
     return [], bad, [remedy_words(each) for each in found if each.remedy]
 
 
-def _motion(material: Material) -> Words:
+def _motion(material: PageData) -> Words:
     """Joints that moved too slowly to show their viscous friction."""
     train, fit = material.of_role("train"), material.run.estimate.fit
     relative = dict(zip(fit.names, fit.poorly_identified, strict=True))
@@ -234,11 +234,11 @@ def _motion(material: Material) -> Words:
     return [], [], [f"Faster motion, to tell viscous friction: {_listed(slow)}."] if slow else []
 
 
-def _laws(material: Material) -> Words:
+def _laws(material: PageData) -> Words:
     """Structure in the residual that friction laws could take."""
     found: dict[str, list[int]] = {"position": [], "reversals": []}
     for j in range(len(material.joints)):
-        remains = find_remains(material.drawn, material.run.processing, j)
+        remains = residual_shares(material.drawn, material.run.processing, j)
         for what, much in (("position", remains.position), ("reversals", remains.reversal)):
             if much > MUCH:
                 found[what].append(j)
@@ -251,7 +251,7 @@ def _laws(material: Material) -> Words:
     return [], [], next_
 
 
-def _joints(material: Material, which: Sequence[int]) -> str:
+def _joints(material: PageData, which: Sequence[int]) -> str:
     if len(which) == len(material.joints):
         return "every joint"
     return _listed(label_of(material.joints, j) for j in which)

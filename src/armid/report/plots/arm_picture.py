@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from armid.report.data.joint_names import label_of
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.robot import Robot
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.values import Array
@@ -33,7 +33,7 @@ RULERS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """Lengths of the ruler [m]; the longest that takes less than a third of the picture is drawn."""
 
 
-def picture_of(material: Material) -> tuple[str, str]:
+def picture_of(material: PageData) -> tuple[str, str]:
     """The arm in the pose of its recordings that shows most of it, and what the picture shows."""
     robot = material.run.robot
     poses = [each.q[:: max(1, len(each.q) // POSES)] for each in material.of_role("train")]

@@ -27,8 +27,8 @@ from armid.excitation.plan import Plan
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.data.joint_names import heading_of, residual_title
-from armid.report.data.page_data import Material, with_evidence
-from armid.report.plots.style import Theme, axes_of, colours, levels_of, resolved, trace_look
+from armid.report.data.page_data import PageData, with_evidence
+from armid.report.plots.style import Theme, axes_of, colours, levels_of, resolved, trace_style
 from armid.report.plots.traces import Plot
 from armid.report.preflight_page import motion_section
 from armid.report.rendering import require_extra
@@ -150,7 +150,7 @@ def figure_of(rows: Rows, *, theme: Theme = "light") -> Figure:
     groups: dict[str, str] = {}
     for row, column, _, plot in placed:
         for trace in plot.traces:
-            look = resolved(trace_look(trace, np.asarray), palette)
+            look = resolved(trace_style(trace, np.asarray), palette)
             first = trace.role != "edge" and trace.name not in named
             named.add(trace.name if first else "")
             figure.add_trace({**look, "legendgroup": trace.name, "showlegend": first}, row=row, col=column)
@@ -168,7 +168,7 @@ def figure_of(rows: Rows, *, theme: Theme = "light") -> Figure:
 
 def _of_run(
     run: Run,
-    show: Callable[[Material], Section | None],
+    show: Callable[[PageData], Section | None],
     joint: str | None,
     data: Path | str | None,
     theme: Theme,

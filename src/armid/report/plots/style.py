@@ -12,11 +12,11 @@ from typing import Any, Literal, get_args
 
 from armid.errors import ArmidError
 from armid.report.plots.encoding import packed
-from armid.report.plots.traces import Plot, Trace
+from armid.report.plots.traces import Plot, PlotTrace
 from armid.report.rendering import text_of
 from armid.values import Array
 
-__all__ = ["Theme", "axes_of", "colours", "levels_of", "plot_record", "resolved", "trace_look"]
+__all__ = ["Theme", "axes_of", "colours", "levels_of", "plot_record", "resolved", "trace_style"]
 
 Theme = Literal["light", "dark"]
 
@@ -74,12 +74,12 @@ def plot_record(plot: Plot) -> dict[str, Any]:
     """A plot for the page's script: its group, its traces and its axes in plotly's JSON, colours by name."""
     return {
         "group": plot.group,
-        "data": [trace_look(trace, packed) for trace in plot.traces],
+        "data": [trace_style(trace, packed) for trace in plot.traces],
         "layout": {**axes_of(plot), "shapes": levels_of(plot)},
     }
 
 
-def trace_look(trace: Trace, numbers: Callable[[Array], Any]) -> dict[str, Any]:
+def trace_style(trace: PlotTrace, numbers: Callable[[Array], Any]) -> dict[str, Any]:
     """A trace in plotly's JSON, colours by name.
 
     Args:

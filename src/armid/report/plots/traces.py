@@ -19,8 +19,8 @@ __all__ = [
     "MOST_POINTS",
     "Axes",
     "Plot",
+    "PlotTrace",
     "Sight",
-    "Trace",
     "binned",
     "crest",
     "envelope",
@@ -38,7 +38,7 @@ MOST_POINTS = 800
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Trace:
+class PlotTrace:
     """One line or cloud.
 
     Attributes:
@@ -107,7 +107,7 @@ class Plot:
     caption: str
     x: str
     y: str
-    traces: Sequence[Trace]
+    traces: Sequence[PlotTrace]
     group: str = ""
     axes: Axes = Axes()
 
@@ -144,7 +144,7 @@ class Sight:
         """Ends of the ordinate; `None` where all values are shown."""
         return (-ROOM * self.limit, ROOM * self.limit) if np.isfinite(self.limit) else None
 
-    def cut(self, x: Array, y: Array, name: str) -> tuple[Trace, ...]:
+    def cut(self, x: Array, y: Array, name: str) -> tuple[PlotTrace, ...]:
         """Marks at the edge where values (K,) at abscissas (K,) are cut; none where all are shown."""
         marks = (("above", y > self.limit, self.limit), ("below", y < -self.limit, -self.limit))
         return tuple(
@@ -154,32 +154,32 @@ class Sight:
         )
 
 
-def line(role: str, x: Array, y: Array, name: str) -> Trace:
+def line(role: str, x: Array, y: Array, name: str) -> PlotTrace:
     """A line that keeps its extremes where it has more points than a plot can show."""
     kept = envelope(y, LINE_BUCKETS)
-    return Trace(role, x[kept], y[kept], name)
+    return PlotTrace(role, x[kept], y[kept], name)
 
 
-def points(role: str, x: Array, y: Array, name: str, most: int = MOST_POINTS) -> Trace:
+def points(role: str, x: Array, y: Array, name: str, most: int = MOST_POINTS) -> PlotTrace:
     """A cloud of points without what is not finite, thinned evenly."""
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     kept = known[every(len(known), most)]
-    return Trace(role, x[kept], y[kept], name, cloud=True)
+    return PlotTrace(role, x[kept], y[kept], name, cloud=True)
 
 
-def spread(x: Array, low: Array, high: Array, name: str) -> tuple[Trace, Trace]:
+def spread(x: Array, low: Array, high: Array, name: str) -> tuple[PlotTrace, PlotTrace]:
     """A band between two lines, widest where it is thinned."""
     kept = np.union1d(envelope(low, LINE_BUCKETS // 2), envelope(high, LINE_BUCKETS // 2))
-    return Trace("edge", x[kept], low[kept], name), Trace("band", x[kept], high[kept], name)
+    return PlotTrace("edge", x[kept], low[kept], name), PlotTrace("band", x[kept], high[kept], name)
 
 
-def crest(role: str, x: Array, y: Array, name: str) -> Trace:
+def crest(role: str, x: Array, y: Array, name: str) -> PlotTrace:
     """A line on logarithmic axes: the largest value of each of many buckets that are alike on such an axis."""
     starts = np.unique(np.geomspace(1, len(y), LINE_BUCKETS).astype(np.intp)) - 1
     stops = [*starts[1:], len(y)]
     height = np.where(np.isfinite(y), y, -np.inf)
     kept = np.array([a + int(np.argmax(height[a:b])) for a, b in zip(starts, stops, strict=True)])
-    return Trace(role, x[kept], y[kept], name)
+    return PlotTrace(role, x[kept], y[kept], name)
 
 
 def envelope(y: Array, buckets: int) -> NDArray[np.intp]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.excitation.collision.coal import nearest, whole
-from armid.excitation.collision.collision_model import Collision, cell_of, looked_at
+from armid.excitation.collision.collision_model import CollisionOptions, looked_at, make_collision_model
 from armid.excitation.collision.convex_hulls import parts_of
 from armid.excitation.limits.joint_limits import described_limits
 from armid.report.preview.clip import Clip
@@ -22,14 +22,14 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["Approach", "bodies_to_watch", "closest"]
+__all__ = ["NearestBodies", "bodies_to_watch", "closest"]
 
 MOMENTS = 600
 """Moments of a motion that are measured at most; between two of them the page interpolates."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Approach:
+class NearestBodies:
     """The nearest two bodies over time, M moments.
 
     Attributes:
@@ -47,7 +47,7 @@ class Approach:
     pairs: tuple[str, ...]
 
 
-def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> Collision | None:
+def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> CollisionOptions | None:
     """Return what a motion that was not designed here should keep apart; nothing where the description has no bodies.
 
     Raises:
@@ -57,10 +57,10 @@ def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> Colli
         return None
     limits = described_limits(robot)
     moving = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
-    return looked_at(cell_of(robot, replace(limits, velocity=moving), surroundings))
+    return looked_at(make_collision_model(robot, replace(limits, velocity=moving), surroundings))
 
 
-def closest(robot: Robot, clip: Clip, collision: Collision) -> Approach | None:
+def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBodies | None:
     """The nearest bodies along a motion; `None` where no pair is looked at.
 
     Args:
@@ -88,4 +88,4 @@ def closest(robot: Robot, clip: Clip, collision: Collision) -> Approach | None:
             if apart < distance[k]:
                 distance[k], pair[k], points[k] = apart, m, (first[0, 0], second[0, 0])
     names = tuple(f"{shapes[a].name} – {shapes[b].name}" for a, b in pairs)
-    return Approach(clip.time[moments], distance, pair, points, names)
+    return NearestBodies(clip.time[moments], distance, pair, points, names)

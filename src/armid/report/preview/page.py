@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from armid.excitation.collision.collision_model import Collision
+from armid.excitation.collision.collision_model import CollisionOptions
 from armid.report.plots.encoding import compressed, embedded, packed
-from armid.report.preview.approach import Approach, closest
+from armid.report.preview.approach import NearestBodies, closest
 from armid.report.preview.clip import Clip
 from armid.report.preview.masses import MassLayer
 from armid.report.preview.scene import bodies_of, joint_records, reach_of, surroundings_of
@@ -42,7 +42,7 @@ class Preview:
     robot: Robot
     clip: Clip
     surroundings: tuple[Shape, ...] = ()
-    collision: Collision | None = None
+    collision: CollisionOptions | None = None
     layers: Sequence[MassLayer] = ()
     said: str = ""
 
@@ -86,7 +86,7 @@ def render_preview(preview: Preview) -> str:
     )
 
 
-def _scene(preview: Preview, approach: Approach | None) -> tuple[dict[str, Any], list[str]]:
+def _scene(preview: Preview, approach: NearestBodies | None) -> tuple[dict[str, Any], list[str]]:
     """Data for the page's script, and what could not be drawn."""
     robot, clip = preview.robot, preview.clip
     bodies, meshes, missing = bodies_of(robot)
@@ -110,7 +110,7 @@ def _scene(preview: Preview, approach: Approach | None) -> tuple[dict[str, Any],
     return record, missing
 
 
-def _approach_record(approach: Approach) -> dict[str, Any]:
+def _approach_record(approach: NearestBodies) -> dict[str, Any]:
     used, index = np.unique(approach.pair, return_inverse=True)
     return {
         "pairs": [approach.pairs[k] for k in used],

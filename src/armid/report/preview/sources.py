@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from armid.errors import ArmidError
-from armid.excitation.collision.collision_model import Collision
+from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.point_to_point import Moves
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.report.data.page_data import choices_of, records_of
 from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
@@ -18,7 +18,7 @@ from armid.report.preview.masses import MassLayer, layer_of_description
 from armid.report.preview.page import Preview
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.runs.locate_recording import read_again
+from armid.runs.locate_recording import read_recording_of
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.identify import read_recording
@@ -33,7 +33,7 @@ def preview_of(
     robot: Robot,
     motion: str | Run | None,
     *,
-    reading: Reading | None = None,
+    reading: LogFormat | None = None,
     data: Path | str | None = None,
     surroundings: Sequence[Shape] = (),
     estimate: MassLayer | None = None,
@@ -60,7 +60,7 @@ def preview_of(
         plan, known = read_whole_plan(motion)
         clip, around = clip_of_plan(plan, motion), (*around, *known)
     else:
-        clip = _of_file(motion, robot, reading or Reading())
+        clip = _of_file(motion, robot, reading or LogFormat())
     if clip.q.shape[1] != robot.n:
         raise ArmidError(
             f"{motion} moves {clip.q.shape[1]} joints; {robot.name} has {robot.n}.",
@@ -86,7 +86,7 @@ def preview_of_moves(moves: Moves, robot: Robot, surroundings: Sequence[Shape]) 
     return Preview(robot, clip_of_plan(moves, "poses and sweeps"), around, collision, _layers(robot, None), said)
 
 
-def _watched(robot: Robot, around: tuple[Shape, ...]) -> tuple[Collision | None, str]:
+def _watched(robot: Robot, around: tuple[Shape, ...]) -> tuple[CollisionOptions | None, str]:
     """Bodies that should stay apart, or why nobody looks at them."""
     try:
         collision = bodies_to_watch(robot, around)
@@ -101,7 +101,7 @@ def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:
     return MassLayer("estimate", theta[own].reshape(-1, 10), note)
 
 
-def _of_file(path: str, robot: Robot, reading: Reading) -> Clip:
+def _of_file(path: str, robot: Robot, reading: LogFormat) -> Clip:
     """A motion in one of the formats for controllers, or else a recording."""
     motion = motion_of_plan(path, robot, 1000.0)
     if motion is not None:
@@ -120,7 +120,7 @@ def _of_run(run: Run, data: Path | str | None) -> Clip:
     missing: list[str] = []
     for choice, sha256 in sorted(choices_of(run, study), key=lambda each: each[0].role != "validate"):
         try:
-            recording = read_again(run, choice, sha256, str(study["folder"]), data)
+            recording = read_recording_of(run, choice, sha256, str(study["folder"]), data)
         except ArmidError as error:
             missing.append(error.problem)
             continue

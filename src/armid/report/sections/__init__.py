@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.section import Section
 from armid.report.sections.bodies import show_bodies
 from armid.report.sections.consistency import show_consistency
@@ -25,7 +25,7 @@ from armid.report.sections.verdict import show_verdict
 
 __all__ = ["SECTIONS"]
 
-SECTIONS: Mapping[str, Callable[[Material], Section | None]] = {
+SECTIONS: Mapping[str, Callable[[PageData], Section | None]] = {
     "verdict": show_verdict,
     "bodies": show_bodies,
     "torque": show_torque,

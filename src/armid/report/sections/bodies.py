@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.estimation.link_properties import QUANTITIES, UNITS, LinkBody, LinkTable, link_table
+from armid.estimation.link_properties import QUANTITIES, UNITS, LinkProperties, LinkTable, link_table
 from armid.report.data.number_format import decimals_of, fixed, short
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.section import Section
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
 __all__ = ["show_bodies"]
@@ -24,7 +24,7 @@ ROUNDING = 1e-12
 """Coordinates [m] and moments [kg·m²] below it are what is left of differences."""
 
 
-def show_bodies(material: Material) -> Section | None:
+def show_bodies(material: PageData) -> Section | None:
     """The bodies of the links; nothing where neither the description nor the estimate has any."""
     found = link_table(material.run.model, material.run.estimate)
     if not any(np.isfinite([body.description, body.estimate]).any() for body in found.links):
@@ -38,12 +38,12 @@ def _table(found: LinkTable) -> Table:
         Column("", words=True),
         *(Column(QUANTITIES[k], UNITS[k]) for k in ORDER),
     )
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for j, body in enumerate(found.links):
         label = f"{j + 1} · {body.link}"
         for source, cells in _values(body):
             first = source == "CAD/URDF" or not np.isfinite(body.description).any()
-            rows.append([Cell(label if first else "", label, kind="name"), Cell(source), *cells])
+            rows.append([TableCell(label if first else "", label, kind="name"), TableCell(source), *cells])
     estimated = any(np.isfinite(body.estimate).any() for body in found.links)
     note = (
         "By the number of the joint that moves the link. Centre of mass (com) and inertia about it with the axes of "
@@ -57,9 +57,9 @@ def _table(found: LinkTable) -> Table:
     return Table("bodies-of-links", title, columns, rows, note)
 
 
-def _values(body: LinkBody) -> list[tuple[str, list[Cell]]]:
+def _values(body: LinkProperties) -> list[tuple[str, list[TableCell]]]:
     """Return what a link's row or two rows say, by their source."""
-    found: list[tuple[str, list[Cell]]] = []
+    found: list[tuple[str, list[TableCell]]] = []
     if np.isfinite(body.description).any():
         found.append(("CAD/URDF", [_plain(float(body.description[k])) for k in ORDER]))
     if np.isfinite(body.estimate).any():
@@ -67,15 +67,15 @@ def _values(body: LinkBody) -> list[tuple[str, list[Cell]]]:
     return found
 
 
-def _plain(value: float, kind: str = "") -> Cell:
+def _plain(value: float, kind: str = "") -> TableCell:
     value = 0.0 if abs(value) < ROUNDING else value
-    return Cell(short(value), value if np.isfinite(value) else "", kind=kind)
+    return TableCell(short(value), value if np.isfinite(value) else "", kind=kind)
 
 
-def _estimated(value: float, ends: Array) -> Cell:
+def _estimated(value: float, ends: Array) -> TableCell:
     """A value with half its interval, or the value alone where nothing is known of it."""
     if not np.isfinite(ends).all():
         return _plain(value, GUESSED)
     half = 0.5 * float(np.ptp(ends))
     decimals = decimals_of(half)
-    return Cell(f"{fixed(value, decimals)} ± {fixed(half, decimals)}", value)
+    return TableCell(f"{fixed(value, decimals)} ± {fixed(half, decimals)}", value)

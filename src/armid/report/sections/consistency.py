@@ -6,11 +6,11 @@ import numpy as np
 
 from armid.report.data.joint_names import label_of
 from armid.report.data.number_format import decimals_of, fixed, share, short
-from armid.report.data.page_data import Material
-from armid.report.data.trust import beyond_intervals
+from armid.report.data.page_data import PageData
+from armid.report.data.trust import outside_intervals
 from armid.report.section import Section, one_of
 from armid.report.sections.parameters import plain_name
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_consistency"]
 
@@ -18,7 +18,7 @@ MOST_BLAMED = 10
 """Values listed; further ones hardly move."""
 
 
-def show_consistency(material: Material) -> Section | None:
+def show_consistency(material: PageData) -> Section | None:
     """The certificate; nothing where the model has no links."""
     if material.verdict is None:
         return None
@@ -27,7 +27,7 @@ def show_consistency(material: Material) -> Section | None:
         "feasible": certificate.feasible,
         "distance": short(certificate.distance),
         "relative": share(certificate.relative_distance),
-        "beyond": beyond_intervals(material),
+        "beyond": outside_intervals(material),
         "mass": short(float(certificate.masses.sum())),
         "eigenvalue": short(verdict.pose.min_eigenvalue),
         "unit": verdict.pose.unit,
@@ -40,20 +40,20 @@ def show_consistency(material: Material) -> Section | None:
     return Section("Physical consistency", content, tables)
 
 
-def _bodies(material: Material) -> Table:
+def _bodies(material: PageData) -> Table:
     verdict, robot = material.verdict, material.run.robot
     assert verdict is not None
     unit = one_of([joint.unit for joint in robot.joints])
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for j in range(robot.n):
         inertial = robot.links[j].inertial
         masses = (float(verdict.certificate.masses[j]), float(verdict.limited.masses[j]))
         rows.append(
             [
-                Cell(label_of(robot.joints, j), kind="name"),
-                Cell("–", "") if inertial is None else Cell(short(inertial.mass), inertial.mass),
-                *(Cell(short(x), x) for x in masses),
-                Cell(fixed(float(verdict.pose.q[j]), 3), float(verdict.pose.q[j])),
+                TableCell(label_of(robot.joints, j), kind="name"),
+                TableCell("–", "") if inertial is None else TableCell(short(inertial.mass), inertial.mass),
+                *(TableCell(short(x), x) for x in masses),
+                TableCell(fixed(float(verdict.pose.q[j]), 3), float(verdict.pose.q[j])),
             ]
         )
     columns = (
@@ -70,22 +70,22 @@ def _bodies(material: Material) -> Table:
     return Table("bodies", "Nearest consistent masses, and the worst pose", columns, rows, note, folded=True)
 
 
-def _blame(material: Material) -> Table:
+def _blame(material: PageData) -> Table:
     assert material.verdict is not None
     fit = material.run.estimate.fit
     half = dict(zip((plain_name(n) for n in fit.names), 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     value = dict(zip((plain_name(n) for n in fit.names), fit.values, strict=True))
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for each in material.verdict.certificate.blame[:MOST_BLAMED]:
         width = float(half[each.name])
         decimals = decimals_of(max(abs(each.change), 1e-9))
         times = abs(each.change) / width if width > 0.0 else np.inf
         rows.append(
             [
-                Cell(each.name, kind="name"),
-                Cell(fixed(float(value[each.name]), decimals), float(value[each.name])),
-                Cell(fixed(each.change, decimals), each.change),
-                Cell(fixed(times, 2) + (" ▲" if times > 1.0 else ""), times, kind="poor" if times > 1.0 else ""),
+                TableCell(each.name, kind="name"),
+                TableCell(fixed(float(value[each.name]), decimals), float(value[each.name])),
+                TableCell(fixed(each.change, decimals), each.change),
+                TableCell(fixed(times, 2) + (" ▲" if times > 1.0 else ""), times, kind="poor" if times > 1.0 else ""),
             ]
         )
     columns = (

@@ -8,14 +8,14 @@ import numpy as np
 
 from armid.report.data.joint_names import label_of
 from armid.report.data.number_format import fixed, short
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.section import Section, effort_unit, one_of
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_excitation"]
 
 
-def show_excitation(material: Material) -> Section:
+def show_excitation(material: PageData) -> Section:
     """Condition numbers, and what each joint did in training."""
     fit = material.run.estimate.fit
     content = {
@@ -28,7 +28,7 @@ def show_excitation(material: Material) -> Section:
     return Section("Excitation", content, (_table(material),) if material.of_role("train") else ())
 
 
-def _table(material: Material) -> Table:
+def _table(material: PageData) -> Table:
     joints, train = material.joints, material.of_role("train")
     unit, effort = one_of([joint.unit for joint in joints]), effort_unit(material)
     columns = (
@@ -42,7 +42,7 @@ def _table(material: Material) -> Table:
         Column("to", effort),
         Column("of its limit", "%"),
     )
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for j, joint in enumerate(joints):
         q, dq, tau = (np.concatenate([of[:, j] for of in x]) for x in zip(
             *((each.q, each.dq, each.measured) for each in train), strict=True))  # fmt: skip
@@ -51,12 +51,12 @@ def _table(material: Material) -> Table:
         fastest, peak = float(np.abs(dq).max()), float(np.abs(tau).max())
         rows.append(
             [
-                Cell(label_of(joints, j), kind="name"),
-                *(Cell(fixed(x, 2), x) for x in ends),
+                TableCell(label_of(joints, j), kind="name"),
+                *(TableCell(fixed(x, 2), x) for x in ends),
                 _share((ends[1] - ends[0]) / float(np.ptp(joint.position_limits))),
-                Cell(short(fastest), fastest),
+                TableCell(short(fastest), fastest),
                 _share(fastest / joint.velocity_limit),
-                *(Cell(short(float(x)), float(x)) for x in (tau.min(), tau.max())),
+                *(TableCell(short(float(x)), float(x)) for x in (tau.min(), tau.max())),
                 _share(peak / joint.effort_limit),
             ]
         )
@@ -64,8 +64,8 @@ def _table(material: Material) -> Table:
     return Table("excitation", "What each joint did in training", columns, rows, note, folded=True)
 
 
-def _share(value: float) -> Cell:
+def _share(value: float) -> TableCell:
     """A share of a limit; of a limit that is not known there is none."""
     if not math.isfinite(value) or value == 0.0:
-        return Cell("–", "")
-    return Cell(fixed(100.0 * value, 0), 100.0 * value)
+        return TableCell("–", "")
+    return TableCell(fixed(100.0 * value, 0), 100.0 * value)

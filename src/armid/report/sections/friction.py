@@ -13,12 +13,12 @@ from armid.report.data.friction_at_reversals import Reversals, find_reversals
 from armid.report.data.friction_laws import law_tables
 from armid.report.data.joint_names import heading_of, label_of
 from armid.report.data.number_format import decimals_of, fixed, short
-from armid.report.data.page_data import Material, velocity_unit
-from armid.report.data.recording_data import Evidence, friction_columns, joined
-from armid.report.data.residual_analysis import MUCH, find_remains
-from armid.report.plots.traces import Axes, Plot, Trace, binned, every, line, points
+from armid.report.data.page_data import PageData, velocity_unit
+from armid.report.data.recording_data import RecordingData, friction_columns, joined
+from armid.report.data.residual_analysis import MUCH, residual_shares
+from armid.report.plots.traces import Axes, Plot, PlotTrace, binned, every, line, points
 from armid.report.section import Section, effort_unit
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
 __all__ = ["show_friction"]
@@ -37,7 +37,7 @@ MOST_REVERSALS = 25
 """Reversals drawn by themselves; the means are over all."""
 
 
-def show_friction(material: Material) -> Section | None:
+def show_friction(material: PageData) -> Section | None:
     """Friction of each joint as it is seen and as the law says; nothing where the model has no friction."""
     if not friction_columns(material.run.model).any():
         return None
@@ -65,7 +65,7 @@ def show_friction(material: Material) -> Section | None:
     return Section("Friction", {}, tables, rows, legend if rows else ())
 
 
-def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence[Reversals]) -> Table:
+def _table(material: PageData, evidence: Sequence[RecordingData], reversals: Sequence[Reversals]) -> Table:
     model, unit = material.run.model, effort_unit(material)
     chosen = [p for p, own in zip(model.parameters, friction_columns(model), strict=True) if own]
     symbols_of_all = list(dict.fromkeys(p.symbol for p in chosen))
@@ -82,17 +82,17 @@ def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence
         *(Column(f"explained by {what}", "%") for what in ("velocity", "position", "reversals")),
         Column("reversals", ""),
     )
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for j in range(len(material.joints)):
-        remains = find_remains(evidence, material.run.processing, j)
+        remains = residual_shares(evidence, material.run.processing, j)
         turns = len(reversals[j].observed)
         rows.append(
             [
-                Cell(label_of(material.joints, j), kind="name"),
+                TableCell(label_of(material.joints, j), kind="name"),
                 *(_parameter(ends, symbol, j + 1) for symbol in kinds),
                 *(_number(_rms(joined(evidence, what, j))) for what in ("friction", "residual")),
                 *(_share(x) for x in (remains.velocity, remains.position, remains.reversal)),
-                Cell(str(turns), turns),
+                TableCell(str(turns), turns),
             ]
         )
     note = (
@@ -107,15 +107,15 @@ def _table(material: Material, evidence: Sequence[Evidence], reversals: Sequence
     return Table("friction", "Friction of each joint, and what the residual still follows", columns, rows, note)
 
 
-def _parameter(ends: dict[str, Array], symbol: str, number: int) -> Cell:
+def _parameter(ends: dict[str, Array], symbol: str, number: int) -> TableCell:
     """A friction parameter with half its interval, also where a constant of gravity has joined it."""
     for name in (f"{symbol}_{number}", f"{symbol}R_{number}"):
         if name in ends:
             low, high = ends[name]
             half, value = 0.5 * float(high - low), 0.5 * float(high + low)
             decimals = decimals_of(half)
-            return Cell(f"{fixed(value, decimals)} ± {fixed(half, decimals)}", value)
-    return Cell("–", "")
+            return TableCell(f"{fixed(value, decimals)} ± {fixed(half, decimals)}", value)
+    return TableCell("–", "")
 
 
 def _rms(values: Array) -> float:
@@ -123,21 +123,21 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
 
 
-def _number(value: float) -> Cell:
-    return Cell(short(value), value)
+def _number(value: float) -> TableCell:
+    return TableCell(short(value), value)
 
 
-def _share(value: float) -> Cell:
+def _share(value: float) -> TableCell:
     much = value > MUCH
-    return Cell(fixed(100.0 * value, 0) + (" ▲" if much else ""), 100.0 * value, kind="poor" if much else "")
+    return TableCell(fixed(100.0 * value, 0) + (" ▲" if much else ""), 100.0 * value, kind="poor" if much else "")
 
 
-def _seen(evidence: Sequence[Evidence], j: int) -> Array:
+def _seen(evidence: Sequence[RecordingData], j: int) -> Array:
     """Friction as it is seen: measured less what the model says of all the rest."""
     return joined(evidence, "residual", j) + joined(evidence, "friction", j)
 
 
-def _clouds(x: Array, dq: Array, friction: Array) -> list[Trace]:
+def _clouds(x: Array, dq: Array, friction: Array) -> list[PlotTrace]:
     """Return what is seen, the two directions apart."""
     return [
         points(role, np.where(way * dq > 0.0, x, np.nan), friction, f"moving {role}")
@@ -145,13 +145,13 @@ def _clouds(x: Array, dq: Array, friction: Array) -> list[Trace]:
     ]
 
 
-def _means(x: Array, friction: Array, role: str, name: str) -> Trace:
+def _means(x: Array, friction: Array, role: str, name: str) -> PlotTrace:
     edges = np.linspace(x.min(), x.max(), BINS + 1)
     where, mean, _ = binned(x, friction, edges, FEWEST_IN_BIN)
-    return Trace(role, where, mean, name)
+    return PlotTrace(role, where, mean, name)
 
 
-def _over_velocity(material: Material, evidence: Sequence[Evidence], j: int) -> Plot:
+def _over_velocity(material: PageData, evidence: Sequence[RecordingData], j: int) -> Plot:
     joint = material.joints[j]
     dq, friction = joined(evidence, "dq", j), _seen(evidence, j)
     fastest = float(np.abs(dq).max())
@@ -165,7 +165,7 @@ def _over_velocity(material: Material, evidence: Sequence[Evidence], j: int) -> 
     )
 
 
-def _law(material: Material, evidence: Sequence[Evidence], j: int, fastest: float) -> Trace:
+def _law(material: PageData, evidence: Sequence[RecordingData], j: int, fastest: float) -> PlotTrace:
     """The fitted law over steady velocity; its mean along the motion where it is more than a law of the velocity."""
     laws = [law for _, law in material.run.model.laws if j in dict(law.coordinate)]
     if any(law.memory is not None or symbols(law.expression) - {"dq", "ddq"} for law in laws):
@@ -177,10 +177,10 @@ def _law(material: Material, evidence: Sequence[Evidence], j: int, fastest: floa
     dq[:, j] = velocity
     still = np.zeros_like(dq)
     torque = run.model.torque(Motion.of_states(still, dq, still), theta)
-    return Trace("law", velocity, torque[:, j], "fitted law")
+    return PlotTrace("law", velocity, torque[:, j], "fitted law")
 
 
-def _over_position(material: Material, evidence: Sequence[Evidence], j: int) -> Plot:
+def _over_position(material: PageData, evidence: Sequence[RecordingData], j: int) -> Plot:
     """Return what the laws of velocity leave over position, the directions apart, and the law of position, if any."""
     joint = material.joints[j]
     q, dq = joined(evidence, "q", j), joined(evidence, "dq", j)
@@ -192,7 +192,7 @@ def _over_position(material: Material, evidence: Sequence[Evidence], j: int) -> 
         chosen = way * dq > 0.0
         if chosen.any():
             traces.append(_means(q[chosen], left[chosen], "mean", "mean"))
-    traces.append(Trace("law", grid, law, "fitted law"))
+    traces.append(PlotTrace("law", grid, law, "fitted law"))
     return Plot(
         f"friction-position-{j}",
         "Over position",
@@ -203,7 +203,7 @@ def _over_position(material: Material, evidence: Sequence[Evidence], j: int) -> 
     )
 
 
-def _position_law(material: Material, j: int, q: Array) -> Array:
+def _position_law(material: PageData, j: int, q: Array) -> Array:
     """Torque (K,) of the fitted laws that depend on the position alone; zero where there is none."""
     run, n = material.run, len(material.joints)
     theta = np.zeros(len(run.model.parameters))
@@ -218,7 +218,7 @@ def _position_law(material: Material, j: int, q: Array) -> Array:
     return run.model.torque(Motion.of_states(positions, still, still), theta)[:, j]
 
 
-def _around_reversals(material: Material, found: Reversals, j: int) -> tuple[Plot, ...]:
+def _around_reversals(material: PageData, found: Reversals, j: int) -> tuple[Plot, ...]:
     """Friction around reversals, turned so that the motion after each is positive."""
     joint, count = material.joints[j], len(found.observed)
     if not count:
@@ -227,7 +227,7 @@ def _around_reversals(material: Material, found: Reversals, j: int) -> tuple[Plo
     gap = np.full((len(drawn), 1), np.nan)
     x = np.hstack([np.tile(found.time, (len(drawn), 1)), gap]).ravel()
     traces = (
-        Trace("single", x, np.hstack([drawn, gap]).ravel(), "one reversal"),
+        PlotTrace("single", x, np.hstack([drawn, gap]).ravel(), "one reversal"),
         line("mean", found.time, found.observed.mean(axis=0), "mean"),
         line("law", found.time, found.fitted.mean(axis=0), "fitted law, mean"),
     )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from armid.model.base_formulas import column_formulas
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.section import Section
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_groupings"]
 
 
-def show_groupings(material: Material) -> Section | None:
+def show_groupings(material: PageData) -> Section | None:
     """Tell how each removed column of the regressor follows from the kept ones."""
     base = material.run.estimate.base
     if not len(base.removed):
@@ -18,13 +18,13 @@ def show_groupings(material: Material) -> Section | None:
     names = base.standard_names
     idle = {names[k] for k in base.zero_columns}
     text, latex = column_formulas(base), column_formulas(base, "latex")
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for k, plain, tex in zip(base.removed, text, latex, strict=True):
         right, (left_tex, _, right_tex) = plain.partition(" = ")[2], tex.partition(" = ")
         spoken = right.replace("Y_{", "").replace("}", "").replace("-", "−")
         if names[k] not in idle:
-            head = Cell(names[k], latex=f"${left_tex}$", kind="name")
-            rows.append([head, Cell(spoken, right, f"${right_tex}$", "formula")])
+            head = TableCell(names[k], latex=f"${left_tex}$", kind="name")
+            rows.append([head, TableCell(spoken, right, f"${right_tex}$", "formula")])
     columns = (Column("parameter", words=True), Column("moves the torque as", words=True))
     table = Table("groupings", "Standard parameters that others stand for", columns, rows, folded=True)
     content = {"standard": len(names), "base": base.count, "idle": sorted(idle, key=names.index)}

@@ -7,17 +7,17 @@ import numpy as np
 from armid.estimation.standard_fit import StandardFit
 from armid.report.data.joint_names import groups_of
 from armid.report.data.number_format import decimals_of, fixed, share, short
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.section import Section
 from armid.report.sections.parameters import plain_name
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_links"]
 
 MARKS = {"identified": "", "prior-dominated": " ○", "not identifiable": " ×"}
 
 
-def show_links(material: Material) -> Section | None:
+def show_links(material: PageData) -> Section | None:
     """Link parameters and how they were made physical; nothing where only base parameters are estimated."""
     fit = material.run.estimate.fit.standard
     if fit is None:
@@ -35,7 +35,7 @@ def show_links(material: Material) -> Section | None:
     return Section("Standard parameters", content, (_table(material, fit),))
 
 
-def _table(material: Material, fit: StandardFit) -> Table:
+def _table(material: PageData, fit: StandardFit) -> Table:
     model = material.run.model
     nominal = model.nominal_parameters()
     prior = {} if nominal is None else {p.name: float(x) for p, x in zip(model.parameters, nominal, strict=True)}
@@ -50,7 +50,7 @@ def _table(material: Material, fit: StandardFit) -> Table:
         Column("share of the data", "%"),
         Column("status", words=True),
     )
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     order, groups = groups_of(fit.names, material.joints)
     for k in order:
         name, known = fit.names[k], fit.status[k] != "not identifiable"
@@ -60,15 +60,18 @@ def _table(material: Material, fit: StandardFit) -> Table:
         share_of_data = 100.0 * float(fit.resolution[k])
         rows.append(
             [
-                Cell(name, kind="name"),
-                Cell(fixed(value, decimals), value),
-                *(Cell(fixed(x, decimals), x) if known and np.isfinite(x) else Cell("–", "") for x in (low, high)),
-                Cell(fixed(said, decimals), said if np.isfinite(said) else ""),
-                Cell(fixed(share_of_data, 0), share_of_data),
-                Cell(fit.status[k] + MARKS.get(fit.status[k], ""), fit.status[k]),
+                TableCell(name, kind="name"),
+                TableCell(fixed(value, decimals), value),
+                *(
+                    TableCell(fixed(x, decimals), x) if known and np.isfinite(x) else TableCell("–", "")
+                    for x in (low, high)
+                ),
+                TableCell(fixed(said, decimals), said if np.isfinite(said) else ""),
+                TableCell(fixed(share_of_data, 0), share_of_data),
+                TableCell(fit.status[k] + MARKS.get(fit.status[k], ""), fit.status[k]),
             ]
         )
-        rows[-1].insert(2, Cell(fit.units[k]))
+        rows[-1].insert(2, TableCell(fit.units[k]))
     note = (
         "About the origin of the link's frame. Share of the data: how much of a value the data bring, the rest being "
         "the prior's. ○ the prior decides, × the data say next to nothing: such values are one choice of many and "

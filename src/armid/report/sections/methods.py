@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from armid.report.data.number_format import short
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.section import Section, effort_unit
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_methods"]
 
 
-def show_methods(material: Material) -> Section | None:
+def show_methods(material: PageData) -> Section | None:
     """The comparison of methods; nothing where none was made."""
     path = Path(material.run.folder) / "compare.json"
     if not path.is_file():
@@ -43,18 +43,18 @@ def show_methods(material: Material) -> Section | None:
     return Section("Methods compared", {"unseen": record["unseen"]}, (table,))
 
 
-def _row(record: Mapping[str, Any], own: str) -> list[Cell]:
+def _row(record: Mapping[str, Any], own: str) -> list[TableCell]:
     consistent = {True: "yes", False: "no", None: "–"}[record["consistent"]]
     remark = record["failure"] or ("this run" if record["name"] == own else "")
     numbers = [np.nan if record[key] is None else float(record[key]) for key in ("training_total", "unseen_total")]
     # What is left where a real body has the values is the solver's tolerance.
     distance = np.nan if record["distance"] is None or record["consistent"] else float(record["distance"])
     return [
-        Cell(record["name"], kind="name"),
-        *(Cell(short(x), x) for x in numbers),
-        Cell(consistent),
-        Cell(short(distance), distance),
-        Cell(str(record["dropped"]), record["dropped"]),
-        Cell(short(record["seconds"], 2), record["seconds"]),
-        Cell(remark),
+        TableCell(record["name"], kind="name"),
+        *(TableCell(short(x), x) for x in numbers),
+        TableCell(consistent),
+        TableCell(short(distance), distance),
+        TableCell(str(record["dropped"]), record["dropped"]),
+        TableCell(short(record["seconds"], 2), record["seconds"]),
+        TableCell(remark),
     ]

@@ -7,14 +7,14 @@ import numpy as np
 from armid.model.base_formulas import base_formulas
 from armid.report.data.joint_names import groups_of
 from armid.report.data.number_format import decimals_of, fixed, percent
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.section import Section
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["plain_name", "show_parameters"]
 
 
-def show_parameters(material: Material) -> Section:
+def show_parameters(material: PageData) -> Section:
     """Every base parameter."""
     fit = material.run.estimate.fit
     content = {
@@ -27,7 +27,7 @@ def show_parameters(material: Material) -> Section:
     return Section("Parameters", content, (_table(material),))
 
 
-def _kinds(material: Material) -> str:
+def _kinds(material: PageData) -> str:
     """Tell how many base parameters are of the bodies, how many of rotors and how many of friction."""
     model, base = material.run.model, material.run.estimate.base
     which = [base.names.index(plain_name(name)) for name in material.run.estimate.fit.names]
@@ -46,7 +46,7 @@ def plain_name(name: str) -> str:
     return name.split("[", 1)[0]
 
 
-def _table(material: Material) -> Table:
+def _table(material: PageData) -> Table:
     estimate = material.run.estimate
     fit, base = estimate.fit, estimate.base
     number = {name: k for k, name in enumerate(base.names)}
@@ -64,7 +64,7 @@ def _table(material: Material) -> Table:
         *((Column("CAD/URDF"),) if prior is not None else ()),
         Column("stands for", words=True),
     )
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     order, groups = groups_of(fit.names, material.joints)
     for k in order:
         name, (low, high) = fit.names[k], estimate.intervals[k]
@@ -75,13 +75,13 @@ def _table(material: Material) -> Table:
         relative = float(fit.relative_deviation[k])
         rows.append(
             [
-                Cell(name, latex=f"${_latex(name)}$", kind="name"),
+                TableCell(name, latex=f"${_latex(name)}$", kind="name"),
                 *_values(decimals, float(fit.values[k])),
-                Cell(base.units[which]),
+                TableCell(base.units[which]),
                 *_values(decimals, float(low), float(high)),
-                Cell(percent(relative) + ("*" if poor else ""), relative),
+                TableCell(percent(relative) + ("*" if poor else ""), relative),
                 *(_prior(float(prior[which]), inertial[which], decimals) if prior is not None else ()),
-                Cell(
+                TableCell(
                     sum_text.replace("-", "−") if spoken else "",
                     sum_text,
                     f"${sum_latex}$" if spoken else " ",
@@ -98,15 +98,15 @@ def _table(material: Material) -> Table:
     return Table("parameters", title, columns, rows, note, folded=True, groups=groups)
 
 
-def _values(decimals: int, *values: float) -> list[Cell]:
-    return [Cell(fixed(value, decimals), value) for value in values]
+def _values(decimals: int, *values: float) -> list[TableCell]:
+    return [TableCell(fixed(value, decimals), value) for value in values]
 
 
-def _prior(value: float, inertial: bool, decimals: int) -> list[Cell]:
+def _prior(value: float, inertial: bool, decimals: int) -> list[TableCell]:
     """The description's value; it has none of friction, offsets and rotors."""
     if not inertial:
-        return [Cell("–", "")]
-    return [Cell(fixed(value, decimals), value)]
+        return [TableCell("–", "")]
+    return [TableCell(fixed(value, decimals), value)]
 
 
 def _latex(name: str) -> str:

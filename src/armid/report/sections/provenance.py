@@ -6,21 +6,24 @@ import platform
 from importlib.metadata import version
 
 from armid.report.data.findings import remedy_words
-from armid.report.data.page_data import Material
+from armid.report.data.page_data import PageData
 from armid.report.data.study_toml import study_to_toml
 from armid.report.section import Section
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_provenance"]
 
 PACKAGES = ("armid", "numpy", "scipy", "plotly")
 
 
-def show_provenance(material: Material) -> Section:
+def show_provenance(material: PageData) -> Section:
     """Tell where everything came from."""
     estimate = material.run.estimate
     digests = [entry.partition(" ") for entry in estimate.made_from]
-    rows = [(Cell(what, kind="path"), Cell(sha256, kind="digest")) for what, _, sha256 in _named(material, digests)]
+    rows = [
+        (TableCell(what, kind="path"), TableCell(sha256, kind="digest"))
+        for what, _, sha256 in _named(material, digests)
+    ]
     table = Table(
         "provenance",
         "Inputs, by their sha256",
@@ -55,7 +58,7 @@ def _kernel(made_by: str) -> str:
     return f"{build}, {ways.get(way, way)}" if way else made_by
 
 
-def _named(material: Material, digests: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+def _named(material: PageData, digests: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
     """Digests with the paths of the recordings."""
     paths = iter(each["path"] for each in material.study["recordings"])
     named: list[tuple[str, str, str]] = []

@@ -8,11 +8,11 @@ import numpy as np
 
 from armid.report.data.joint_names import heading_of, label_of
 from armid.report.data.number_format import fixed, short
-from armid.report.data.page_data import Material, velocity_unit
-from armid.report.data.recording_data import Evidence, joined
-from armid.report.plots.traces import MOST_POINTS, Axes, Plot, Sight, Trace, binned, crest, line, points
+from armid.report.data.page_data import PageData, velocity_unit
+from armid.report.data.recording_data import RecordingData, joined
+from armid.report.plots.traces import MOST_POINTS, Axes, Plot, PlotTrace, Sight, binned, crest, line, points
 from armid.report.section import Section, cut_words, effort_unit
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
 __all__ = ["show_residuals"]
@@ -35,7 +35,7 @@ DEEPEST = 1e-6
 ROLES = {"train": ("training", "training"), "validate": ("validation", "validation")}
 
 
-def show_residuals(material: Material) -> Section | None:
+def show_residuals(material: PageData) -> Section | None:
     """Residuals of the recordings at hand."""
     drawn = material.drawn
     if not drawn:
@@ -58,7 +58,7 @@ def show_residuals(material: Material) -> Section | None:
     return Section("Residuals", {}, (_table(material, drawn),), rows, legend)
 
 
-def _table(material: Material, drawn: Sequence[Evidence]) -> Table:
+def _table(material: PageData, drawn: Sequence[RecordingData]) -> Table:
     unit = effort_unit(material)
     columns = (
         Column("joint", words=True),
@@ -69,7 +69,7 @@ def _table(material: Material, drawn: Sequence[Evidence]) -> Table:
         Column("rows within", "%"),
     )
     held_out = [each for each in drawn if each.choice.role == "validate"] or list(drawn)
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for j in range(len(material.joints)):
         residual, level = _pooled(held_out, j), _level(held_out, j)
         numbers = (
@@ -79,28 +79,30 @@ def _table(material: Material, drawn: Sequence[Evidence]) -> Table:
             level,
         ) if len(residual) else (np.nan,) * 4  # fmt: skip
         within = 100.0 * float(np.mean(np.abs(residual) <= level)) if len(residual) else np.nan
-        cells = [Cell(short(x), x) for x in numbers]
-        rows.append([Cell(label_of(material.joints, j), kind="name"), *cells, Cell(fixed(within, 1), within)])
+        cells = [TableCell(short(x), x) for x in numbers]
+        rows.append(
+            [TableCell(label_of(material.joints, j), kind="name"), *cells, TableCell(fixed(within, 1), within)]
+        )
     what = "validation motion" if held_out[0].choice.role == "validate" else "training motion"
     note = "10 % of range: of the difference between the largest and smallest measured torque."
     return Table("residuals", f"Residuals on {what}", columns, rows, note, folded=True)
 
 
-def _pooled(evidence: Sequence[Evidence], j: int) -> Array:
+def _pooled(evidence: Sequence[RecordingData], j: int) -> Array:
     residual = joined(evidence, "residual", j)
     return residual[np.isfinite(residual)]
 
 
-def _level(evidence: Sequence[Evidence], j: int) -> float:
+def _level(evidence: Sequence[RecordingData], j: int) -> float:
     """A tenth of the range of the torque."""
     measured = joined(evidence, "measured", j)
     known = measured[np.isfinite(measured)]
     return RANGE_SHARE * float(np.ptp(known)) if len(known) else np.nan
 
 
-def _over_time(material: Material, drawn: Sequence[Evidence], j: int) -> Plot:
+def _over_time(material: PageData, drawn: Sequence[RecordingData], j: int) -> Plot:
     unit = material.joints[j].effort_unit
-    traces: list[Trace] = []
+    traces: list[PlotTrace] = []
     sight = Sight.of(_pooled(drawn, j))
     for each in drawn:
         role, name = ROLES[each.choice.role]
@@ -120,9 +122,9 @@ def _over_time(material: Material, drawn: Sequence[Evidence], j: int) -> Plot:
     )
 
 
-def _over_velocity(material: Material, drawn: Sequence[Evidence], j: int) -> Plot:
+def _over_velocity(material: PageData, drawn: Sequence[RecordingData], j: int) -> Plot:
     joint = material.joints[j]
-    traces: list[Trace] = []
+    traces: list[PlotTrace] = []
     for each in drawn:
         role, name = ROLES[each.choice.role]
         traces.append(points(role, each.dq[:, j], each.residual[:, j], name, MOST_POINTS // len(drawn)))
@@ -132,7 +134,7 @@ def _over_velocity(material: Material, drawn: Sequence[Evidence], j: int) -> Plo
     edges = np.linspace(velocity.min(), velocity.max(), BINS + 1)
     where, mean, _ = binned(velocity, residual, edges, FEWEST_IN_BIN)
     largest = float(np.nanmax(np.abs(mean), initial=0.0))
-    traces += [*sight.cut(velocity, residual, "residual"), Trace("mean", where, mean, "mean")]
+    traces += [*sight.cut(velocity, residual, "residual"), PlotTrace("mean", where, mean, "mean")]
     return Plot(
         f"residual-velocity-{j}",
         "Over velocity",
@@ -144,7 +146,7 @@ def _over_velocity(material: Material, drawn: Sequence[Evidence], j: int) -> Plo
     )
 
 
-def _spectra(material: Material, j: int) -> tuple[Plot, ...]:
+def _spectra(material: PageData, j: int) -> tuple[Plot, ...]:
     """The spectrum of the first recording that has one, validation before training."""
     found = next((each for each in material.drawn if each.spectrum is not None), None)
     if found is None or found.spectrum is None:

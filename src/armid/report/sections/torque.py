@@ -7,17 +7,17 @@ import numpy as np
 from armid.notebook import names_apart
 from armid.report.data.joint_names import heading_of, label_of, residual_title
 from armid.report.data.number_format import fixed, share, short
-from armid.report.data.page_data import Material
-from armid.report.data.recording_data import Evidence
+from armid.report.data.page_data import PageData
+from armid.report.data.recording_data import RecordingData
 from armid.report.data.trust import POOR_COVERAGE
 from armid.report.plots.traces import Axes, Plot, Sight, line, spread
 from armid.report.section import Section, cut_words, effort_unit
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_torque"]
 
 
-def show_torque(material: Material) -> Section:
+def show_torque(material: PageData) -> Section:
     """Errors of every joint, and pictures of the recordings at hand, the residual below each torque."""
     drawn = material.drawn
     names = names_apart(each["path"] for each in material.study["recordings"])
@@ -43,7 +43,7 @@ def show_torque(material: Material) -> Section:
     return Section("Torque, measured and predicted", content, (_table(material),), rows, legend if rows else ())
 
 
-def _heading(evidence: Evidence, name: str) -> str:
+def _heading(evidence: RecordingData, name: str) -> str:
     """Return what stands above a recording's plots: its role, its name, its part."""
     choice = evidence.choice
     part = "" if choice.part == (0.0, 1.0) else f", {share(choice.part[0])} to {share(choice.part[1])} of it"
@@ -51,7 +51,7 @@ def _heading(evidence: Evidence, name: str) -> str:
     return f"{role}: {name}{part}"
 
 
-def _table(material: Material) -> Table:
+def _table(material: PageData) -> Table:
     unit = effort_unit(material)
     columns = (
         Column("joint", words=True),
@@ -69,10 +69,10 @@ def _table(material: Material) -> Table:
     raw, prior, relative, peak, coverage = (material.validation_column(key) for key in keys)
     rows = [
         (
-            Cell(label_of(material.joints, j), kind="name"),
-            *(Cell(short(x), float(x)) for x in (training[j], held_out[j], raw[j], prior[j])),
-            Cell(fixed(100.0 * relative[j], 1), float(100.0 * relative[j])),
-            Cell(short(peak[j]), float(peak[j])),
+            TableCell(label_of(material.joints, j), kind="name"),
+            *(TableCell(short(x), float(x)) for x in (training[j], held_out[j], raw[j], prior[j])),
+            TableCell(fixed(100.0 * relative[j], 1), float(100.0 * relative[j])),
+            TableCell(short(peak[j]), float(peak[j])),
             _coverage(float(coverage[j])),
         )
         for j in range(len(material.joints))
@@ -85,12 +85,12 @@ def _table(material: Material) -> Table:
     return Table("torque", "Torque error of each joint", columns, rows, note)
 
 
-def _coverage(value: float) -> Cell:
+def _coverage(value: float) -> TableCell:
     poor = value < POOR_COVERAGE
-    return Cell(fixed(100.0 * value, 0) + (" ▼" if poor else ""), 100.0 * value, kind="poor" if poor else "")
+    return TableCell(fixed(100.0 * value, 0) + (" ▼" if poor else ""), 100.0 * value, kind="poor" if poor else "")
 
 
-def _plots(material: Material, number: int, evidence: Evidence, j: int) -> tuple[Plot, Plot]:
+def _plots(material: PageData, number: int, evidence: RecordingData, j: int) -> tuple[Plot, Plot]:
     """Torque, and below it the residual over the same time."""
     joint, title = material.joints[j], heading_of(material.joints, j)
     unit = joint.effort_unit

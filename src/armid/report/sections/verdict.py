@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from armid.report.data.number_format import share, short
-from armid.report.data.page_data import Material
-from armid.report.data.trust import judge
+from armid.report.data.page_data import PageData
+from armid.report.data.trust import judge_trust
 from armid.report.heading import commands_of
 from armid.report.section import Section, effort_unit
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_verdict"]
 
@@ -23,23 +23,23 @@ SENTENCES = {
 }
 
 
-def show_verdict(material: Material) -> Section:
+def show_verdict(material: PageData) -> Section:
     """The verdict with the numbers that it rests on."""
     verdict = str(material.validation["verdict"])
     content = {
         "verdict": verdict,
         "sentence": SENTENCES.get(verdict, ""),
-        "judgement": judge(material),
+        "judgement": judge_trust(material),
         "first": FIRST,
         "figures": _figures(material),
         "commands": commands_of(material),
     }
     rows = [
         (
-            Cell(each["name"]),
-            Cell(short(_number(each["value"])), _number(each["value"])),
-            Cell(short(_number(each["bound"])), _number(each["bound"])),
-            Cell("holds" if each["ok"] else "fails", kind="" if each["ok"] else "poor"),
+            TableCell(each["name"]),
+            TableCell(short(_number(each["value"])), _number(each["value"])),
+            TableCell(short(_number(each["bound"])), _number(each["bound"])),
+            TableCell("holds" if each["ok"] else "fails", kind="" if each["ok"] else "poor"),
         )
         for each in material.validation["checks"]
     ]
@@ -48,7 +48,7 @@ def show_verdict(material: Material) -> Section:
     return Section("Verdict", content, (table,) if rows else ())
 
 
-def _figures(material: Material) -> list[tuple[str, str, str]]:
+def _figures(material: PageData) -> list[tuple[str, str, str]]:
     """The few numbers that say most: number, unit, what it is."""
     fit, unit = material.run.estimate.fit, effort_unit(material)
     figures: list[tuple[str, str, str]] = []

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from armid.robot.joint_selection import Outline
+from armid.robot.joint_selection import JointOutline
 from armid.robot.readers import dh, mjcf, urdf, xacro
 from armid.robot.robot import Robot
 
-__all__ = ["READERS", "Reader"]
+__all__ = ["READERS", "DescriptionReader"]
 
 
-class Reader(Protocol):
+class DescriptionReader(Protocol):
     """Offer of a reader module."""
 
     SUFFIXES: tuple[str, ...]
@@ -32,12 +32,12 @@ class Reader(Protocol):
         ...
 
     @staticmethod
-    def outline(text: str, *, source: str) -> Outline:
+    def outline(text: str, *, source: str) -> JointOutline:
         """All its joints, those of several degrees of freedom and those that follow others among them."""
         ...
 
 
-READERS: Mapping[str, Reader] = {
+READERS: Mapping[str, DescriptionReader] = {
     "urdf": urdf,
     "mjcf": mjcf,
     "xacro": xacro,

@@ -64,7 +64,7 @@ import numpy as np
 
 from armid.errors import Finding, RobotError, did_you_mean
 from armid.maths.spatial import homogeneous, rotation_x, rotation_z, rpy_rotation
-from armid.robot.joint_selection import Named, Outline
+from armid.robot.joint_selection import JointOutline, SelectedJoint
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
 from armid.robot.shapes import Shape, capsule_between, shape_name
 from armid.robot.xml import check_locked
@@ -147,7 +147,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     )
 
 
-def outline(text: str, *, source: str) -> Outline:
+def outline(text: str, *, source: str) -> JointOutline:
     """Joints of a DH table, each carried by the one before.
 
     Raises:
@@ -155,10 +155,11 @@ def outline(text: str, *, source: str) -> Outline:
     """
     robot = read(text, source=source, locked={}, tip=None)
     joints = (
-        Named(j.name, j.parent, True, float(j.position_limits[0]), float(j.position_limits[1])) for j in robot.joints
+        SelectedJoint(j.name, j.parent, True, float(j.position_limits[0]), float(j.position_limits[1]))
+        for j in robot.joints
     )
     frames = {robot.tip.name: robot.tip.parent, **{link.name: k for k, link in enumerate(robot.links)}}
-    return Outline(tuple(joints), frames)
+    return JointOutline(tuple(joints), frames)
 
 
 def _tip(own: Frame, links: list[Link], name: str | None, source: str) -> Frame:

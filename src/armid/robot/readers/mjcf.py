@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import RobotError
-from armid.robot.joint_selection import Outline
+from armid.robot.joint_selection import JointOutline
 from armid.robot.mjcf_joints import joint_names, outline_of
 from armid.robot.mjcf_plain import flatten, plain_mjcf
 from armid.robot.mjcf_shapes import add_sites, carriers_of, shapes_of_mjcf
@@ -80,7 +80,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     return replace(robot, sha256=hashlib.sha256(ET.tostring(root)).hexdigest())
 
 
-def outline(text: str, *, source: str) -> Outline:
+def outline(text: str, *, source: str) -> JointOutline:
     """Joints of an MJCF text, and the joint that moves each body and site.
 
     Raises:

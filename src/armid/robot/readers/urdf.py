@@ -14,8 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from armid.errors import Finding, RobotError
-from armid.robot.joint_selection import Follows, Named, Outline
-from armid.robot.pinocchio_model import Limits, build, limits_of, pinocchio, robot_from_model
+from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
+from armid.robot.pinocchio_model import DescribedLimits, build, limits_of, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.urdf_shapes import shapes_of_urdf
 from armid.robot.xml import check_locked, floating, identity_only, numbers, parse_xml, root_tag
@@ -53,7 +53,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         )
     moving = [joint.get("name", "") for joint in _joints(root) if joint.get("type") != "fixed"]
     check_locked(locked, moving, source)
-    limits: dict[str, Limits] = {}
+    limits: dict[str, DescribedLimits] = {}
     findings: list[Finding] = []
     for joint in _joints(root):
         limit, finding = _prepare(joint, locked, source)
@@ -80,7 +80,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     return replace(robot, shapes=shapes, visuals=visuals, findings=(*robot.findings, *missing, *left_out))
 
 
-def outline(text: str, *, source: str) -> Outline:
+def outline(text: str, *, source: str) -> JointOutline:
     """Joints of a URDF text that are not fixed, and the joint that moves each link.
 
     Raises:
@@ -104,7 +104,7 @@ def outline(text: str, *, source: str) -> Outline:
     frames = {link.get("name", ""): mover(link.get("name", "")) for link in root.findall("link")}
     fixed = {joint.get("name", ""): mover(_link_of(joint, "child")) for joint in _joints(root)}
     named = tuple(_named(joint, mover(_link_of(joint, "parent")), source) for joint in moving)
-    return Outline(named, {**{name: k for name, k in fixed.items() if name not in index}, **frames})
+    return JointOutline(named, {**{name: k for name, k in fixed.items() if name not in index}, **frames})
 
 
 def _root(text: str, source: str) -> ET.Element:
@@ -126,7 +126,7 @@ def _link_of(joint: ET.Element, role: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _named(joint: ET.Element, parent: int, source: str) -> Named:
+def _named(joint: ET.Element, parent: int, source: str) -> SelectedJoint:
     """A joint that is not fixed, with what it follows."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     limit, mimic = joint.find("limit"), joint.find("mimic")
@@ -141,7 +141,7 @@ def _named(joint: ET.Element, parent: int, source: str) -> Named:
         lower, upper = ((numbers(limit, key, 1, source, where) or [0.0])[0] for key in ("lower", "upper"))
     if lower == upper:
         lower, upper = -math.inf, math.inf  # a placeholder
-    return Named(name, parent, kind in ONE_DEGREE, lower, upper, follows)
+    return SelectedJoint(name, parent, kind in ONE_DEGREE, lower, upper, follows)
 
 
 MIMIC = {"offset": 0.0, "multiplier": 1.0}
@@ -153,7 +153,7 @@ def _joints(root: ET.Element) -> list[ET.Element]:
     return root.findall("joint")
 
 
-def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tuple[Limits, Finding | None]:
+def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tuple[DescribedLimits, Finding | None]:
     """Check a joint, make it such that urdfdom accepts it, and return its limits."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     if kind in REFUSED and name in locked:
@@ -161,7 +161,7 @@ def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tup
         kind = "fixed"
         joint.set("type", kind)
     if kind == "fixed":
-        return Limits(), None
+        return DescribedLimits(), None
     if kind not in ONE_DEGREE:
         raise floating(source, name, kind, ", ".join((*ONE_DEGREE, "fixed")))
     _check_mimic(joint, locked, source)
@@ -185,7 +185,7 @@ def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) ->
     joint.remove(mimic)
 
 
-def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[Limits, Finding | None]:
+def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLimits, Finding | None]:
     """Limits of a joint; leaves behind a <limit> that urdfdom accepts."""
     name, limit = joint.get("name", ""), joint.find("limit")
     where = f"the limit of joint {name!r}"

@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.parsers.expat import ExpatError
 
 from armid.errors import MissingExtraError, RobotError
-from armid.robot.joint_selection import Outline
+from armid.robot.joint_selection import JointOutline
 from armid.robot.packages import REMEDY, given_packages, package_folders
 from armid.robot.readers import urdf
 from armid.robot.robot import Robot
@@ -47,7 +47,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     return replace(robot, sha256=hashlib.sha256(expanded.encode()).hexdigest())
 
 
-def outline(text: str, *, source: str) -> Outline:
+def outline(text: str, *, source: str) -> JointOutline:
     """Joints of the expanded text.
 
     Raises:

@@ -14,28 +14,28 @@ from numpy.typing import NDArray
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import Margin, certified, fine_grid
 from armid.excitation.collision.closest_approach import RATE, closest_approaches
-from armid.excitation.collision.collision_model import Collision
+from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
-from armid.excitation.design.objective import Goal
+from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.sensitivity import Columns
-from armid.excitation.design.sqp import Problem, about_start
-from armid.excitation.limits.constraints import Channel
+from armid.excitation.design.sqp import DescentProblem, about_start
+from armid.excitation.limits.constraints import ConstraintChannel
 from armid.excitation.limits.joint_limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.preflight import Preflight, preflight, worst
 from armid.excitation.series_basis import SeriesBasis
 from armid.excitation.settled import unsettled
-from armid.excitation.start_pose import Holds, anywhere
-from armid.notebook import Shown, Summary
+from armid.excitation.start_pose import Holds, any_pose
+from armid.notebook import Displayed, Summary
 from armid.robot.kinematics import forward_kinematics
-from armid.robot.missing_inertia import inertial_key, moving_nothing
+from armid.robot.missing_inertia import inertial_key, massless_joints
 from armid.robot.robot import Robot
-from armid.study.plans.goals import LIMIT_KINDS, Effort, Rules, Wish
-from armid.study.plans.placement import place
+from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget
+from armid.study.plans.placement import place_motion
 from armid.values import Array
 
-__all__ = ["LIMIT_KINDS", "Designed", "Effort", "Rules", "Wish", "design_plan"]
+__all__ = ["LIMIT_KINDS", "DesignConstraints", "DesignGoal", "Designed", "SearchBudget", "design_plan"]
 
 LEAD_SHARE = 0.5
 """Share of the limits of velocity that ways to and from the start use."""
@@ -58,7 +58,7 @@ LEAD_ACCELERATION = 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Designed(Shown):
+class Designed(Displayed):
     """Result of a design.
 
     Attributes:
@@ -73,13 +73,13 @@ class Designed(Shown):
     """
 
     plan: Plan
-    problem: Problem
+    problem: DescentProblem
     x: Array
     limits: Limits
     search: Search
     preflight: Preflight
     findings: tuple[Finding, ...]
-    collision: Collision | None = None
+    collision: CollisionOptions | None = None
 
     def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
         """Of a limit of position, from where to where its joint goes and may go; `None` of other limits."""
@@ -101,7 +101,12 @@ class Designed(Shown):
 
 
 def design_plan(
-    wish: Wish, rules: Rules, effort: Effort, *, progress: Progress | None = None, executor: Executor | None = None
+    wish: DesignGoal,
+    rules: DesignConstraints,
+    effort: SearchBudget,
+    *,
+    progress: Progress | None = None,
+    executor: Executor | None = None,
 ) -> Designed:
     """Design a motion.
 
@@ -125,7 +130,7 @@ def design_plan(
     if rules.envelope is not None:
         limits = limits.narrowed(rules.envelope, by_joint=rules.envelope_by_joint)
     torque, said = _torque(goal, limits, rules)
-    placed = place(robot, limits, rules, wish.start, _holds(goal, torque))
+    placed = place_motion(robot, limits, rules, wish.start, _holds(goal, torque))
     collision = placed.collision
     basis = SeriesBasis(
         2.0 * math.pi / wish.duration,
@@ -139,7 +144,7 @@ def design_plan(
     near = () if collision is None or collision.searched is None else (collision.searched,)
     every = () if collision is None or not len(collision.pairs) else (collision.every,)
     scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
-    problem = Problem(goal, basis, (*channels, *near), scale)
+    problem = DescentProblem(goal, basis, (*channels, *near), scale)
     pool = nullcontext(executor) if executor or not effort.workers else single_threaded_pool(effort.workers)
     with pool as workers:
         found = search(
@@ -173,7 +178,7 @@ def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
 
 
 def _finished(
-    problem: Problem, x: Array, robot: Robot, collision: Collision | None
+    problem: DescentProblem, x: Array, robot: Robot, collision: CollisionOptions | None
 ) -> tuple[Array, tuple[Margin, ...]]:
     """The plan with every limit certified, drawn together as long as bodies that are measured as they are touch.
 
@@ -191,7 +196,7 @@ def _finished(
     return trial, margins
 
 
-def _motion(limits: Limits, basis: SeriesBasis, rules: Rules) -> tuple[Channel, ...]:
+def _motion(limits: Limits, basis: SeriesBasis, rules: DesignConstraints) -> tuple[ConstraintChannel, ...]:
     """Limits of the motion itself, or of sums of its amplitudes.
 
     Raises:
@@ -211,7 +216,9 @@ def _motion(limits: Limits, basis: SeriesBasis, rules: Rules) -> tuple[Channel, 
     return (*thesis_channels(limits, basis, form=form), *kept)
 
 
-def _torque(goal: Goal, limits: Limits, rules: Rules) -> tuple[Torque | None, tuple[Finding, ...]]:
+def _torque(
+    goal: CriterionGoal, limits: Limits, rules: DesignConstraints
+) -> tuple[Torque | None, tuple[Finding, ...]]:
     """Limits of torque, and which masses they are told with."""
     if rules.torque_margin is None or not np.isfinite(limits.effort).any():
         return None, ()
@@ -223,7 +230,7 @@ def _torque(goal: Goal, limits: Limits, rules: Rules) -> tuple[Torque | None, tu
         findings = (Finding("torque-nominal", "info", "", said),)
         robot = goal.model.robot
         limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
-        if values is not None and (empty := [name for name in moving_nothing(robot) if name in limited]):
+        if values is not None and (empty := [name for name in massless_joints(robot) if name in limited]):
             said = f"{', '.join(empty)} move no mass by the description, so their torque is taken as zero"
             remedy = f"give {inertial_key(robot)} for what they move, or a run of an identification with --after."
             findings = (*findings, Finding("torque-unknown", "warning", ", ".join(empty), said, remedy))
@@ -234,10 +241,10 @@ def _torque(goal: Goal, limits: Limits, rules: Rules) -> tuple[Torque | None, tu
     return torque_channel(limits, values, rules.torque_margin), findings
 
 
-def _holds(goal: Goal, torque: Torque | None) -> Holds:
+def _holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
     """Tell which poses the joints can hold, with something left to move."""
     if torque is None:
-        return anywhere
+        return any_pose
 
     def holds(q: Array) -> NDArray[np.bool_]:
         columns = Columns(goal.source, len(q))
@@ -248,7 +255,7 @@ def _holds(goal: Goal, torque: Torque | None) -> Holds:
     return holds
 
 
-def _with_leads(basis: SeriesBasis, x: Array, wish: Wish, limits: Limits, name: str) -> Plan:
+def _with_leads(basis: SeriesBasis, x: Array, wish: DesignGoal, limits: Limits, name: str) -> Plan:
     """The plan with ways from and to other poses, no faster than half the limits."""
     series = basis.excitation(x, name)
     start = series.at([0.0]).q[0]
@@ -267,7 +274,7 @@ def _with_leads(basis: SeriesBasis, x: Array, wish: Wish, limits: Limits, name: 
     return Plan(series, wish.goal.repetitions, wish.begin, wish.end, seconds(wish.begin), seconds(wish.end))
 
 
-def _check_leads(plan: Plan, robot: Robot, collision: Collision | None) -> None:
+def _check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) -> None:
     """Refuse ways from and to other poses on which bodies come too close.
 
     Raises:

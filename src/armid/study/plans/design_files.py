@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import ArmidError, did_you_mean
-from armid.excitation.formats import FORMATS, Track
+from armid.excitation.formats import FORMATS, SampledMotion
 from armid.excitation.plan import Plan
 from armid.excitation.point_to_point import Moves
 from armid.excitation.preflight import worst
@@ -152,13 +152,13 @@ def _write_motions(
                 replace_file(draft / f"{stem}{FORMATS[name].SUFFIX}", FORMATS[name].write(track))
 
 
-def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> Track:
+def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> SampledMotion:
     """A plan sampled for a controller."""
     if not rate > 0.0:
         raise ArmidError(f"A motion is sampled at a rate above zero; found {rate} Hz.")
     prismatic = tuple(joint.is_prismatic for joint in robot.joints)
     if isinstance(plan, Moves):
-        return Track(robot.name, robot.joint_names, prismatic, plan.sample(rate))
+        return SampledMotion(robot.name, robot.joint_names, prismatic, plan.sample(rate))
     series = plan.excitation
     text = json.dumps(
         {
@@ -172,4 +172,4 @@ def track_of(plan: Plan | Moves, robot: Robot, rate: float) -> Track:
             "lead_out": plan.lead_out,
         }
     )
-    return Track(robot.name, robot.joint_names, prismatic, plan.sample(rate), text)
+    return SampledMotion(robot.name, robot.joint_names, prismatic, plan.sample(rate), text)

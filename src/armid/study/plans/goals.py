@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from armid.excitation.design.objective import Goal
+from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.workspace import Workspace
 from armid.model.motion import Motion
 from armid.robot.shapes import Shape
 from armid.study.plans.surroundings import AssumedFloor
 from armid.values import Array
 
-__all__ = ["LIMIT_KINDS", "Effort", "Rules", "Wish"]
+__all__ = ["LIMIT_KINDS", "DesignConstraints", "DesignGoal", "SearchBudget"]
 
 LIMIT_KINDS = ("true", "thesis", "thesis-literal")
 """What position and velocity limits apply to: the motion itself, or sums of amplitudes as in (3.55d-f)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Wish:
+class DesignGoal:
     """Wish for the motion.
 
     Attributes:
@@ -33,7 +33,7 @@ class Wish:
         end: Pose that it goes to afterwards, shape (n,); the start where not given.
     """
 
-    goal: Goal
+    goal: CriterionGoal
     duration: float = 20.0
     harmonics: int = 10
     start: Array | None = None
@@ -44,7 +44,7 @@ class Wish:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Rules:
+class DesignConstraints:
     """Rules that the motion must keep to.
 
     Attributes:
@@ -77,7 +77,7 @@ class Rules:
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class SearchBudget:
     """Effort of the search.
 
     Attributes:

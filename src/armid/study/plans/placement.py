@@ -7,19 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.errors import ArmidError, Finding
-from armid.excitation.collision.collision_model import Collision, cell_of, empty_cell, kept_apart
+from armid.excitation.collision.collision_model import (
+    CollisionOptions,
+    empty_collision_model,
+    kept_apart,
+    make_collision_model,
+)
 from armid.excitation.limits.joint_limits import Limits
-from armid.excitation.start_pose import Holds, anywhere, choose_start, usual_pose
+from armid.excitation.start_pose import Holds, any_pose, choose_start, usual_pose
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
-from armid.study.plans.goals import Rules
+from armid.study.plans.goals import DesignConstraints
 from armid.values import Array
 
-__all__ = ["Place", "place"]
+__all__ = ["Placement", "place_motion"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Place:
+class Placement:
     """Start of a motion.
 
     Attributes:
@@ -30,12 +35,14 @@ class Place:
     """
 
     start: Array
-    collision: Collision | None
+    collision: CollisionOptions | None
     findings: tuple[Finding, ...]
     unchecked: str = ""
 
 
-def place(robot: Robot, limits: Limits, rules: Rules, given: Array | None, holds: Holds = anywhere) -> Place:
+def place_motion(
+    robot: Robot, limits: Limits, rules: DesignConstraints, given: Array | None, holds: Holds = any_pose
+) -> Placement:
     """The start pose that is given, or one with room around it, and what keeps apart from there.
 
     Without collisions it is zero where joints can be there, else the middle of their range, if its torque can be
@@ -56,25 +63,30 @@ def place(robot: Robot, limits: Limits, rules: Rules, given: Array | None, holds
     if rules.clearance is None:
         why = "left out (--no-collision)" if robot.shapes else "the description has no bodies"
         start, findings = (given, ()) if given is not None else _anywhere(robot, limits, holds)
-        return Place(start, None, (*findings, _unseen(why)), why)
+        return Placement(start, None, (*findings, _unseen(why)), why)
     floor = None if rules.floor is None else rules.floor.shape
     said = None if rules.floor is None else _no_floor(rules.floor.why)
     if floor is not None:
         try:
             found = _among(robot, limits, rules, (*rules.surroundings, floor), given, holds)
-            return Place(found.start, found.collision, (*found.findings, _floor(floor)))
+            return Placement(found.start, found.collision, (*found.findings, _floor(floor)))
         except ArmidError as error:
             said = _no_floor(f"the arm does not start above the plane through its base ({error.problem})")
     found = _among(robot, limits, rules, rules.surroundings, given, holds)
-    return found if said is None else Place(found.start, found.collision, (*found.findings, said))
+    return found if said is None else Placement(found.start, found.collision, (*found.findings, said))
 
 
 def _among(
-    robot: Robot, limits: Limits, rules: Rules, around: tuple[Shape, ...], given: Array | None, holds: Holds
-) -> Place:
+    robot: Robot,
+    limits: Limits,
+    rules: DesignConstraints,
+    around: tuple[Shape, ...],
+    given: Array | None,
+    holds: Holds,
+) -> Placement:
     """The start among bodies."""
     assert rules.clearance is not None
-    cell = cell_of(robot, limits, around, margin=rules.clearance)
+    cell = make_collision_model(robot, limits, around, margin=rules.clearance)
     findings: tuple[Finding, ...] = ()
     start = given
     if start is None:
@@ -87,7 +99,7 @@ def _among(
             )
             findings = (_chosen(said),)
     collision = kept_apart(cell, start)
-    return Place(start, collision, (*findings, *_left_out(collision)))
+    return Placement(start, collision, (*findings, *_left_out(collision)))
 
 
 def _anywhere(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, tuple[Finding, ...]]:
@@ -95,7 +107,7 @@ def _anywhere(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, tuple[
     usual = usual_pose(limits)
     if holds(usual[None])[0]:
         return usual, ()
-    chosen = choose_start(empty_cell(robot), limits, holds)
+    chosen = choose_start(empty_collision_model(robot), limits, holds)
     said = f"the joints cannot hold the usual start pose; the series starts at {_numbers(chosen.pose)}"
     return chosen.pose, (_chosen(said),)
 
@@ -131,7 +143,7 @@ def _no_floor(why: str) -> Finding:
     return Finding("floor-left-out", "info", "", f"no floor is assumed: {why}", remedy)
 
 
-def _left_out(collision: Collision) -> tuple[Finding, ...]:
+def _left_out(collision: CollisionOptions) -> tuple[Finding, ...]:
     """Pairs of bodies that nobody looks at, which is the description's doing."""
     if not collision.skipped:
         return ()

@@ -14,18 +14,18 @@ from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
 from armid.lab.options import LabOptions
 from armid.lab.simulation import Simulated, simulate, truth_record
-from armid.lab.true_motion import Trace
+from armid.lab.true_motion import TrueMotion
 from armid.measurement.writing import WRITERS, save_recording
 from armid.robot.robot import Robot
 from armid.study.plans.plan_files import series_of
 from armid.study.records import to_json
 from armid.values import replace_file, sha256_of_file
 
-__all__ = ["Written", "refuse_format", "simulate_to", "the_plan"]
+__all__ = ["WrittenSimulation", "refuse_format", "simulate_to", "the_plan"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Written:
+class WrittenSimulation:
     """Files of a simulation.
 
     Attributes:
@@ -69,7 +69,7 @@ def simulate_to(
     seed: int = 1,
     noise_free: bool = False,
     tell: Callable[[float], None] | None = None,
-) -> Written:
+) -> WrittenSimulation:
     """Simulate an arm and write `recording.*`, `truth.json` and, if asked for, `noise-free.npz` into a folder.
 
     Args:
@@ -90,10 +90,10 @@ def simulate_to(
     exact = None
     if noise_free:
         exact = replace_file(folder / "noise-free.npz", _archive(done.trace.from_time(0.0), options.sensing.rate))
-    return Written(done, path, truth, exact)
+    return WrittenSimulation(done, path, truth, exact)
 
 
-def _archive(trace: Trace, rate: float) -> bytes:
+def _archive(trace: TrueMotion, rate: float) -> bytes:
     """Return what truly happened at the instants of the log's rows, before jitter and delays."""
     every = round(1.0 / (rate * (trace.time[1] - trace.time[0])))
     names = {name: getattr(trace, name) for name in trace.__slots__}

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from armid.report.plots.traces import Plot
 from armid.report.section import Section
-from armid.report.tables import Cell, Table
+from armid.report.tables import Table, TableCell
 
 __all__ = ["Block", "Figures", "List", "Numbers", "Text", "chapter", "counted", "named", "number", "subscripts"]
 
@@ -95,12 +95,12 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}" + ("" if number == 1 else "s")
 
 
-def named(name: str) -> Cell:
+def named(name: str) -> TableCell:
     """A parameter's name."""
     symbol, _, index = name.rpartition("_")
-    return Cell(subscripts(name), name, rf"$\mathrm{{{symbol}}}_{{{index}}}$")
+    return TableCell(subscripts(name), name, rf"$\mathrm{{{symbol}}}_{{{index}}}$")
 
 
-def number(value: float, text: str, kind: str = "") -> Cell:
+def number(value: float, text: str, kind: str = "") -> TableCell:
     """A number with its text; the full one goes into CSV."""
-    return Cell(text, float(value), kind=kind)
+    return TableCell(text, float(value), kind=kind)

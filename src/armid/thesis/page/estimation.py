@@ -7,7 +7,7 @@ import numpy as np
 from armid.report.data.number_format import fixed, short
 from armid.report.plots.traces import Axes, Plot, line
 from armid.report.section import Section
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.thesis.algorithm import NOISE
 from armid.thesis.page.chapter import Figures, Text, chapter, named, number
 from armid.thesis.published import published
@@ -80,8 +80,8 @@ def _steps(rows: tuple[Step, ...]) -> Table:
     ]  # fmt: skip
     cells = [
         [
-            Cell(step.group),
-            Cell(step.title),
+            TableCell(step.group),
+            TableCell(step.title),
             *(number(100.0 * x, short(100.0 * x)) for x in (e.relative, e.inertial, e.friction)),
             number(e.unseen, short(e.unseen)),
             number(e.residual, short(e.residual)),
@@ -154,9 +154,9 @@ def _base_table(
     group += [Column("truth")] if truth is not None else []
     columns = [Column(column.title + " " * k, column.unit, column.words) for k in range(GROUPS) for column in group]
     length = len(names) // GROUPS
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for row in range(length):
-        cells: list[Cell] = []
+        cells: list[TableCell] = []
         for k in range(row, GROUPS * length, length):
             percent = float(relative[k])
             cells += [named(names[k]), number(values[k], fixed(values[k], 3))]
@@ -177,7 +177,7 @@ def _percent(value: float) -> str:
 def _physical_table(key: str, caption: str, rows: Array) -> Table:
     columns = [Column("par.", words=True), *(Column(f"link {k + 1}") for k in range(len(rows)))]
     cells = [
-        [Cell(text, latex=f"${latex}$"), *(number(x, fixed(x, 3)) for x in rows[:, k])]
+        [TableCell(text, latex=f"${latex}$"), *(number(x, fixed(x, 3)) for x in rows[:, k])]
         for k, (text, latex) in enumerate(PHYSICAL)
     ]
     note = "kg, m, kg·m² about the centre of mass, N·m·s/rad, N·m."

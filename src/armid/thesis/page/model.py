@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from armid.report.data.number_format import fixed, short
-from armid.report.plots.traces import Plot, Trace
+from armid.report.plots.traces import Plot, PlotTrace
 from armid.report.section import Section
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.thesis.page.chapter import Figures, Text, chapter, named, number, subscripts
 from armid.thesis.published import published
 from armid.thesis.reduction import Dependence, Grouping, Identity
@@ -57,8 +57,8 @@ def _table_31() -> Table:
     ]
     rows = [
         [
-            Cell(str(k + 1)),
-            *(Cell(subscripts(symbol).replace("-", "−"), symbol) for symbol in row),
+            TableCell(str(k + 1)),
+            *(TableCell(subscripts(symbol).replace("-", "−"), symbol) for symbol in row),
             number(published().lengths[k], fixed(published().lengths[k], 4)),
         ]
         for k, row in enumerate(published().frames)
@@ -72,7 +72,7 @@ def _origins(thesis: Thesis, pose: str) -> Table:
     columns = [Column("frame", words=True), Column("z at q = 0", "m"), *(Column(c, "m") for c in "xyz")]
     rows = [
         [
-            Cell("flange" if k == len(found.origins) - 1 else str(k + 1)),
+            TableCell("flange" if k == len(found.origins) - 1 else str(k + 1)),
             number(found.heights[k], fixed(found.heights[k], 4)),
             *(number(x, fixed(x, 6)) for x in origin),
         ]
@@ -115,7 +115,7 @@ def _torques(thesis: Thesis) -> Table:
     found = thesis.dynamics
     columns = [Column("joint"), Column("U = −Σ m gᵀp", "N·m"), Column("U = +Σ m gᵀp, in print", "N·m")]
     rows = [
-        [Cell(str(j + 1)), number(found.torque[j], fixed(found.torque[j], 6)),
+        [TableCell(str(j + 1)), number(found.torque[j], fixed(found.torque[j], 6)),
          number(found.literal_torque[j], fixed(found.literal_torque[j], 6))]
         for j in range(len(found.torque))
     ]  # fmt: skip
@@ -140,7 +140,7 @@ def _friction(thesis: Thesis) -> Figures:
     plots = [
         Plot(
             f"figure-3-2-{letter}", f"({letter})", f"{what}: {words}".replace("<sub>", "").replace("</sub>", ""),
-            "velocity [rad/s]", "friction [N·m]", (Trace("measured", dq, torque, what),),
+            "velocity [rad/s]", "friction [N·m]", (PlotTrace("measured", dq, torque, what),),
         )
         for letter, what, words, torque in parts
     ]  # fmt: skip
@@ -176,10 +176,10 @@ def _listed(names: tuple[str, ...] | list[str]) -> str:
     return ", ".join(subscripts(name) for name in names)
 
 
-def _verdict(error: float) -> Cell:
+def _verdict(error: float) -> TableCell:
     """The error of a line that ought to hold."""
     if not np.isfinite(error):
-        return Cell("unreadable", kind="poor")
+        return TableCell("unreadable", kind="poor")
     good = error < ROUNDING
     return number(error, "0" if error == 0.0 else short(error, 1 if good else 2), "" if good else "poor")
 
@@ -192,10 +192,10 @@ def _dependences(lines: tuple[Dependence, ...]) -> Table:
     rows = [
         [
             named(line.column),
-            Cell(subscripts(line.label) + ("" if line.label == line.column else " ▼"), line.label),
-            Cell(subscripts(line.printed) or "–", line.printed, kind="formula"),
+            TableCell(subscripts(line.label) + ("" if line.label == line.column else " ▼"), line.label),
+            TableCell(subscripts(line.printed) or "–", line.printed, kind="formula"),
             _verdict(line.printed_error),
-            Cell(subscripts(line.right), line.right, kind="formula"),
+            TableCell(subscripts(line.right), line.right, kind="formula"),
             _verdict(line.right_error),
         ]
         for line in lines
@@ -210,12 +210,18 @@ def _dependences(lines: tuple[Dependence, ...]) -> Table:
 
 def _identities(found: tuple[Identity, ...]) -> Table:
     columns = [Column("number", words=True), Column("identity between the β of links", words=True), Column("error")]
-    rows: list[list[Cell]] = []
+    rows: list[list[TableCell]] = []
     for each in found:
         wrong = ", in print" if each.right else ""
-        rows.append([Cell(each.number + wrong), Cell(each.printed, kind="formula"), _verdict(each.error)])
+        rows.append([TableCell(each.number + wrong), TableCell(each.printed, kind="formula"), _verdict(each.error)])
         if each.right:
-            rows.append([Cell(f"{each.number}, right"), Cell(each.right, kind="formula"), _verdict(each.right_error)])
+            rows.append(
+                [
+                    TableCell(f"{each.number}, right"),
+                    TableCell(each.right, kind="formula"),
+                    _verdict(each.right_error),
+                ]
+            )
     note = "A name stands for its β. Error: largest difference of the sides over the largest left side, all links."
     return Table("identities", "The derivation of (A.1), held against β itself", columns, rows, note)
 
@@ -223,7 +229,7 @@ def _identities(found: tuple[Identity, ...]) -> Table:
 def _groupings(found: tuple[Grouping, ...]) -> Table:
     columns = [Column("parameter", words=True), Column("sum in print", words=True), Column("error")]
     rows = [
-        [named(each.name), Cell(subscripts(each.printed), each.printed, kind="formula"), _verdict(each.error)]
+        [named(each.name), TableCell(subscripts(each.printed), each.printed, kind="formula"), _verdict(each.error)]
         for each in found
     ]
     note = "Error: largest difference of a coefficient from what the geometry says. Every line of (3.39) is right."

@@ -6,10 +6,10 @@ import numpy as np
 
 from armid.excitation.fourier import Excitation
 from armid.report.data.number_format import fixed, short
-from armid.report.plots.traces import Plot, Trace, line
+from armid.report.plots.traces import Plot, PlotTrace, line
 from armid.report.section import Section
-from armid.report.tables import Cell, Column, Table
-from armid.thesis.designs import Trial
+from armid.report.tables import Column, Table, TableCell
+from armid.thesis.designs import DesignTrial
 from armid.thesis.page.chapter import Block, Figures, Text, chapter, counted, number, subscripts
 from armid.thesis.published import published
 from armid.thesis.retell import Thesis
@@ -104,13 +104,13 @@ def positions(key: str, plan: Excitation) -> Plot:
     """Every joint's position over one period, told apart by dash, symbol and colour."""
     motion = plan.sample(DRAWN_RATE)
     degrees = np.degrees(motion.q)
-    traces: list[Trace] = []
+    traces: list[PlotTrace] = []
     for j, role in enumerate(JOINTS):
         name = f"q{subscripts(f'_{j + 1}')}"
         traces.append(line(role, motion.time, degrees[:, j], name))
         offset = (j + 0.5) / len(JOINTS) / SYMBOLS
         marked = ((np.arange(SYMBOLS) / SYMBOLS + offset) * motion.samples).astype(np.intp)
-        traces.append(Trace(role, motion.time[marked], degrees[marked, j], name, cloud=True))
+        traces.append(PlotTrace(role, motion.time[marked], degrees[marked, j], name, cloud=True))
     peaks = ", ".join(fixed(x, 0) for x in np.abs(degrees).max(axis=0))
     return Plot(key, "Joint positions.", f"largest angles {peaks}°", "time [s]", "position [°]", traces)
 
@@ -119,7 +119,7 @@ def coefficients(key: str, caption: str, plan: Excitation, note: str = "") -> Ta
     """A table of Fourier coefficients in the thesis's form: a row for each a_l and b_l, a column for each joint."""
     columns = [Column(" ", words=True), *(Column(f"q{subscripts(f'_{j + 1}')}") for j in range(plan.n))]
     rows = [
-        [Cell(subscripts(f"{letter}_{k + 1}"), f"{letter}_{k + 1}", f"${letter}_{{{k + 1}}}$"),
+        [TableCell(subscripts(f"{letter}_{k + 1}"), f"{letter}_{k + 1}", f"${letter}_{{{k + 1}}}$"),
          *(number(x, fixed(x, 5)) for x in values[:, k])]
         for letter, values in (("a", plan.a), ("b", plan.b))
         for k in range(plan.harmonics)
@@ -135,7 +135,7 @@ def _conditions(thesis: Thesis) -> Table:
         Column("without friction"),
     ]  # fmt: skip
     rows = [
-        [Cell(f"{period:g}", float(period)), *(number(x, fixed(x, 2)) for x in values)]
+        [TableCell(f"{period:g}", float(period)), *(number(x, fixed(x, 2)) for x in values)]
         for period, *values in zip(
             found.period, found.hanging, found.literal, found.scaled, found.without_friction, strict=True
         )
@@ -172,15 +172,15 @@ def _trials(thesis: Thesis) -> Table:
     return Table("trials", "Trajectories in closed loop", columns, rows, note)
 
 
-def _trial(each: Trial, start: float | None, kept: bool) -> list[Cell]:
+def _trial(each: DesignTrial, start: float | None, kept: bool) -> list[TableCell]:
     return [
-        Cell(each.name + (" ▲" if kept else "")),
-        Cell("–", "") if start is None else number(start, fixed(start, 1)),
+        TableCell(each.name + (" ▲" if kept else "")),
+        TableCell("–", "") if start is None else number(start, fixed(start, 1)),
         number(each.condition, fixed(each.condition, 2)),
         *(number(100.0 * x, f"{fixed(100.0 * x, 0)} %") for x in each.limits),
         number(1e3 * each.tracking, short(1e3 * each.tracking, 2)),
         number(1e3 * each.clearance, fixed(1e3 * each.clearance, 0)),
-        Cell("yes" if each.feasible else ", ".join(each.doubts), kind="" if each.feasible else "poor"),
+        TableCell("yes" if each.feasible else ", ".join(each.doubts), kind="" if each.feasible else "poor"),
         number(each.printed.unseen, fixed(each.printed.unseen, 3)),
         number(each.corrected.unseen, fixed(each.corrected.unseen, 3)),
         number(each.moving.unseen, fixed(each.moving.unseen, 4)),

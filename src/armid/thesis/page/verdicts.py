@@ -6,7 +6,7 @@ import numpy as np
 
 from armid.report.data.number_format import fixed, short
 from armid.report.section import Section
-from armid.report.tables import Cell, Column, Table
+from armid.report.tables import Column, Table, TableCell
 from armid.thesis.errata import Erratum
 from armid.thesis.page.chapter import List, Numbers, Text, chapter, counted, named, number, subscripts
 from armid.thesis.published import published
@@ -171,7 +171,7 @@ def _signs(thesis: Thesis) -> Table:
 def _broken(thesis: Thesis) -> Table:
     columns = [Column("constraint", words=True), Column("link"), Column("value"), Column("at least")]
     rows = [
-        [Cell(each.constraint), Cell(str(each.link), float(each.link)),
+        [TableCell(each.constraint), TableCell(str(each.link), float(each.link)),
          number(each.value, fixed(each.value, 4), "poor"), number(each.bound, fixed(each.bound, 4))]
         for each in thesis.audit.broken
     ]  # fmt: skip
@@ -182,7 +182,7 @@ def _scatter(thesis: Thesis) -> Table:
     found = thesis.audit.deviations
     columns = [Column("period", "s"), Column("hanging", "%"), Column("sign in print", "%")]
     rows = [
-        [Cell(f"{period:g}", float(period)), *(number(100.0 * x, fixed(100.0 * x, 1)) for x in values)]
+        [TableCell(f"{period:g}", float(period)), *(number(100.0 * x, fixed(100.0 * x, 1)) for x in values)]
         for period, *values in zip(found.period, found.hanging, found.literal, strict=True)
     ]
     note = f"Standard deviation of ln(printed over computed deviation), {subscripts(found.outlier)} left out."
@@ -197,10 +197,10 @@ def _tables(thesis: Thesis) -> Table:
     ]  # fmt: skip
     rows = [
         [
-            Cell(name),
+            TableCell(name),
             *(number(x, short(x, 1)) for x in each.sums),
             *(number(100.0 * x, fixed(100.0 * x, 1)) for x in (each.position_share, each.velocity_share)),
-            *(Cell(str(x), float(x)) for x in (each.above_literal, each.above)),
+            *(TableCell(str(x), float(x)) for x in (each.above_literal, each.above)),
         ]
         for name, each in zip(("A.1", "A.2"), thesis.audit.tables, strict=True)
     ]
@@ -218,10 +218,10 @@ def show_errata(thesis: Thesis) -> Section:
     ]  # fmt: skip
     rows = [
         [
-            Cell(subscripts(each.item) + (" ○" if each.typesetting else ""), each.item),
-            Cell(subscripts(each.printed), each.printed, kind="formula"),
-            Cell(subscripts(each.right), each.right, kind="formula"),
-            Cell(subscripts(each.shown), each.shown),
+            TableCell(subscripts(each.item) + (" ○" if each.typesetting else ""), each.item),
+            TableCell(subscripts(each.printed), each.printed, kind="formula"),
+            TableCell(subscripts(each.right), each.right, kind="formula"),
+            TableCell(subscripts(each.shown), each.shown),
             *_values(each),
         ]
         for each in thesis.errata
@@ -230,13 +230,13 @@ def show_errata(thesis: Thesis) -> Section:
     return chapter("Errata", Table("errata", "Errata, each with the number that shows it", columns, rows, note))
 
 
-def _values(each: Erratum) -> tuple[Cell, Cell]:
+def _values(each: Erratum) -> tuple[TableCell, TableCell]:
     if np.isnan(each.right_value):
-        return Cell("", ""), Cell("", "")
-    cells: list[Cell] = []
+        return TableCell("", ""), TableCell("", "")
+    cells: list[TableCell] = []
     for value in (each.printed_value, each.right_value):
         if not np.isfinite(value):
-            cells.append(Cell("∞", "inf"))
+            cells.append(TableCell("∞", "inf"))
         elif float(value).is_integer() and abs(value) >= 1.0:
             cells.append(number(value, f"{int(value):,}".replace(",", "\u00a0").replace("-", "−")))
         else:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.doctor.downsample import thin
-from armid.doctor.evidence import WIDTH, Evidence
-from armid.doctor.explanation import Explanation, State
-from armid.doctor.quick_fit import Rows, solve
+from armid.doctor.downsample import downsample
+from armid.doctor.evidence import WIDTH, LogEvidence
+from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.stuck_channels import without_stuck
 from armid.errors import Finding
 from armid.maths.spectrum import frequencies, inverse, spectrum
@@ -63,7 +63,7 @@ PADDING = 0.25
 """Seconds that a run is continued by at its ends before it is shifted."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if a delay explains the log; measured in a wider band where nothing else is wrong with it."""
     found = evidence.explained(CODE)
     sharp = _sharper(evidence) if found and evidence.explanations[0].code == CODE else None
@@ -77,20 +77,20 @@ def check(evidence: Evidence) -> list[Finding]:
     ]
 
 
-def _sharper(evidence: Evidence) -> State | None:
+def _sharper(evidence: LogEvidence) -> LogState | None:
     """The log in a wider band, beside a model whose friction may rise near rest; `None` where it is too short."""
     state, recording = evidence.state, evidence.recording
     assert state is not None and recording is not None  # it was compared with a model
-    log = thin(without_stuck(recording, evidence.stuck), SHARP)
+    log = downsample(without_stuck(recording, evidence.stuck), SHARP)
     if not log.runs:
         return None
     names = {term.name for term in state.model.terms}
     more = () if Stribeck.name in names else (Stribeck(velocity=RISE, width=WIDTH),)
     model = DynamicsModel(state.model.robot, state.model.terms + more)
-    return State(model, find_base_parameters(model), log)
+    return LogState(model, find_base_parameters(model), log)
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """The delay that explains the log, or `None` if there is none worth a word."""
     if state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
@@ -113,7 +113,7 @@ def explain(state: State) -> Explanation | None:
     )
 
 
-def _is_in_every_band(evidence: Evidence, delay: float) -> bool:
+def _is_in_every_band(evidence: LogEvidence, delay: float) -> bool:
     """Tell whether a wider band has the same delay: friction that gives way before it slides lags by another one."""
     sharp = _sharper(evidence)
     return sharp is None or abs(delay_of(sharp)[0] - delay) < SAME * abs(delay)
@@ -128,13 +128,13 @@ def _told(delay: float, deviation: float, gain: float, rate: float) -> str:
     )
 
 
-def _besides(evidence: Evidence, delay: float) -> float | list[float]:
+def _besides(evidence: LogEvidence, delay: float) -> float | list[float]:
     """The delay on top of those that the reading takes out already [s], one where all joints have the same."""
     whole = [round(float(d) + delay, DIGITS) for d in np.asarray(evidence.reading.delay)]
     return whole[0] if len(set(whole)) == 1 else whole
 
 
-def delay_of(state: State) -> tuple[float, float, State]:
+def delay_of(state: LogState) -> tuple[float, float, LogState]:
     """Delay of the torque against the positions that fits best [s], its deviation, and the log without it.
 
     The slope that a delay is seen by is the model's: that of the measured torque has its noise, too, by which every
@@ -153,7 +153,7 @@ def delay_of(state: State) -> tuple[float, float, State]:
     return delay, deviation, state
 
 
-def _slopes(rows: Rows, values: Array) -> Array:
+def _slopes(rows: QuickRows, values: Array) -> Array:
     """Derivative of values at the rows (M, ...), run by run [1/s]."""
     slopes = np.zeros_like(values)
     for run in np.unique(rows.run):
@@ -162,7 +162,7 @@ def _slopes(rows: Rows, values: Array) -> Array:
     return slopes
 
 
-def _friction_alone(state: State) -> float:
+def _friction_alone(state: LogState) -> float:
     """Return what is left when each joint's dry friction may lag by itself, and nothing else does.
 
     Where a joint sticks or its gear has slack, friction does so; that is no delay of the log, and weights and

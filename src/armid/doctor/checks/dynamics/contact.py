@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import Explanation, State
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import Explanation, LogState
 from armid.errors import Finding
 from armid.measurement.remedy import excluding
 from armid.values import Array
@@ -43,12 +43,12 @@ LONGEST = 0.25
 """Share of a log in bursts from which they are no bursts but how the arm is."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if a burst stands out."""
     return evidence.explained(CODE)
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """Bursts one after the other, the strongest first, and the log without them."""
     if state.log.band.is_open:
         return None
@@ -98,14 +98,14 @@ def _stretches(rows: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> 
     return [(float(time[part[0]]), float(time[part[-1]])) for part in np.split(which, cuts)]
 
 
-def _residual(state: State, values: Array) -> Array:
+def _residual(state: LogState, values: Array) -> Array:
     """Return what parameters leave of the torque in all rows that count, shape (M, n)."""
     rows = state.rows
     told = [x.T @ values[own] for x, own in zip(rows.columns, rows.parameters, strict=True)]
     return (rows.torque - np.column_stack(told)) * rows.mask
 
 
-def _extrapolation(state: State) -> Array:
+def _extrapolation(state: LogState) -> Array:
     """Variance of the torque that follows from the parameters', shape (M, n).
 
     What only the rows left out show of the arm is no burst.
@@ -119,7 +119,7 @@ def _extrapolation(state: State) -> Array:
     )
 
 
-def _held(state: State) -> Array:
+def _held(state: LogState) -> Array:
     """Square of the torque that dry friction may hold while a joint hardly moves, shape (M, n)."""
     rows = state.rows
     wide = np.ones(max(1, round(WINDOW * rows.rate)))
@@ -137,7 +137,7 @@ def _level(size: Array) -> Array:
     return np.sort(size, axis=1)[:, -min(JOINTS, size.shape[1])]
 
 
-def _bursts(state: State, residual: Array, open_variance: Array | float = 0.0) -> Array:
+def _bursts(state: LogState, residual: Array, open_variance: Array | float = 0.0) -> Array:
     """Local size of each joint's residual (M, n) over its usual one in the rows that count, shape (M, n)."""
     rows = state.rows
     wide = max(1, round(WINDOW * rows.rate))

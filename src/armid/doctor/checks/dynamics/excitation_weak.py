@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import State
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import LogState
 from armid.doctor.quick_fit import products
 from armid.errors import Finding
 from armid.model.base_parameters import find_base_parameters
@@ -16,7 +16,7 @@ from armid.model.terms import RotorInertia
 from armid.robot import Robot
 from armid.values import Array
 
-__all__ = ["WEAK_CONDITION", "check", "excitation_severity", "hardly_told"]
+__all__ = ["WEAK_CONDITION", "check", "excitation_severity", "poorly_determined"]
 
 WEAK_CONDITION = 100.0
 """Condition number with columns of unit length above which an estimate holds for the motion that it was made from
@@ -37,7 +37,7 @@ LITTLE = 0.35
 """Share of a joint's range or speed below which there is room to move it more."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """One finding with the parameters that are hardest to tell apart."""
     state = evidence.understood
     if state is None:
@@ -47,7 +47,7 @@ def check(evidence: Evidence) -> list[Finding]:
         model = DynamicsModel(evidence.robot, tuple(t for t in state.model.terms if not isinstance(t, RotorInertia)))
     if model.nodes:
         return []
-    own = State(model, find_base_parameters(model), state.log)
+    own = LogState(model, find_base_parameters(model), state.log)
     names, rows = own.base.names, own.rows
     G = np.zeros((rows.count, rows.count))
     for j, P in enumerate(products(rows)):
@@ -62,13 +62,13 @@ def check(evidence: Evidence) -> list[Finding]:
             "excitation-weak",
             excitation_severity(condition, own.model.robot, np.abs(own.rows.motion.dq).max(axis=0)),
             "",
-            hardly_told(names, directions[:, 0], condition),
+            poorly_determined(names, directions[:, 0], condition),
             _advice(own),
         )
     ]
 
 
-def hardly_told(names: tuple[str, ...], direction: Array, condition: float) -> str:
+def poorly_determined(names: tuple[str, ...], direction: Array, condition: float) -> str:
     """That a condition number is too large, with the parameters (b,) that its weakest direction is made of."""
     worst = ", ".join(names[k] for k in np.argsort(-np.abs(direction))[:NAMED])
     if condition > COMPUTED:
@@ -79,7 +79,7 @@ def hardly_told(names: tuple[str, ...], direction: Array, condition: float) -> s
     )
 
 
-def _too_short(evidence: Evidence) -> list[Finding]:
+def _too_short(evidence: LogEvidence) -> list[Finding]:
     """One finding where there is no model to look at, because there is too little of the log."""
     recording = evidence.recording
     if recording is None or recording.effort is None:
@@ -110,7 +110,7 @@ def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Liter
     return "warning" if condition > POOR_CONDITION or timid else "info"
 
 
-def _advice(state: State) -> str:
+def _advice(state: LogState) -> str:
     """Tell which joints have room to move more."""
     motion, parts = state.rows.motion, []
     for j, joint in enumerate(state.model.robot.joints):

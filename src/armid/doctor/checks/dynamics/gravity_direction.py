@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import Explanation, State
-from armid.doctor.quick_fit import Rows, cost_of, make_rows, products, solve
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
 from armid.errors import Finding
 from armid.information.column_source import column_source
 from armid.measurement.remedy import lines
@@ -59,7 +59,7 @@ STEPS = 8
 """Gauss-Newton steps from the best axis; four are usual."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if another gravity explains the log, or the parameters that follow from it are suspicious."""
     found, state = evidence.explained(CODE), evidence.understood
     geometry = any(each.code != "contact" for each in evidence.explanations)
@@ -69,7 +69,7 @@ def check(evidence: Evidence) -> list[Finding]:
     return [] if suspicion is None or suspicion.code != CODE else [suspicion]
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """The gravity that explains the log, or `None` if it is the one that it has."""
     g0 = np.asarray(state.model.robot.gravity)
     strength = float(np.linalg.norm(g0))
@@ -93,11 +93,11 @@ def explain(state: State) -> Explanation | None:
         f"Gravity along ({numbers}) m/s², {np.degrees(angle):.0f}° from the study's, leaves "
         f"{1 - np.exp(-gain):.0%} less of the torque" + ("." if not rivals else "; other directions as much."),
         lambda _: _remedy((g, *rivals)),
-        State(model, find_base_parameters(model), state.log),
+        LogState(model, find_base_parameters(model), state.log),
     )
 
 
-def _described(state: State, strength: float) -> Explanation | None:
+def _described(state: LogState, strength: float) -> Explanation | None:
     """The axis under which the torque is the description's, where it is not as the study says.
 
     One joint alone fits its moments to any gravity across its axis; only the description tells them apart.
@@ -108,9 +108,9 @@ def _described(state: State, strength: float) -> Explanation | None:
     now = float(state.nominal.correlation[loaded])
     if now > UNLIKE or (now < -UNLIKE and state.dissipation[loaded] < BRAKES):  # then its sign may be the torque's
         return None
-    found: list[tuple[float, tuple[float, ...], State]] = []
+    found: list[tuple[float, tuple[float, ...], LogState]] = []
     for g in np.vstack([np.eye(3), -np.eye(3)]) * strength:
-        after = State(_turned(state, g), state.base, state.log)
+        after = LogState(_turned(state, g), state.base, state.log)
         after.__dict__["rows"] = state.rows  # torque and friction, which no gravity changes
         if after.nominal is not None:
             found.append((float(after.nominal.correlation[int(np.argmax(after.nominal.size))]), tuple(g), after))
@@ -127,7 +127,7 @@ def _described(state: State, strength: float) -> Explanation | None:
         f"The torque has correlation {now:.2f} with the description's, under gravity along "
         f"({', '.join(f'{x + 0.0:.4g}' for x in g)}) m/s² it has {best:.2f}; zeros turned as far would do the same.",
         lambda _: _remedy((np.array(g), *rivals)),
-        State(model, find_base_parameters(model), state.log),
+        LogState(model, find_base_parameters(model), state.log),
     )
 
 
@@ -137,25 +137,25 @@ def _remedy(directions: Sequence[Array]) -> str:
     return f"{told[0]}  # in [robot]" if len(told) == 1 else f"find out how the arm stands: {' or '.join(told)}"
 
 
-def _unexplained(state: State) -> float:
+def _unexplained(state: LogState) -> float:
     """Largest share of a joint's torque that parameters of its own leave."""
     size = [np.sqrt(np.mean(state.rows.torque[state.rows.mask[:, j], j] ** 2)) for j in range(state.rows.n)]
     left = [fit.sigma[0] for fit in state.own_fits]
     return max((a / b for a, b in zip(left, size, strict=True) if b > 0.0), default=0.0)
 
 
-def _turned(state: State, g: Array) -> DynamicsModel:
+def _turned(state: LogState, g: Array) -> DynamicsModel:
     """The model under another gravity."""
     return DynamicsModel(state.model.robot.with_gravity((float(g[0]), float(g[1]), float(g[2]))), state.model.terms)
 
 
-def _under(state: State, g: Array) -> float:
+def _under(state: LogState, g: Array) -> float:
     """Return what is left under gravity of the same line, which shows the same base parameters."""
     rows = make_rows(column_source(_turned(state, g), state.base), state.log)
     return cost_of(rows, products(rows))
 
 
-def _searched(state: State, g0: Array, strength: float, begin: float) -> tuple[Array, float, tuple[Array, ...]]:
+def _searched(state: LogState, g0: Array, strength: float, begin: float) -> tuple[Array, float, tuple[Array, ...]]:
     """The gravity that leaves least, what it leaves, and axes that leave as little; the log's own leaves `begin`."""
     wide = _Wide(state)
     axes = np.vstack([np.eye(3), -np.eye(3)]) * strength
@@ -179,18 +179,18 @@ def _rounded(wide: _Wide, g: Array, cost: float, axes: Array) -> tuple[Array, fl
 class _Wide:
     """Rows for any gravity: columns are linear in it."""
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: LogState) -> None:
         robot, terms = state.model.robot, state.model.terms
         base = find_base_parameters(DynamicsModel(robot.with_gravity(ASKEW), terms))
 
-        def rows(gravity: tuple[float, float, float]) -> Rows:
+        def rows(gravity: tuple[float, float, float]) -> QuickRows:
             return make_rows(column_source(DynamicsModel(robot.with_gravity(gravity), terms), base), state.log)
 
         self.still = rows((0.0, 0.0, 0.0))
         units = [rows(g) for g in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
         self.units = [tuple(unit.columns[j] - self.still.columns[j] for unit in units) for j in range(self.still.n)]
 
-    def rows(self, g: Array) -> Rows:
+    def rows(self, g: Array) -> QuickRows:
         """Rows under a gravity (3,)."""
         columns = tuple(
             own + sum(x * unit for x, unit in zip(g, units, strict=True))
@@ -222,7 +222,7 @@ class _Wide:
             g, cost = moved, found
         return g, cost
 
-    def _slope(self, rows: Rows, values: Array, axis: int) -> Array:
+    def _slope(self, rows: QuickRows, values: Array, axis: int) -> Array:
         """Torque (M, n) that a unit of gravity along an axis adds."""
         joints = zip(rows.parameters, self.units, strict=True)
         return np.column_stack([values[own] @ units[axis] for own, units in joints])

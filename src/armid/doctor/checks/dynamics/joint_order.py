@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.doctor.checks.signals import velocity_mismatch
-from armid.doctor.downsample import Thin
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import Explanation, State
-from armid.doctor.quick_fit import Rows, cost_of, make_rows, products
+from armid.doctor.downsample import DownsampledLog
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products
 from armid.errors import Finding
 from armid.measurement.columns.channels import channels_of_joints
 from armid.measurement.remedy import lines, naming
@@ -64,12 +64,12 @@ class _Order:
     cost: float
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if another order explains the log."""
     return evidence.explained(CODE)
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """The order that explains the log, or `None` if it is the one that it has."""
     n, coarse = state.rows.n, state.log.coarse()
     same = np.arange(n)
@@ -126,7 +126,7 @@ def _listed(order: NDArray[np.intp]) -> str:
     return ", ".join(str(k + 1) for k in order)
 
 
-def _remedy(evidence: Evidence, order: _Order) -> str:
+def _remedy(evidence: LogEvidence, order: _Order) -> str:
     """The order as a study says it: whose the channels are, or which columns hold a quantity."""
     channels = channels_of_joints(evidence.raw, evidence.reading, evidence.robot)
     if (order.motion == order.torque).all():
@@ -148,7 +148,7 @@ def _remedy(evidence: Evidence, order: _Order) -> str:
     return naming(evidence.reading, chosen)
 
 
-def _renamed(evidence: Evidence, channels: list[int], order: NDArray[np.intp]) -> str:
+def _renamed(evidence: LogEvidence, channels: list[int], order: NDArray[np.intp]) -> str:
     """All quantities of a channel given to another joint."""
     names = evidence.robot.joint_names
     owner = [""] * evidence.raw.n
@@ -159,7 +159,7 @@ def _renamed(evidence: Evidence, channels: list[int], order: NDArray[np.intp]) -
     return lines(joints=dict(zip(evidence.raw.joint_names, owner, strict=True)))
 
 
-def _tried(state: State, log: Thin, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
+def _tried(state: LogState, log: DownsampledLog, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
     same = np.arange(len(motion))
     return _with_torque(make_rows(state.source, log.reordered(motion, same)), log, motion, torque)
 
@@ -169,7 +169,7 @@ def _distinct(orders: Iterable[_Order]) -> list[_Order]:
     return list({(*order.motion, *order.torque): order for order in orders}.values())
 
 
-def _with_torque(rows: Rows, log: Thin, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
+def _with_torque(rows: QuickRows, log: DownsampledLog, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
     """Another order of the torque of a log beside columns that are made already."""
     mask = log.mask[:, motion] & log.mask[:, torque]
     changed = replace(rows, torque=rows.torque[:, torque], mask=mask)
@@ -177,7 +177,7 @@ def _with_torque(rows: Rows, log: Thin, motion: NDArray[np.intp], torque: NDArra
 
 
 def _exchanged(
-    state: State, log: Thin, order: _Order, rows: Rows, takes: tuple[Flags, Flags], i: int, j: int
+    state: LogState, log: DownsampledLog, order: _Order, rows: QuickRows, takes: tuple[Flags, Flags], i: int, j: int
 ) -> Iterator[_Order]:
     """Two more channels exchanged: of all quantities, of the positions alone, of the torque alone."""
     motion, torque = order.motion.copy(), order.torque.copy()
@@ -192,7 +192,7 @@ def _exchanged(
         yield _with_torque(rows, log, order.motion, torque)
 
 
-def _takes(state: State) -> tuple[Flags, Flags]:
+def _takes(state: LogState) -> tuple[Flags, Flags]:
     """Tell which joint could have which channel's positions, and which its torque, (n, n) each.
 
     No joint has a channel of the other kind, in metres or in radians, nor positions far beyond its limits, unless
@@ -214,7 +214,7 @@ def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDAr
     return bool(takes[0][joints, motion].all() and takes[1][joints, torque].all())
 
 
-def _assigned(state: State) -> NDArray[np.intp]:
+def _assigned(state: LogState) -> NDArray[np.intp]:
     """Tell which torque channel each joint's own columns explain best."""
     rows, n = state.rows, state.rows.n
     left: Array = np.zeros((n, n))

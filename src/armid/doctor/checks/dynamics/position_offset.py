@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import Explanation, State
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import products
 from armid.errors import Finding
 from armid.measurement.remedy import lines
@@ -65,12 +65,12 @@ FREE = 1e3
 """Deviation of parameters that the description does not have, in SI units."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if other zeros explain the log."""
     return evidence.explained(CODE)
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """The zeros that explain the log, or `None` if they are those that it has."""
     offset, deviation, after = offsets_of(state)
     if not _are_sure(offset, deviation).any():
@@ -97,7 +97,7 @@ def explain(state: State) -> Explanation | None:
     )
 
 
-def _given(evidence: Evidence, n: int) -> Array:
+def _given(evidence: LogEvidence, n: int) -> Array:
     """Offsets (n,) that the reading has already."""
     given = evidence.reading.joint_offset
     return np.zeros(n) if given is None else np.asarray(given)
@@ -107,7 +107,7 @@ def _are_sure(offset: Array, deviation: Array) -> NDArray[np.bool_]:
     return (np.abs(offset) > SURE * deviation) & (np.abs(offset) > LEAST)
 
 
-def offsets_of(state: State) -> tuple[Array, Array, State]:
+def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
     """Fit what must be added to the positions (n,) for the torques, its deviation, and the log then."""
     n, b = state.rows.n, state.base.count
     precision, expected = _prior(state)
@@ -132,7 +132,7 @@ def offsets_of(state: State) -> tuple[Array, Array, State]:
     return offset, deviation, now
 
 
-def _prior(state: State) -> tuple[Array, Array]:
+def _prior(state: LogState) -> tuple[Array, Array]:
     """Precision (b, b) of the description's base parameters, and these; zeros where it has no inertias."""
     b, model = state.base.count, state.model
     theta = model.nominal_parameters()
@@ -152,7 +152,9 @@ def _prior(state: State) -> tuple[Array, Array]:
     return np.linalg.inv(covariance / np.outer(unit, unit)) / np.outer(unit, unit), state.base.values_of(theta)
 
 
-def _posterior(state: State, weight: Array, precision: Array, expected: Array, extra: Array) -> tuple[Array, Array]:
+def _posterior(
+    state: LogState, weight: Array, precision: Array, expected: Array, extra: Array
+) -> tuple[Array, Array]:
     """Base parameters and factors of the extra columns with their deviations, given data and prior."""
     rows, b, more = state.rows, state.base.count, len(extra)
     H, side = np.zeros((b + more, b + more)), np.zeros(b + more)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armid.doctor.checks.dynamics.torque_sign import FLIP, left_by, relative, signs
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import Explanation, State
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.errors import Finding
 from armid.measurement.remedy import lines
@@ -36,12 +36,12 @@ MOST = 3
 """Joints that are turned one after the other."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if another sign explains the log."""
     return evidence.explained(CODE)
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """The signs that explain the log, or `None` if they are those that it has."""
     n = state.rows.n
     rough = state.on(state.log.coarse())

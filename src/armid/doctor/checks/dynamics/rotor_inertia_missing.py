@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import State
-from armid.doctor.quick_fit import Rows, solve
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import LogState
+from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_out
 from armid.errors import Finding
 from armid.measurement.remedy import lines
@@ -22,7 +22,7 @@ SURE = 8.0
 """Standard deviations by which a rotor's inertia must be positive."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """One finding for all joints whose rotors show."""
     state = evidence.understood
     if state is None or (evidence.model is not None and any(t.name == "rotor-inertia" for t in evidence.model.terms)):
@@ -50,13 +50,13 @@ def check(evidence: Evidence) -> list[Finding]:
     ]
 
 
-def _named(evidence: Evidence) -> list[str]:
+def _named(evidence: LogEvidence) -> list[str]:
     """Terms that the study has, or would have if it named none."""
     own = () if evidence.model is None else evidence.model.terms
     return [term.name for term in own] or ["rigid-body", "viscous", "coulomb", "offset"]
 
 
-def _without_rotors(state: State) -> Rows:
+def _without_rotors(state: LogState) -> QuickRows:
     """Rows without the columns of rotors."""
     rows = state.rows
     keep = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
+from armid.doctor.evidence import LogEvidence
 from armid.doctor.quick_fit import solve
 from armid.errors import Finding
 
@@ -23,7 +23,7 @@ JOINTS = 0.4
 """Share of the joints that must change in the same sense: gears warm up together."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """One finding for all joints whose friction changes."""
     state = evidence.understood
     if state is None or state.log.band.is_open:

@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import Explanation, State
-from armid.doctor.quick_fit import Rows, cost_of, make_rows, products
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import Explanation, LogState
+from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products
 from armid.errors import Finding
 from armid.measurement.remedy import lines
 from armid.values import Array
@@ -43,7 +43,7 @@ ALIKE = 0.8
 """Correlation with the description's torque from which that is a witness."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if a sign is wrong."""
     return evidence.explained(CODE)
 
@@ -51,7 +51,7 @@ def check(evidence: Evidence) -> list[Finding]:
 CODE = "torque-sign"
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """The signs that explain the log, or `None` if they are those that it has."""
     rows = state.rows
     sign, gain, indifferent = relative(state)
@@ -85,7 +85,7 @@ def signs(sign: Array) -> int | list[int]:
     return whole[0] if len(set(whole)) == 1 else whole
 
 
-def _evidence(state: State, wrong: NDArray[np.intp], gain: float) -> str:
+def _evidence(state: LogState, wrong: NDArray[np.intp], gain: float) -> str:
     z = state.dissipation[wrong]
     worst = int(wrong[np.argmin(z)])
     text = f"As logged, friction drives {state.model.robot.joint_names[worst]} ({z.min():.0f} standard deviations)"
@@ -100,7 +100,7 @@ def _evidence(state: State, wrong: NDArray[np.intp], gain: float) -> str:
     return f"{text}."
 
 
-def relative(state: State) -> tuple[Array, float, NDArray[np.bool_]]:
+def relative(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
     """Signs that let one set of parameters fit all joints best, up to one for all, and what they gain.
 
     The third are the joints whose sign the others say nothing about, shape (n,).
@@ -121,7 +121,7 @@ def relative(state: State) -> tuple[Array, float, NDArray[np.bool_]]:
         sign[best], cost = -sign[best], trials[best]
 
 
-def _best_of_all(rows: Rows, pairs: Sequence[Array], first: float) -> tuple[Array, float]:
+def _best_of_all(rows: QuickRows, pairs: Sequence[Array], first: float) -> tuple[Array, float]:
     """Signs, the first joint's kept, that leave least, and what they leave.
 
     One after the other does not find them: where several are wrong, the second may only pay with the third.
@@ -135,13 +135,13 @@ def _best_of_all(rows: Rows, pairs: Sequence[Array], first: float) -> tuple[Arra
     return best
 
 
-def left_by(state: State, sign: Array) -> float:
+def left_by(state: LogState, sign: Array) -> float:
     """Return what is left of the torque with positions of these signs (n,)."""
     rows = make_rows(state.source, state.log.scaled(sign))
     return cost_of(rows, products(rows))
 
 
-def _doubt(state: State, sign: Array) -> str:
+def _doubt(state: LogState, sign: Array) -> str:
     """That positions of the other sign would explain as much, where they would."""
     if (sign < 0.0).all() or left_by(state, sign) > cost_of(state.rows, products(state.rows), sign) + ALSO:
         return ""
@@ -154,7 +154,7 @@ def _flipped(sign: Array, j: int) -> Array:
     return other
 
 
-def _votes(state: State) -> Array:
+def _votes(state: LogState) -> Array:
     """For each joint how friction, inertia and the description speak for its sign; 1 is sure, -1 against it."""
     votes = (np.clip(state.dissipation, -MOST, MOST) + np.clip(state.inertia, -MOST, MOST) / 2) / SURE
     if state.nominal is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
+from armid.doctor.evidence import LogEvidence
 from armid.doctor.stuck_channels import longest
 from armid.errors import Finding
 from armid.measurement.remedy import excluding
@@ -15,7 +15,7 @@ STANDSTILL = 1.0
 """Seconds of the same positions on all joints that are worth a word."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """Stuck channels as errors, standstill as information."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
@@ -54,7 +54,7 @@ def check(evidence: Evidence) -> list[Finding]:
     return findings
 
 
-def _times(evidence: Evidence, first: int, last: int) -> tuple[float, float]:
+def _times(evidence: LogEvidence, first: int, last: int) -> tuple[float, float]:
     """Times of two rows on the recording's clock [s]."""
     recording = evidence.recording
     assert recording is not None

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from armid.doctor.downsample import thin
-from armid.doctor.evidence import Evidence
-from armid.doctor.remedy_trial import Trial, try_out
+from armid.doctor.downsample import downsample
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.remedy_trial import RemedyTrial, try_out
 from armid.errors import Finding
 from armid.measurement.processing.resampling import Stretch, is_even, jitter, stretches
 from armid.measurement.recording import Recording
@@ -20,7 +20,7 @@ CUTOFF = 5.0
 """Band for which a step counts as a gap [Hz]: the one that most studies compare in."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """Gaps, and steps that are not alike."""
     recording = evidence.recording
     if recording is None or recording.time is None or recording.consecutive is False:
@@ -69,11 +69,11 @@ def _round_rate(piece: Stretch, off: float) -> float:
     return next((rate for rate in rounded if abs(rate / piece.rate - 1.0) < doubt), piece.rate)
 
 
-def _trial(evidence: Evidence, rate: float) -> Trial | None:
+def _trial(evidence: LogEvidence, rate: float) -> RemedyTrial | None:
     """The log with its samples at an even rate beside the log with its stamps; `None` where there is no model."""
     state, recording = evidence.state, evidence.recording
     if state is None or recording is None:
         return None
     number = np.arange(recording.samples) if recording.number is None else recording.number
-    log = thin(replace(evidence.counted, time=number / rate), state.log.cutoff)
+    log = downsample(replace(evidence.counted, time=number / rate), state.log.cutoff)
     return try_out(state.rows, state.on(log).rows) if log.runs else None

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import Explanation, State
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import Explanation, LogState
 from armid.errors import Finding
-from armid.measurement.log_format import Reading
+from armid.measurement.log_format import LogFormat
 from armid.measurement.remedy import lines
 from armid.values import Array
 
@@ -26,14 +26,14 @@ GAIN = 0.3
 do inertias, by a factor 57."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if the other unit explains the log."""
     return evidence.explained(CODE)
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """The units that explain the log, or `None` if they are those that it is read with."""
-    best: tuple[float, State, NDArray[np.bool_], str] | None = None
+    best: tuple[float, LogState, NDArray[np.bool_], str] | None = None
     for which, factor, said in _suspects(state):
         after = state.on(state.log.scaled(np.where(which, factor, 1.0)))
         gain = state.fit.cost - after.fit.cost
@@ -58,7 +58,7 @@ def explain(state: State) -> Explanation | None:
     )
 
 
-def _suspects(state: State) -> list[tuple[NDArray[np.bool_], float, str]]:
+def _suspects(state: LogState) -> list[tuple[NDArray[np.bool_], float, str]]:
     """Joints that may be in the other unit, what their angles would be multiplied by, and what they are read as.
 
     All that turn, or those alone that leave their limits or hardly move.
@@ -85,7 +85,7 @@ def _suspects(state: State) -> list[tuple[NDArray[np.bool_], float, str]]:
     return found
 
 
-def _units(reading: Reading, turned: NDArray[np.bool_], *, everywhere: bool) -> str | list[str]:
+def _units(reading: LogFormat, turned: NDArray[np.bool_], *, everywhere: bool) -> str | list[str]:
     """The units as they must be said."""
     degrees = reading.degrees(len(turned)) != turned
     if everywhere and (reading.units is None or isinstance(reading.units, str)):

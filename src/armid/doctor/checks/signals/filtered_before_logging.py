@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
+from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.maths.spectrum import power_spectrum
-from armid.measurement.processing.resampling import evened, stretches
+from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.values import Array
 
 __all__ = ["check"]
@@ -30,7 +30,7 @@ MOTION = 8.0
 """Frequency up to which motion and friction fill the spectrum of any arm [Hz], or a fifth of the rate if less."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """One finding for all joints whose spectrum has no floor."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
@@ -38,7 +38,7 @@ def check(evidence: Evidence) -> list[Finding]:
     piece = max(stretches(recording, 5.0)[0], key=lambda each: each.samples)
     if piece.samples < 2 * SEGMENT:
         return []
-    even = evened(piece, None, 0.0, each=False)
+    even = resample_uniform(piece, None, 0.0, each=False)
     frequency, power = _spectrum(even.effort, even.rate)
     above = frequency > min(MOTION, 0.2 * even.rate)
     ends: list[float] = []

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
-from armid.doctor.explanation import Explanation, State
+from armid.doctor.evidence import LogEvidence
+from armid.doctor.explanation import Explanation, LogState
 from armid.errors import Finding
 from armid.measurement.remedy import lines
 
@@ -35,12 +35,12 @@ MOTOR_NOTE = "gear ratios, as the description's weight asks for them: positions 
 CURRENT_NOTE = "N·m/A, as the description's weight asks for them; take the maker's"
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """The finding, if the scale is another."""
     return [*evidence.explained(MOTOR), *evidence.explained(CURRENT)]
 
 
-def explain(state: State) -> Explanation | None:
+def explain(state: LogState) -> Explanation | None:
     """The scale that explains the log, or `None` if it is that of the description."""
     nominal = state.nominal
     if nominal is None:
@@ -69,7 +69,7 @@ def explain(state: State) -> Explanation | None:
     )
 
 
-def _gains(evidence: Evidence, gains: list[float], note: str) -> str:
+def _gains(evidence: LogEvidence, gains: list[float], note: str) -> str:
     """Torque at the joint over what is logged, on top of the gains that the reading has."""
     given = evidence.reading.drive_gain
     told = np.asarray(gains) * (1.0 if given is None else np.asarray(given))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
+from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.measurement.processing.alignment import windows
-from armid.measurement.processing.resampling import evened, stretches
+from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.measurement.remedy import lines
 from armid.values import Array
 
@@ -21,13 +21,13 @@ STEPS = 25
 """Rounds of moving one repetition over the other; each finds what a straight line through the motion does."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """One finding for the repetition that lies worst."""
     recording, period = evidence.recording, evidence.reading.stated_period
     if recording is None or period is None or recording.effort is None or recording.consecutive is False:
         return []
     piece = max(stretches(recording, 5.0)[0], key=lambda each: each.samples)
-    even = evened(piece, None, 0.0, each=True)
+    even = resample_uniform(piece, None, 0.0, each=True)
     start = evidence.reading.start if evidence.reading.start is not None else float(even.time[0])
     begins = windows(even, period, start)
     samples = round(period * even.rate)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armid.doctor.evidence import Evidence
+from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 
 __all__ = ["CODES", "check"]
@@ -37,7 +37,7 @@ CODES = (
 """Codes that reading a log may already give; others are about processing, which the doctor does in its own way."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """Findings of these codes, each once."""
     found = [finding for finding in evidence.noted if finding.code in CODES]
     return list(dict.fromkeys(found))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.evidence import Evidence
+from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.measurement.remedy import excluding, lines
 from armid.values import Array
@@ -27,7 +27,7 @@ LIMIT = 0.98
 """Share of the description's limit that counts as reaching it."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """One finding for each joint whose torque is cut off."""
     recording = evidence.recording
     if recording is None or recording.effort is None:
@@ -58,7 +58,7 @@ def check(evidence: Evidence) -> list[Finding]:
     return findings
 
 
-def _stretches(flat: NDArray[np.bool_], evidence: Evidence) -> list[tuple[float, float]]:
+def _stretches(flat: NDArray[np.bool_], evidence: LogEvidence) -> list[tuple[float, float]]:
     """Times in which a torque is cut off, those that nearly meet taken together [s]."""
     recording = evidence.recording
     assert recording is not None

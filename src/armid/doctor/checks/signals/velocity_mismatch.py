@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 
-from armid.doctor.evidence import Evidence
+from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.maths.derivatives import central_difference
 from armid.maths.signals import edge_samples, low_pass, zero_phase
-from armid.measurement.processing.resampling import evened, stretches
+from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import naming
 from armid.values import Array
@@ -36,7 +36,7 @@ MOVING = 0.02
 """Speed below which a joint says nothing [rad/s]."""
 
 
-def check(evidence: Evidence) -> list[Finding]:
+def check(evidence: LogEvidence) -> list[Finding]:
     """One finding for each joint whose velocity is not its own, one for a common delay."""
     recording = evidence.recording
     if recording is None or recording.dq is None or recording.effort is None or recording.consecutive is False:
@@ -64,7 +64,7 @@ def check(evidence: Evidence) -> list[Finding]:
     return findings
 
 
-def _left_out(evidence: Evidence) -> str:
+def _left_out(evidence: LogEvidence) -> str:
     return naming(evidence.reading, {"dq": ""}, "or the right columns; positions are differentiated then")
 
 
@@ -72,7 +72,7 @@ def _grave(late: float) -> Literal["warning", "info"]:
     return "warning" if abs(late) > 2 * LATE else "info"
 
 
-def _of_joint(evidence: Evidence, told: Array, derived: Array, j: int, scale: float, own: float) -> Finding:
+def _of_joint(evidence: LogEvidence, told: Array, derived: Array, j: int, scale: float, own: float) -> Finding:
     """Return what the velocity of one joint is instead."""
     names = evidence.robot.joint_names
     others = [abs(_correlation(told[:, j], derived[:, k])) if k != j else 0.0 for k in range(len(names))]
@@ -103,7 +103,7 @@ def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
     slope: list[Array] = []
     rate = 1.0
     for piece in stretches(recording, CUTOFF)[0]:
-        even = evened(piece, None, 0.0, each=False)
+        even = resample_uniform(piece, None, 0.0, each=False)
         rate = even.rate
         low = low_pass("butterworth", 4, min(CUTOFF, 0.1 * rate), rate)
         assert low is not None and even.dq is not None
