@@ -30,7 +30,8 @@ from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.robot import Robot, load_robot
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
-from armid.study.identify import Result, identify, process_study_recordings
+from armid.study.identify import Result, identify
+from armid.study.processed import joined_observations, process_each
 from armid.values import Array, digest
 
 ARMS = ("iiwa14-r820", "panda", "ur5e")
@@ -176,7 +177,7 @@ def unseen_squares(results: Sequence[Result], unseen: Sequence[Recording]) -> tu
     sums, rows = [], np.zeros(0)
     for recording in unseen:
         robot, processing = results[0].robot, results[0].study.processing
-        observations, _ = process_study_recordings([(RecordingChoice(UNSEEN), recording)], processing, robot)
+        observations = joined_observations(process_each([(RecordingChoice(UNSEEN), recording)], processing, robot))
         (run,) = observations.runs
         parts = [
             compare(r.model, torque_parameters(r.estimate.base, r.estimate.fit), run, observations.band)

@@ -42,7 +42,8 @@ from armid.measurement.processing.pipeline import resolve_options
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.study.config import ModelChoice, build_model, load_choice, load_study
-from armid.study.identify import process_study_recordings, read_recording
+from armid.study.identify import read_recording
+from armid.study.processed import joined_observations, process_each
 from armid.values import Array
 
 STUDIES = Path(__file__).parents[1] / "tests" / "real" / "studies"
@@ -76,7 +77,7 @@ def load(name: str) -> Arm:
         name,
         build_model(robot, study.model if coupled else ModelChoice(), motor_side=motor),
         build_model(robot, study.model if coupled else ModelChoice(automatic=True)),
-        process_study_recordings(read, processing, robot)[0],
+        joined_observations(process_each(read, processing, robot)),
     )
 
 

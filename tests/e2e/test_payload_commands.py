@@ -21,6 +21,7 @@ from armid.measurement.recording import Recording
 from armid.runs.run import load_run, save_run
 from armid.study.config import RecordingChoice, load_study
 from armid.study.identify import identify, read_recording, score_recordings
+from armid.study.processed import process_each
 from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
 GAIN = np.array([10.0, 12.0, 8.0])
@@ -246,7 +247,7 @@ def test_friction_is_recalibrated(armid: Armid, tmp_path: Path):
         (choice := RecordingChoice(path), read_recording(choice, ".", run.robot)[0])
         for path in ("warm.npz", "later.npz")
     ]
-    train, unseen = score_recordings(run.model, run.estimate, read, run.processing)[0]
+    train, unseen = score_recordings(run.model, run.estimate, process_each(read, run.processing, run.robot))[0]
     # One number: the column on the screen, the record, and what the bound is made of.
     np.testing.assert_allclose(record["residual"]["rms"], train.rms, rtol=5e-3)
     assert bound == pytest.approx(max(3.0 * np.linalg.norm(train.rms), 0.02 * np.linalg.norm(unseen.spread)))

@@ -11,7 +11,8 @@ import pytest
 from armid import load_study
 from armid.information.column_source import column_source
 from armid.information.regressor_rows import all_rows
-from armid.study.identify import conclude, prepare, process_study_recordings
+from armid.study.identify import conclude, prepare
+from armid.study.processed import joined_observations, of_role
 
 STUDIES = Path(__file__).parent / "studies"
 TRAIN, OTHER = "measurements_1.parquet", "measurements_3.parquet"
@@ -35,8 +36,7 @@ def test_bands_of_a_fifth_of_a_run_are_of_the_size_of_errors_on_another(shared_d
     result = conclude(prepared)
     (score,) = result.validation.recordings
     fit, base = result.estimate.fit, result.estimate.base
-    others = [each for each in prepared.recordings if each[0].role == "validate"]
-    observations, _ = process_study_recordings(others, result.study.processing, result.model.robot)
+    observations = joined_observations(of_role(prepared.recordings, "validate"))
     source = column_source(result.model, base)
     (run,) = observations.runs
     few = replace(run, step=run.step * EVERY, mask=run.mask[::EVERY], block=run.block[::EVERY], repetition=None)

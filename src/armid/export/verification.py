@@ -18,7 +18,7 @@ from armid.model.dynamics import DynamicsModel
 from armid.robot.angle_rounding import rounded
 from armid.robot.robot import Robot
 from armid.runs.run import Run
-from armid.study.identify import process_study_recordings
+from armid.study.processed import process_each
 from armid.validation.prediction import Check
 from armid.values import Array
 
@@ -230,8 +230,8 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
     predictions: list[Prediction] = []
     checks: list[Check] = []
     for choice, recording in unseen.recordings:
-        observations, _ = process_study_recordings([(choice, recording)], run.processing, run.robot)
-        band = observations.band
+        (processed,) = process_each([(choice, recording)], run.processing, run.robot)
+        observations, band = processed.observations, processed.observations.band
         both = [(compare(run.model, estimated, o, band), compare(model, said, o, band)) for o in observations.runs]
         mask = np.concatenate([a.mask for a, _ in both])
         mine = np.concatenate([a.predicted for a, _ in both])

@@ -11,7 +11,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from armid.measurement.recording import Recording
 from armid.report.comparison import COMPARISON, pair_of
 from armid.report.data.page_data import PageData, gather, records_of
 from armid.report.heading import Heading, heading_of_run
@@ -21,7 +20,7 @@ from armid.report.rendering import environment, require_extra, text_of
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
 from armid.runs.run import Run
-from armid.study.config import RecordingChoice
+from armid.study.processed import ProcessedRecording
 from armid.values import replace_file
 
 __all__ = ["assemble", "render", "write_comparison", "write_page", "write_report"]
@@ -31,7 +30,7 @@ def write_report(
     run: Run,
     path: Path | str,
     *,
-    recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
+    recordings: Sequence[ProcessedRecording] | None = None,
     data: Path | str | None = None,
 ) -> Path:
     """Write a run's page.
@@ -39,7 +38,7 @@ def write_report(
     Args:
         run: The run.
         path: The file; written whole or not at all.
-        recordings: What the run was made from, where it is at hand and need not be read again.
+        recordings: What the run was made from, where it is at hand and need not be read and processed again.
         data: Folder in which recordings are looked for first.
 
     Raises:

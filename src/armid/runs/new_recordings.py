@@ -20,7 +20,8 @@ from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.identify import changing_parameters, process_study_recordings, read_recording
+from armid.study.identify import changing_parameters, read_recording
+from armid.study.processed import ProcessedRecording, joined_observations, process_each
 from armid.values import Array, load
 
 __all__ = [
@@ -43,7 +44,7 @@ class NewRecordings:
         earlier: What the run's training recordings say.
         new: What the new recordings say about the same base parameters.
         samples: The same with its samples.
-        recordings: The new recordings.
+        recordings: The new recordings, processed.
         findings: What was noticed on the way.
     """
 
@@ -52,7 +53,7 @@ class NewRecordings:
     earlier: Information
     new: Information
     samples: EstimationProblem
-    recordings: tuple[tuple[RecordingChoice, Recording], ...]
+    recordings: tuple[ProcessedRecording, ...]
     findings: tuple[Finding, ...]
 
     @property
@@ -82,16 +83,18 @@ def load_new_recordings(
             remedy="leave --gain-deviation out.",
         )
     recordings, findings = read_new_recordings(run, paths, reading)
-    observations, found = process_study_recordings(recordings, run.processing, run.robot)
+    processed = process_each(recordings, run.processing, run.robot)
+    observations = joined_observations(processed)
     base = run.estimate.base
     earlier = load(Information, Path(run.folder) / "information.npz")
+    found = tuple(finding for each in processed for finding in each.findings)
     deviation = _deviation(recordings[0][0].reading, run.robot.n)
     if gain_deviation is not None:
         deviation = np.full(run.robot.n, gain_deviation)
     new = replace(accumulate_information(run.model, base, observations), scale_deviation=deviation)
     samples = EstimationProblem(new, model=run.model, base=base, observations=observations)
     return NewRecordings(
-        run, base, earlier, new, samples, recordings, (*new_recording_findings(run), *findings, *found)
+        run, base, earlier, new, samples, processed, (*new_recording_findings(run), *findings, *found)
     )
 
 

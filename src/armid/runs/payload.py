@@ -205,7 +205,9 @@ def payload_record(payload: Payload) -> dict[str, Any]:
         "gains": None if payload.gains is None else _gains_record(payload),
         "residual": {"rms": load.solved.fit.residual_rms},
         "covariance": {"kind": load.solved.fit.covariance_kind, "why": load.solved.fit.report.why},
-        "recordings": [{"path": choice.path, "sha256": each.sha256} for choice, each in payload.beside.recordings],
+        "recordings": [
+            {"path": each.choice.path, "sha256": each.recording.sha256} for each in payload.beside.recordings
+        ],
         "warnings": [finding_record(finding) for finding in payload.findings],
     }
 

@@ -23,6 +23,7 @@ from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_on
 from armid.study.identify import read_recording, score_recordings
 from armid.study.plans.plan_files import motion_of_plan
+from armid.study.processed import process_each
 from armid.validation.prediction import Validation, validate
 from armid.validation.prediction_interval import torque_band
 from armid.values import Array, replace_file
@@ -56,7 +57,7 @@ def validate_run(
                 remedy="give a recording that the run has not seen.",
             )
         recordings.append((choice, recording))
-    scores, found = score_recordings(run.model, run.estimate, recordings, run.processing)
+    scores, found = score_recordings(run.model, run.estimate, process_each(recordings, run.processing, run.robot))
     findings = findings_on(run.model, recordings, told)
     return validate(run.robot.joint_names, scores, run.estimate), (*findings, *found)
 

@@ -21,6 +21,7 @@ from armid.runs.run import Run
 from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
 from armid.study.identify import Result, read_recording, score_recordings
 from armid.study.plausibility import few_blocks_finding, negative_finding
+from armid.study.processed import ProcessedRecording, process_each
 from armid.threads import one_blas_thread
 from armid.validation.prediction import Score, validate
 from armid.values import digest, sha256_of_file
@@ -94,14 +95,14 @@ def recalibrate(
         made_from=(
             f"robot {run.robot.sha256}",
             f"earlier run {sha256_of_file(Path(run.folder) / 'estimate.npz')}",
-            *(f"train {recording.sha256}" for _, recording in beside.recordings),
+            *(f"train {each.recording.sha256}" for each in beside.recordings),
             f"options {digest(changed)}",
         ),
         made_by=beside.new.made_by,
     )
-    unseen = [_held_out(beside, path) for path in held_out]
+    unseen = process_each([_held_out(beside, path) for path in held_out], run.processing, run.robot)
     result = _result(beside, estimate, found.information, unseen)
-    before, _ = score_recordings(run.model, run.estimate, unseen or beside.recordings, run.processing)
+    before, _ = score_recordings(run.model, run.estimate, unseen or beside.recordings)
     findings = (
         *result.estimate.findings,
         *_doubts(beside, result, changed),
@@ -115,14 +116,14 @@ def _result(
     beside: NewRecordings,
     estimate: Estimate,
     information: Information,
-    unseen: Sequence[tuple[RecordingChoice, Recording]],
+    unseen: Sequence[ProcessedRecording],
 ) -> Result:
     """The new run: scores of the new and of held-out recordings, and the study that stands for it."""
     run = beside.run
-    training, _ = score_recordings(run.model, estimate, beside.recordings, run.processing)
-    scores, found = score_recordings(run.model, estimate, unseen, run.processing)
+    training, _ = score_recordings(run.model, estimate, beside.recordings)
+    scores, found = score_recordings(run.model, estimate, unseen)
     validation = validate(run.robot.joint_names, scores, estimate)
-    recordings = tuple(choice for choice, _ in (*beside.recordings, *unseen))
+    recordings = tuple(each.choice for each in (*beside.recordings, *unseen))
     study = replace(_study(run), recordings=recordings)
     # The earlier training recordings are in the estimate, too, and must not judge it; their files may be gone.
     nothing = np.full(run.robot.n, np.nan)
@@ -135,9 +136,9 @@ def _result(
 
 def _held_out(beside: NewRecordings, path: str) -> tuple[RecordingChoice, Recording]:
     """A recording to check on, which nothing has been estimated from."""
-    choice = replace(beside.recordings[0][0], path=str(Path(path).absolute()), role="validate")
+    choice = replace(beside.recordings[0].choice, path=str(Path(path).absolute()), role="validate")
     recording, _ = read_recording(choice, ".", beside.run.robot)
-    if recording.sha256 in {*beside.run.trained_on, *(each.sha256 for _, each in beside.recordings)}:
+    if recording.sha256 in {*beside.run.trained_on, *(each.recording.sha256 for each in beside.recordings)}:
         raise StudyError(
             f"{path} is to validate, but the same data are trained on (sha256 {recording.sha256[:12]}…).",
             remedy="give a recording that neither the run nor the recalibration has seen.",
@@ -198,7 +199,7 @@ def _worse(beside: NewRecordings, result: Result, before: Sequence[Score], chang
         return []
     run = beside.run
     trained = float(np.sqrt(np.nansum(run.estimate.fit.residual_rms**2)))
-    new = _error(score_recordings(run.model, run.estimate, beside.recordings, run.processing)[0])
+    new = _error(score_recordings(run.model, run.estimate, beside.recordings)[0])
     if earlier <= STILL_THE_SAME * trained < new:
         return [_of_before(error, earlier, new)]
     return [

@@ -26,7 +26,8 @@ from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, total
 from armid.measurement.observations import Observations
 from armid.study.config import build_estimator
-from armid.study.identify import Prepared, Progress, process_study_recordings, stated_problem
+from armid.study.identify import Prepared, Progress, stated_problem
+from armid.study.processed import joined_observations, of_role
 from armid.validation.certificate import Certificate, certify_values
 from armid.values import Array
 
@@ -103,13 +104,13 @@ def compare_methods(
         progress: Told of methods done.
 
     Raises:
-        ArmidError: The validation recordings cannot be processed, or no row of them counts.
+        ArmidError: No row of the validation recordings counts.
     """
     began = time.perf_counter()
     problem = stated_problem(prepared)
-    held_out = [(choice, recording) for choice, recording in prepared.recordings if choice.role == "validate"]
+    held_out = of_role(prepared.recordings, "validate")
     if held_out:
-        observations, _ = process_study_recordings(held_out, prepared.study.processing, prepared.model.robot)
+        observations = joined_observations(held_out)
         kind, unseen = (
             "validation",
             _on_recordings(prepared, total(accumulate_information(prepared.model, prepared.base, observations))),

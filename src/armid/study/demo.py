@@ -19,6 +19,7 @@ from armid.model.motion import Motion
 from armid.robot import load_robot
 from armid.study.config import EstimationChoice, ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.identify import Progress, Result, conclude, prepare
+from armid.study.processed import ProcessedRecording
 from armid.values import Array
 
 __all__ = ["MOTIONS", "RECORD", "Demo", "demo_recordings", "demo_study", "run_demo", "thesis_processing"]
@@ -49,7 +50,7 @@ class Demo:
     truth: Array
     relative_error: float
     torque_error: float
-    recordings: tuple[tuple[RecordingChoice, Recording], ...]
+    recordings: tuple[ProcessedRecording, ...]
 
 
 def demo_study(processing: ProcessingOptions | None = None, method: str = "wls") -> Study:

@@ -22,9 +22,7 @@ from armid.information.accumulate import accumulate_information
 from armid.information.hysteresis_states import memory_findings
 from armid.information.information import Information
 from armid.measurement.log_format import LogFormat
-from armid.measurement.observations import Observations
-from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.pipeline import process_recordings, resolve_options
+from armid.measurement.processing.pipeline import resolve_options
 from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.measurement.robot_convention import to_robot_convention, understood
@@ -46,6 +44,7 @@ from armid.study.config import (
 from armid.study.diagnosis import findings_on
 from armid.study.extrapolation import highest_speeds, speed_finding
 from armid.study.friction_method import as_chosen, credited
+from armid.study.processed import ProcessedRecording, joined_observations, of_role, process_each
 from armid.study.recording_labels import labels
 from armid.study.recording_parts import cut_recording, refuse_shared
 from armid.threads import one_blas_thread
@@ -61,7 +60,6 @@ __all__ = [
     "identify",
     "no_progress",
     "prepare",
-    "process_study_recordings",
     "read_recording",
     "score_recordings",
     "stated_problem",
@@ -110,7 +108,7 @@ class Prepared:
         study: The study, its automatic choices made.
         model: Arm and torque terms.
         base: The model's base parameters.
-        recordings: All recordings with their roles.
+        recordings: All recordings with their roles, processed.
         problem: What the training recordings say.
         findings: What was noticed on the way.
         began: When the work began, by `time.perf_counter` [s].
@@ -120,7 +118,7 @@ class Prepared:
     study: Study
     model: DynamicsModel
     base: BaseParameters
-    recordings: tuple[tuple[RecordingChoice, Recording], ...]
+    recordings: tuple[ProcessedRecording, ...]
     problem: EstimationProblem
     findings: tuple[Finding, ...]
     began: float
@@ -203,8 +201,10 @@ def prepare(
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
     tell("processing", 0.0)
     processing = resolve_options(study.processing, [recording for _, recording in train])
-    observations, found = process_study_recordings(train, processing, robot)
-    findings += found
+    processed = process_each(recordings, processing, robot)
+    training = of_role(processed, "train")
+    observations = joined_observations(training)
+    findings += [finding for each in training for finding in each.findings]
     ladder = None
     if study.model.automatic:
         tell("friction", 0.0)
@@ -226,7 +226,7 @@ def prepare(
     )
     information = replace(information, scale_deviation=_scale_deviation(train, robot))
     problem = EstimationProblem(information, standard_of(model, base), model, base, observations)
-    return Prepared(study, model, base, tuple(recordings), problem, tuple(findings), began, ladder)
+    return Prepared(study, model, base, processed, problem, tuple(findings), began, ladder)
 
 
 @one_blas_thread
@@ -238,7 +238,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     """
     tell = progress or no_progress
     study, model, recordings = prepared.study, prepared.model, prepared.recordings
-    robot, processing = model.robot, study.processing
+    robot = model.robot
     information = prepared.problem.information
     tell("estimation", 0.0)
     try:
@@ -254,16 +254,15 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     )
     findings = [*prepared.findings, *estimate.findings, *remarks]
     tell("validation", 0.0)
-    train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
-    training, _ = score_recordings(model, estimate, train, processing)
-    held_out = [(choice, recording) for choice, recording in recordings if choice.role == "validate"]
-    scores, found = score_recordings(model, estimate, held_out, processing)
+    train = of_role(recordings, "train")
+    training, _ = score_recordings(model, estimate, train)
+    scores, found = score_recordings(model, estimate, of_role(recordings, "validate"))
     validation = validate(robot.joint_names, scores, estimate)
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)
     return Result(
-        study, robot, model, information, estimate, validation, training, prepared.ladder, train[0][0].reading
+        study, robot, model, information, estimate, validation, training, prepared.ladder, train[0].choice.reading
     )
 
 
@@ -292,36 +291,18 @@ def no_progress(stage: str, share: float) -> None:
 def score_recordings(
     model: DynamicsModel,
     estimate: Estimate,
-    recordings: Sequence[tuple[RecordingChoice, Recording]],
-    processing: ProcessingOptions,
+    recordings: Sequence[ProcessedRecording],
 ) -> tuple[tuple[Score, ...], tuple[Finding, ...]]:
-    """Torque error on recordings, each processed by itself, and what was noticed on the way."""
+    """Torque error on each recording, and what was noticed on the way."""
     scores: list[Score] = []
     findings: list[Finding] = []
-    names = labels([choice for choice, _ in recordings])
-    for (choice, recording), label in zip(recordings, names, strict=True):
-        observations, found = process_study_recordings([(choice, recording)], processing, model.robot)
-        findings += found
-        asked = highest_speeds(observations)
-        beyond = speed_finding(model.robot, estimate.speeds, asked, label or Path(choice.path).name)
-        findings += [] if beyond is None else [beyond]
-        scores.append(score(model, estimate, observations, path=choice.path, sha256=recording.sha256))
+    names = labels([each.choice for each in recordings])
+    for each, label in zip(recordings, names, strict=True):
+        path, asked = each.choice.path, highest_speeds(each.observations)
+        beyond = speed_finding(model.robot, estimate.speeds, asked, label or Path(path).name)
+        findings += each.findings if beyond is None else (*each.findings, beyond)
+        scores.append(score(model, estimate, each.observations, path=path, sha256=each.recording.sha256))
     return tuple(scores), tuple(findings)
-
-
-def process_study_recordings(
-    recordings: Sequence[tuple[RecordingChoice, Recording]], processing: ProcessingOptions, robot: Robot
-) -> tuple[Observations, tuple[Finding, ...]]:
-    """Observations of several recordings."""
-    readings: list[LogFormat] = [choice.reading for choice, _ in recordings]
-    limits = np.array([joint.effort_limit for joint in robot.joints])
-    return process_recordings(
-        [recording for _, recording in recordings],
-        processing,
-        periods=[reading.repeats for reading in readings],
-        starts=[reading.start for reading in readings],
-        effort_limits=limits,
-    )
 
 
 def _is_motor_side(study: Study) -> bool:
@@ -337,7 +318,7 @@ def _estimate(
     model: DynamicsModel,
     base: BaseParameters,
     problem: EstimationProblem,
-    recordings: Sequence[tuple[RecordingChoice, Recording]],
+    recordings: Sequence[ProcessedRecording],
 ) -> Estimate:
     """Estimate with what it was made from."""
     fit = build_estimator(study.estimation).estimate(problem)
@@ -345,7 +326,7 @@ def _estimate(
     options = digest(repr((study.model, study.processing, study.estimation)))
     made_from = (
         f"robot {model.robot.sha256}",
-        *(f"{choice.role} {recording.sha256}" for choice, recording in recordings),
+        *(f"{each.choice.role} {each.recording.sha256}" for each in recordings),
         f"options {options}",
     )
     return Estimate(

@@ -19,7 +19,7 @@ from armid.measurement.observations import Observations
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.recording import Recording
 from armid.study.config import EstimationChoice, RecordingChoice, build_estimator
-from armid.study.identify import process_study_recordings
+from armid.study.processed import joined_observations, process_each
 from armid.thesis.setting import PERIOD, ReferenceModel, Setting
 from armid.values import digest
 
@@ -108,7 +108,7 @@ def observed(
     """Steps 1 and 2 of Algorithm 3: the processed recording; a period of `None` has it not repeat."""
     reading = LogFormat() if period is None else LogFormat(period=period, start=0.0)
     choice = RecordingChoice("virtual", reading=reading)
-    return process_study_recordings([(choice, recording)], processing, setting.hanging.dynamics.robot)[0]
+    return joined_observations(process_each([(choice, recording)], processing, setting.hanging.dynamics.robot))
 
 
 def estimate(

@@ -24,7 +24,8 @@ from armid.report.page import render, write_comparison, write_report
 from armid.report.sections.provenance import show_provenance
 from armid.runs.run import Run, load_run, save_run
 from armid.study.config import Study, load_study
-from armid.study.identify import identify, process_study_recordings, read_recording
+from armid.study.identify import identify, read_recording
+from armid.study.processed import process_each
 from armid.study.records import to_json
 from armid.validation.prediction import score
 from labs import (
@@ -330,13 +331,13 @@ def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
     study = replace(study, recordings=train, estimation=replace(study.estimation, friction_per_recording=own))
     made = load_run(save_run(identify(study), tmp_path / "run"))
     recording, _ = read_recording(train[1], study.folder, made.robot)
-    drawn = evaluate_recording(made, train[1], recording)
-    observations, _ = process_study_recordings([(train[1], recording)], made.processing, made.robot)
-    judged = score(made.model, made.estimate, observations)
+    (processed,) = process_each([(train[1], recording)], made.processing, made.robot)
+    drawn = evaluate_recording(made, processed)
+    judged = score(made.model, made.estimate, processed.observations)
     inside = np.mean(np.abs(drawn.residual) <= drawn.half_band, axis=0, where=np.isfinite(drawn.residual))
     np.testing.assert_allclose(inside, judged.coverage95, atol=1e-12)  # the same rows
     monkeypatch.setattr(recording_data, "BAND_ROWS", len(drawn.time) // 4)
-    between = evaluate_recording(made, train[1], recording).half_band
+    between = evaluate_recording(made, processed).half_band
     np.testing.assert_allclose(between, drawn.half_band, rtol=0.2)  # it changes as slowly as the motion
 
 

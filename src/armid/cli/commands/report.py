@@ -13,8 +13,7 @@ from armid.cli.options import Json
 from armid.cli.reading import Data
 
 if TYPE_CHECKING:
-    from armid.measurement.recording import Recording
-    from armid.study.config import RecordingChoice
+    from armid.study.processed import ProcessedRecording
 
 __all__ = ["NoReport", "attempt", "report", "write_page"]
 
@@ -69,7 +68,7 @@ def report(
     print_findings([Finding("recording-missing", "warning", "", text, MISSING) for text in missing])
 
 
-def write_page(folder: Path, recordings: Sequence[tuple[RecordingChoice, Recording]]) -> bool:
+def write_page(folder: Path, recordings: Sequence[ProcessedRecording]) -> bool:
     """The page of a run that has just been saved; where it cannot be made, a line on standard error says why.
 
     The results are on the screen by then, so nobody waits for it.

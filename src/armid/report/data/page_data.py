@@ -12,13 +12,13 @@ import numpy as np
 
 from armid.errors import ArmidError
 from armid.measurement.log_format import LogFormat
-from armid.measurement.recording import Recording
 from armid.report.data.recording_data import RecordingData, evaluate_recording
 from armid.robot import Joint
 from armid.runs.certification import Verdict, certify_run
 from armid.runs.locate_recording import read_recording_of
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
+from armid.study.processed import ProcessedRecording, process_each
 from armid.values import Array
 
 __all__ = ["PageData", "choices_of", "gather", "records_of", "velocity_unit", "with_evidence"]
@@ -84,14 +84,14 @@ def velocity_unit(joint: Joint) -> str:
 def gather(
     run: Run,
     *,
-    recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
+    recordings: Sequence[ProcessedRecording] | None = None,
     data: Path | str | None = None,
 ) -> PageData:
     """Read a run's records and, where they still are, its recordings.
 
     Args:
         run: The run.
-        recordings: What the run was made from, where it is at hand and need not be read again.
+        recordings: What the run was made from, where it is at hand and need not be read and processed again.
         data: Folder in which recordings are looked for first, by their path in the study or by their name.
 
     Raises:
@@ -104,14 +104,14 @@ def gather(
 def with_evidence(
     run: Run,
     *,
-    recordings: Sequence[tuple[RecordingChoice, Recording]] | None = None,
+    recordings: Sequence[ProcessedRecording] | None = None,
     data: Path | str | None = None,
 ) -> PageData:
     """A run's records and recordings without its certificate, which pictures do not need.
 
     Args:
         run: The run.
-        recordings: What the run was made from, where it is at hand and need not be read again.
+        recordings: What the run was made from, where it is at hand and need not be read and processed again.
         data: Folder in which recordings are looked for first, by their path in the study or by their name.
 
     Raises:
@@ -123,11 +123,11 @@ def with_evidence(
     missing: list[str] = []
     for choice, sha256 in choices_of(run, material.study) if recordings is None else ():
         try:
-            evidence.append(evaluate_recording(run, choice, read_recording_of(run, choice, sha256, folder, data)))
+            read = choice, read_recording_of(run, choice, sha256, folder, data)
+            evidence += [evaluate_recording(run, each) for each in process_each([read], run.processing, run.robot)]
         except ArmidError as error:
             missing.append(error.problem)
-    for choice, recording in recordings or ():
-        evidence.append(evaluate_recording(run, choice, recording))
+    evidence += [evaluate_recording(run, each) for each in recordings or ()]
     return replace(material, evidence=tuple(evidence), missing=tuple(missing))
 
 

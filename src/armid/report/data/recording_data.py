@@ -12,12 +12,11 @@ from armid.estimation.estimate import Estimate, torque_parameters
 from armid.information.residuals import compare
 from armid.maths.spectrum import spectrum
 from armid.measurement.observations import Observations, ObservedRun
-from armid.measurement.recording import Recording
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.identify import process_study_recordings
+from armid.study.processed import ProcessedRecording
 from armid.validation.prediction_interval import band_of_rows
 from armid.values import Array
 
@@ -104,13 +103,9 @@ def joined(
     return np.concatenate([np.zeros(0), *(getattr(each, what)[:, j] for each in evidence)])
 
 
-def evaluate_recording(run: Run, choice: RecordingChoice, recording: Recording) -> RecordingData:
-    """Process a recording as the run did and compare its torque with the estimate's.
-
-    Raises:
-        RecordingError: The recording does not allow what the run's processing asks.
-    """
-    observations, _ = process_study_recordings([(choice, recording)], run.processing, run.robot)
+def evaluate_recording(run: Run, recording: ProcessedRecording) -> RecordingData:
+    """Torque of a recording, processed as the run's own, beside that of the estimate."""
+    observations = recording.observations
     model, estimate, runs, band = run.model, run.estimate, observations.runs, observations.band
     theta = torque_parameters(estimate.base, estimate.fit)
     only_friction = np.where(friction_columns(model), theta, 0.0)
@@ -121,7 +116,7 @@ def evaluate_recording(run: Run, choice: RecordingChoice, recording: Recording) 
     mask = np.concatenate([each.mask for each in found])
     longest = max(runs, key=lambda each: each.motion.samples)
     return RecordingData(
-        choice,
+        recording.choice,
         time - time[0],
         np.concatenate([motion.q for motion in grid]),
         np.concatenate([motion.dq for motion in grid]),

@@ -1,0 +1,75 @@
+"""Recordings of a study beside what processing made of them, so that each is processed once."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.measurement.observations import Observations
+from armid.measurement.processing.options import ProcessingOptions
+from armid.measurement.processing.pipeline import process_recording, resolve_options
+from armid.measurement.recording import Recording
+from armid.robot import Robot
+from armid.study.config import RecordingChoice
+
+__all__ = ["ProcessedRecording", "joined_observations", "of_role", "process_each"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ProcessedRecording:
+    """One recording of a study.
+
+    Attributes:
+        choice: Path, role, log format and part.
+        recording: The recording in the robot's convention.
+        observations: Its runs and the band.
+        findings: Noticed while it was processed.
+    """
+
+    choice: RecordingChoice
+    recording: Recording
+    observations: Observations
+    findings: tuple[Finding, ...]
+
+
+def process_each(
+    recordings: Sequence[tuple[RecordingChoice, Recording]], processing: ProcessingOptions, robot: Robot
+) -> tuple[ProcessedRecording, ...]:
+    """Recordings processed one by one; runs hold the number of their recording among those of its role.
+
+    Raises:
+        RecordingError: A recording does not allow what `processing` asks.
+    """
+    if not recordings:
+        return ()
+    processing = resolve_options(processing, [recording for _, recording in recordings])
+    limits = np.array([joint.effort_limit for joint in robot.joints])
+    number: Counter[str] = Counter()
+    processed: list[ProcessedRecording] = []
+    for choice, recording in recordings:
+        runs, findings = process_recording(
+            recording,
+            processing,
+            period=choice.reading.repeats,
+            start=choice.reading.start,
+            effort_limits=limits,
+            index=number[choice.role],
+        )
+        number[choice.role] += 1
+        processed.append(ProcessedRecording(choice, recording, Observations(runs, processing.band), findings))
+    return tuple(processed)
+
+
+def joined_observations(processed: Sequence[ProcessedRecording]) -> Observations:
+    """Observations of several recordings that were processed alike."""
+    runs = tuple(run for each in processed for run in each.observations.runs)
+    return Observations(runs, processed[0].observations.band)
+
+
+def of_role(processed: Iterable[ProcessedRecording], role: str) -> tuple[ProcessedRecording, ...]:
+    """Recordings that train, or that validate."""
+    return tuple(each for each in processed if each.choice.role == role)
