@@ -100,7 +100,7 @@ def test_the_example_of_a_term(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def test_signatures_of_the_page_are_those_of_the_code(name: str, kind: ModuleType):
     """The block that shows a contract, executed, and beside it one that keeps to the contract."""
     known: dict[str, Any] = {"Path": Path, "Mapping": Mapping}
-    known |= dict.fromkeys(("Reading", "Robot", "Recording", "Outline", "Track"), object)
+    known |= dict.fromkeys(("LogFormat", "Robot", "Recording", "JointOutline", "SampledMotion"), object)
     blocks = re.findall(r"```python\n(.*?)```", PAGES["docs/extending.md"], re.DOTALL)
     shown = next(block for block in blocks if f"def {name}(" in block and "class" not in block)
     exec(shown, known)

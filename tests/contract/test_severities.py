@@ -30,7 +30,7 @@ def told() -> dict[str, set[str]]:
         for node in ast.walk(tree):
             if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
                 continue
-            if node.func.id == "fault" and isinstance(node.args[0], ast.Constant):
+            if node.func.id == "recording_error" and isinstance(node.args[0], ast.Constant):
                 found[str(node.args[0].value)].add("error")  # what stops a reading is an error of the doctor's
             if node.func.id not in MAKERS or len(node.args) <= MAKERS[node.func.id]:
                 continue

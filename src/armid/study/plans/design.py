@@ -147,14 +147,8 @@ def design_plan(
     problem = DescentProblem(goal, basis, (*channels, *near), scale)
     pool = nullcontext(executor) if executor or not effort.workers else single_threaded_pool(effort.workers)
     with pool as workers:
-        found = search(
-            problem,
-            seed=effort.seed,
-            budget=effort.budget,
-            rounds=effort.rounds,
-            executor=workers,
-            progress=progress,
-        )
+        seed, budget, rounds = effort.seed, effort.budget, effort.rounds
+        found = search(problem, seed=seed, budget=budget, rounds=rounds, executor=workers, progress=progress)
     whole = replace(problem, channels=(*channels, *every))
     x, margins = _finished(whole, found.best.x, robot, collision)
     plan = _with_leads(basis, x, wish, limits, robot.name)
