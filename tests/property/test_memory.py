@@ -18,7 +18,7 @@ SAMPLES = 216_000
 SCRIPT = """
 import ctypes, json, os, resource, sys
 import numpy as np
-from armid.information import stream
+from armid.information import accumulate
 from armid.information.accumulate import inform
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -37,7 +37,7 @@ motion = lively_motion(rng, 7, 8000.0, samples / 8000.0)
 torque = model.torque(motion, np.ones(len(model.parameters))) + noise * rng.normal(size=(samples, 7))
 observations = raw(one_run(motion, torque, 8000.0, block_rows=8000))
 few = raw(one_run(motion[slice(0, 100)], torque[:100], 8000.0))
-stream.GRAM_ROWS, usual = 0, stream.GRAM_ROWS  # so that all of it runs once
+accumulate.GRAM_ROWS, usual = 0, accumulate.GRAM_ROWS  # so that all of it runs once
 inform(model, base, few)
 del torque
 libc = ctypes.CDLL(None)
@@ -47,7 +47,7 @@ if hasattr(libc, "malloc_trim"):
 if child := os.fork():
     os._exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 inform(model, base, few)
-stream.GRAM_ROWS = usual
+accumulate.GRAM_ROWS = usual
 before = peak()
 information = inform(model, base, observations)
 after = peak()

@@ -1,1 +1,1 @@
-"""What a page shows, computed from a run."""
+"""Contents of a page, computed from a run."""
