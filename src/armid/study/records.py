@@ -109,7 +109,7 @@ def friction_selection_record(ladder: FrictionSelection, joints: Sequence[str]) 
         "evidence": [
             {
                 "joint": each.joint,
-                "rung": each.rung,
+                "rung": each.family,
                 "candidate": each.candidate,
                 "ratio": each.ratio,
                 "deviation": each.deviation,

@@ -1,4 +1,4 @@
-"""The friction ladder's parts: gains against direct estimates, pieces and terms, and what it declines to judge."""
+"""Friction selection: gains against direct estimates, candidates and terms, and data that are too few."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from armid.estimation.friction.candidates import (
     REFINED,
     Candidate,
     CandidateModel,
+    allowed_candidates,
     candidate_model,
-    candidates,
-    described,
+    describe,
     terms_of,
 )
 from armid.estimation.friction.heldout_gains import GainPrior, make_folds
 from armid.estimation.friction.search import HeldOutTrial, SelectedCandidate, SelectionPath
 from armid.estimation.friction.selection import choose_friction
-from armid.estimation.friction.shape_fit import refine
+from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.whitening import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
@@ -67,8 +67,8 @@ def test_a_gain_is_what_the_error_on_the_stretch_loses():
     weights = np.array([1.0, 2.0, 0.5])
     fold = np.arange(information.blocks) // 6
     stretches = make_folds(information, fold, weights, GainPrior(np.zeros(b), np.zeros((b, b))))
-    kept = np.flatnonzero(wide.own)
-    reduced = stretches.reduced(kept, np.zeros(b), all_anew=True)
+    kept = np.flatnonzero(wide.in_model)
+    reduced = stretches.reduced(kept, np.zeros(b), refit_all=True)
     for joint in range(3):
         columns = wide.columns[joint, Candidate("ripple", 3.0)]
         gains = reduced.gains(joint, columns, 0.0)
@@ -111,14 +111,14 @@ def test_joints_with_the_same_shapes_share_a_term():
         Ripple((3.0,), joints=(names[2],)),
         Stribeck(0.1, 2.0, 0.02, (names[0], names[1])),
     }
-    assert described((wave, Candidate("ripple", 2.0), Candidate("load-coulomb"))) == "ripple 2, 3 + load-coulomb"
+    assert describe((wave, Candidate("ripple", 2.0), Candidate("load-coulomb"))) == "ripple 2, 3 + load-coulomb"
 
 
 def test_pieces_do_not_change_the_models_own_parameters():
     model = arm()
     base = find_base_parameters(model)
     wide = candidate_model(model, base, [frozenset({Candidate("hysteresis", 0.01)})] * 3)
-    assert tuple(np.array(wide.base.names)[wide.own]) == base.names
+    assert tuple(np.array(wide.base.names)[wide.in_model]) == base.names
     assert wide.base.count == base.count + 3
 
 
@@ -126,10 +126,10 @@ def test_a_width_whose_memory_is_not_known_early_is_no_candidate():
     model = arm()
     (run,) = recorded(model).runs
     small = replace(run.motion, q=0.02 * run.motion.q)
-    allowed = candidates(model, raw(replace(run, motion=small)))
+    allowed = allowed_candidates(model, raw(replace(run, motion=small)))
     widths = [{piece.shape for piece in pieces if piece.term == Hysteresis.name} for pieces in allowed]
     assert all(0.001 in own and 0.1 not in own for own in widths)
-    separate = candidates(model, raw(replace(run, consecutive=False)))
+    separate = allowed_candidates(model, raw(replace(run, consecutive=False)))
     assert not any(piece.term == Hysteresis.name for pieces in separate for piece in pieces)
     assert not any(piece.term == "load-coulomb" for pieces in allowed for piece in pieces)  # no load is known
 
@@ -138,11 +138,11 @@ def test_a_velocity_law_that_the_speeds_do_not_show_whole_is_no_candidate():
     model = arm()
     (run,) = recorded(model).runs
     slow = replace(run.motion, dq=run.motion.dq * (0.3 / np.abs(run.motion.dq).max(axis=0)))
-    allowed = candidates(model, raw(replace(run, motion=slow)))
+    allowed = allowed_candidates(model, raw(replace(run, motion=slow)))
     found = {(piece.term, piece.shape) for pieces in allowed for piece in pieces}
     assert ("stribeck", 0.05) in found and ("stribeck", 0.4) not in found
     assert not any(term == "piecewise-viscous" and knot > 0.2 for term, knot in found)
-    assert all(Candidate("stribeck", 0.4) in pieces for pieces in candidates(model, recorded(model)))
+    assert all(Candidate("stribeck", 0.4) in pieces for pieces in allowed_candidates(model, recorded(model)))
 
 
 @pytest.mark.parametrize("term", sorted(REFINED))
@@ -173,13 +173,13 @@ def test_shapes_go_from_the_grid_to_where_the_truth_is():
         return wide, accumulate_information(wide.model, wide.base, observations)
 
     taken = tuple(SelectedCandidate("velocity", j, (Candidate("stribeck", 0.1),), 0.0) for j in range(3))
-    trials = tuple(HeldOutTrial(each.joint, each.rung, each.pieces, 0.5, 0.1, True) for each in taken)
+    trials = tuple(HeldOutTrial(each.joint, each.family, each.candidates, 0.5, 0.1, True) for each in taken)
     found = SelectionPath(taken, np.arange(base.count), np.zeros(base.count), trials)
     nothing = GainPrior(np.zeros(base.count), np.zeros((base.count, base.count)))
-    refined = refine(found, widen, nothing, np.ones(3), 3)
-    shapes = [each.pieces[0].shape for each in refined.taken]
+    refined = refine_shapes(found, widen, nothing, np.ones(3), 3)
+    shapes = [each.candidates[0].shape for each in refined.selected]
     assert np.abs(np.log(np.array(shapes) / 0.14)).max() < NEAR
-    assert [trial.pieces for trial in refined.trials] == [each.pieces for each in refined.taken]
+    assert [trial.candidates for trial in refined.trials] == [each.candidates for each in refined.selected]
 
 
 def test_a_joint_that_stands_still_gets_nothing():
@@ -187,7 +187,7 @@ def test_a_joint_that_stands_still_gets_nothing():
     (run,) = recorded(model).runs
     q = run.motion.q.copy()
     q[:, 1] = 0.3
-    allowed = candidates(model, raw(replace(run, motion=replace(run.motion, q=q))))
+    allowed = allowed_candidates(model, raw(replace(run, motion=replace(run.motion, q=q))))
     assert not allowed[1] and allowed[0] and allowed[2]
 
 

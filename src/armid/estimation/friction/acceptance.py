@@ -1,8 +1,9 @@
-"""Rule by which the stretches that were left out show a candidate of friction.
+"""Acceptance rule for friction candidates, from their gains on held-out folds.
 
-Its gain over the folds must exceed its own standard error by a margin, and a share of what is left. In a rung where
-the joints of an arm are alike (hysteresis of the same kind of gear), the sum of their gains is evidence for each, and
-a joint goes its own way only where it clearly says so.
+A candidate is accepted where its gain over the folds exceeds a multiple of the gain's standard error and a minimum
+share of the remaining error. Some families act alike on all joints of an arm (hysteresis of the same kind of gear).
+There the mean gain over the joints decides for all of them; a joint departs from that choice only where another
+candidate is significantly better on it.
 """
 
 from __future__ import annotations
@@ -14,109 +15,114 @@ import numpy as np
 from armid.estimation.friction.candidates import Candidate, CandidateFamily
 from armid.values import Array
 
-__all__ = ["LARGE", "CandidateGain", "of_the_arm", "of_the_joint", "proportions", "standard_error"]
+__all__ = ["LARGE", "CandidateGain", "choose_for_arm", "choose_for_joint", "error_log_ratios", "standard_error"]
 
-LOWEST = 0.1
-"""Smallest share of a fold's error that counts as left: one fold explained by chance must not outweigh all others."""
+LOWEST_RATIO = 0.1
+"""Lower limit of the error ratio of a fold: one fold explained by chance must not outweigh all others."""
 
 LARGE = 0.1
-"""Share of the squared error that a gain takes at least where few stretches show it, such as slow reversals."""
+"""Minimum gain, as a share of the squared error, of an effect that only a few folds show, such as slow reversals."""
 
-REST = 0.02
-"""What must then be gained beyond the best stretch, as a share, so that no stretch decides alone."""
+BEYOND_BEST = 0.02
+"""Minimum gain of such an effect on all folds but the best, as a share, so that no fold decides alone."""
 
-TIMES = 10.0
-"""And by how many times that must exceed what all others lose: their scatter says nothing of what a few show."""
+GAIN_OVER_LOSS = 10.0
+"""Minimum ratio of that gain to the loss on the other folds, in place of the standard error, which is large here."""
 
-HALF = 0.5
-"""Share of the evidence that a joint needs by itself where its arm has it."""
+SHARED_MARGIN = 0.5
+"""Factor on the margin that a joint itself must reach where the arm as a whole accepts the candidate."""
 
-BETTER = 2.0
-"""Standard errors by which a joint's own choice must beat that of its arm."""
+OWN_CHOICE_MARGIN = 2.0
+"""Standard errors by which a joint's best candidate must beat the candidate chosen for the arm."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CandidateGain:
-    """A candidate with a shrinkage on one joint.
+    """Gain of an option of a family on one joint, with one shrinkage.
 
     Attributes:
         joint: Index of the joint.
-        option: Which of the rung's options.
-        pieces: What it adds.
-        ridge: Its shrinkage.
-        gains: What it takes away on each fold, as shares of the joint's error on all, shape (F,).
-        changes: Logarithms of the joint's error with it over that without on each fold, shape (F,).
+        option: Index of the option in its family.
+        candidates: Candidates of the option.
+        ridge: Shrinkage of their columns, in shares of the squared length of each.
+        gains: Reduction of the joint's squared error on each fold, as a share of its error on all folds, shape (F,).
+        changes: Logarithm of the ratio of the joint's squared error, with over without, on each fold, shape (F,).
     """
 
     joint: int
     option: int
-    pieces: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]
     ridge: float
     gains: Array
     changes: Array
 
     @property
     def gain(self) -> float:
-        """Return what it takes away on all folds."""
+        """Reduction of the joint's squared error on all folds, as a share."""
         return float(self.gains.sum())
 
 
-def of_the_arm(rung: CandidateFamily, offers: list[CandidateGain]) -> list[CandidateGain] | None:
-    """The candidate with the largest gain over all joints, where all of them together make it clear."""
+def choose_for_arm(family: CandidateFamily, measured: list[CandidateGain]) -> list[CandidateGain] | None:
+    """Chooses the option with the largest gain over all joints; `None` where their mean gain is not significant."""
     groups: dict[tuple[int, float], list[CandidateGain]] = {}
-    for offer in offers:
-        groups.setdefault((offer.option, offer.ridge), []).append(offer)
+    for each in measured:
+        groups.setdefault((each.option, each.ridge), []).append(each)
     if not groups:
         return None
-    best = max(groups.values(), key=lambda group: sum(offer.gain for offer in group))
-    gains = np.mean([offer.gains for offer in best], axis=0)
-    changes = np.mean([offer.changes for offer in best], axis=0)
-    return best if _is_clear(gains, changes, rung.clear, rung.least) else None
+    largest = max(groups.values(), key=lambda group: sum(each.gain for each in group))
+    gains = np.mean([each.gains for each in largest], axis=0)
+    changes = np.mean([each.changes for each in largest], axis=0)
+    return largest if _is_clear(gains, changes, family.margin, family.min_gain) else None
 
 
-def of_the_joint(
-    rung: CandidateFamily, own: list[CandidateGain], shared: list[CandidateGain] | None
+def choose_for_joint(
+    family: CandidateFamily, of_joint: list[CandidateGain], shared: list[CandidateGain] | None
 ) -> CandidateGain | None:
-    """Choose for a joint: as its arm does unless it clearly does better otherwise, else what is clear by itself."""
-    if not own:
-        return None
-    best = max(own, key=lambda offer: offer.gain)
-    if not shared:
-        return best if _is_clear(best.gains, best.changes, rung.clear, rung.least) else None
-    arm = shared[0]
-    more = best.gains - arm.gains
-    if more.sum() > BETTER * standard_error(more):
-        return best
-    return arm if _is_clear(arm.gains, arm.changes, HALF * rung.clear, 0.0) else None
+    """Chooses the option of a joint.
 
-
-def _is_clear(gains: Array, changes: Array, clear: float, least: float) -> bool:
-    """Tell whether a gain is worth it and stands out of its scatter between folds, in size or in proportion.
-
-    One fold on which the model was far off may bring most of the gain and of its scatter; proportions then tell, or
-    that there is a gain on every fold, which happens by chance once in 256.
+    The arm's choice stands unless another option is significantly better on the joint. Where there is no arm's
+    choice, the joint's best option is taken if its gain is significant.
     """
-    if gains.sum() <= least:
+    if not of_joint:
+        return None
+    largest = max(of_joint, key=lambda each: each.gain)
+    if not shared:
+        return largest if _is_clear(largest.gains, largest.changes, family.margin, family.min_gain) else None
+    arm_choice = shared[0]
+    difference = largest.gains - arm_choice.gains
+    if difference.sum() > OWN_CHOICE_MARGIN * standard_error(difference):
+        return largest
+    return arm_choice if _is_clear(arm_choice.gains, arm_choice.changes, SHARED_MARGIN * family.margin, 0.0) else None
+
+
+def _is_clear(gains: Array, changes: Array, margin: float, min_gain: float) -> bool:
+    """Checks whether a gain is large enough and significant against its scatter between folds.
+
+    One fold on which the model was far off may contribute most of the gain and of its scatter. So the gain is also
+    significant where the ratios of the errors are, or where every fold gains: that happens by chance once in 256.
+    """
+    if gains.sum() <= min_gain:
         return False
-    by_size = gains.sum() > clear * standard_error(gains)
-    in_proportion = -changes.sum() > clear * standard_error(changes)
-    return bool(by_size or in_proportion or gains.min() > 0.0 or _shown_by_few(gains))
+    by_size = gains.sum() > margin * standard_error(gains)
+    in_proportion = -changes.sum() > margin * standard_error(changes)
+    return bool(by_size or in_proportion or gains.min() > 0.0 or _gains_on_few(gains))
 
 
-def _shown_by_few(gains: Array) -> bool:
-    """Tell whether a few stretches gain much, more than one of them, while the others hardly lose.
+def _gains_on_few(gains: Array) -> bool:
+    """Checks whether two or more folds gain much while the others lose little.
 
-    What only slow reversals show is in two or three stretches, and no scatter of eight is small beside that.
+    Effects that only slow reversals show appear in two or three of eight folds. The scatter between folds is then as
+    large as the gain, and the standard error cannot decide.
     """
     beyond = float(np.maximum(gains, 0.0).sum() - gains.max())
     lost = float(np.maximum(-gains, 0.0).sum())
-    return float(gains.sum()) > LARGE and beyond > max(TIMES * lost, REST)
+    return float(gains.sum()) > LARGE and beyond > max(GAIN_OVER_LOSS * lost, BEYOND_BEST)
 
 
-def proportions(gains: Array, squares: Array) -> Array:
-    """Logarithms of what is left of each fold's error over what was."""
+def error_log_ratios(gains: Array, squares: Array) -> Array:
+    """Logarithm of the ratio of each fold's squared error, after over before a gain, shape (F,)."""
     share = np.divide(gains, squares, out=np.zeros_like(gains), where=squares > 0.0)
-    return np.log(np.maximum(1.0 - share, LOWEST))
+    return np.log(np.maximum(1.0 - share, LOWEST_RATIO))
 
 
 def standard_error(gains: Array) -> float:

@@ -1,8 +1,9 @@
-"""Candidates for the friction of a joint, rung by rung, their columns, and the terms that they become.
+"""Friction candidates by family, the model extended by all of them, and the torque terms that they become.
 
-A piece is a law of one shape, such as the Stribeck effect at one velocity. A candidate is a set of pieces that a
-joint gets together. All pieces of all joints stand beside the model in one superset whose columns are made once;
-whichever are chosen then become ordinary torque terms, each restricted to the joints that have its shapes.
+A candidate is a friction law with one shape, such as the Stribeck effect at one velocity. An option of a family is a
+set of candidates that a joint gets together. The extended model holds the candidates of all joints, so that their
+columns are computed once. The selected candidates become ordinary torque terms, each restricted to the joints that
+have its shapes.
 """
 
 from __future__ import annotations
@@ -36,60 +37,59 @@ from armid.model.terms import (
 from armid.robot.robot import Robot
 
 __all__ = [
+    "FAMILIES",
     "REFINED",
-    "RUNGS",
     "Candidate",
     "CandidateFamily",
     "CandidateModel",
+    "allowed_candidates",
     "candidate_model",
-    "candidates",
-    "described",
+    "describe",
     "terms_of",
 ]
 
 WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)
-"""Deflections of hysteresis [rad or m]: from what encoders resolve to a few degrees, where it begins to look like a
-spring, half a decade apart; a sum of such elements comes near any curve between."""
+"""Deflections of hysteresis [rad or m], half a decade apart: from the resolution of encoders to a few degrees, where
+the law begins to resemble a spring. A sum of such elements approximates any hysteresis curve."""
 
 BETWEEN = (0.002, 0.005, 0.02, 0.05)
-"""Deflections between these, for recordings that show the difference."""
+"""Deflections between those of `WIDTHS`, for recordings that show the difference."""
 
 FINEST = (0.0014, 0.007, 0.014, 0.035, 0.07)
-"""And between the widest steps of both, one at a time."""
+"""Deflections between the widest steps of both, one at a time."""
 
 STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.4)
 """Stribeck velocities [rad/s or m/s]: factors of two, since the fit is flat in them."""
 
 SIGMOID = (0.05, 0.2, 0.5)
-"""Velocities over which a sigmoid turns [rad/s or m/s]."""
+"""Velocity scales of a sigmoid [rad/s or m/s]."""
 
 KNOTS = (0.1, 0.3, 0.6)
 """Speeds at which viscous friction may change its slope [rad/s or m/s]."""
 
 HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0)
-"""Harmonics of the joint's angle. The first is what gravity does; above the sixth, arms of which recordings are at
-hand have none."""
+"""Harmonics of the joint's angle. Gravity has the first; none above the sixth was seen in the recordings at hand."""
 
-FALLEN = {Stribeck.name: 2.0, Sigmoid.name: 2.0, PiecewiseViscous.name: 1.5}
-"""Speed over the shape of a velocity law at which it has done what it does. A joint that was never as fast does not
-get it: what is seen of it would be viscous friction under another name, and go on otherwise where it moves faster."""
+SATURATION = {Stribeck.name: 2.0, Sigmoid.name: 2.0, PiecewiseViscous.name: 1.5}
+"""Ratio of joint speed to the shape of a velocity law above which the law is saturated. A joint that was never so
+fast is not offered the law: below saturation it resembles viscous friction, and would extrapolate wrongly."""
 
-SLOWER = 0.95
-"""Share of a joint's rows that are slower than the speed that counts as reached."""
+SPEED_QUANTILE = 0.95
+"""Quantile of the speeds in a joint's rows that counts as the speed it reached."""
 
-UNKNOWN = 0.2
-"""Share of a joint's rows that a memory may cost for not being known yet: more rows than that are worth more than
-what it usually brings."""
+MAX_UNKNOWN = 0.2
+"""Largest share of a joint's rows that may be excluded because the state of a hysteresis is not known yet: excluding
+more costs more than the term usually gains."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A law of one shape.
+    """A friction law with one shape.
 
     Attributes:
         term: Name of the torque term.
-        shape: Its shape; 0 where it has none of its own.
-        slope: Not the law itself but its derivative by the logarithm of the shape.
+        shape: Its shape; 0 where the term has no shape.
+        slope: Whether it stands for the derivative of the law by the logarithm of the shape, not for the law itself.
     """
 
     term: str
@@ -99,18 +99,18 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class CandidateFamily:
-    """One kind of friction.
+    """Candidates for one kind of friction.
 
     Attributes:
-        name: Name of the rung.
-        options: Candidates, each a set of pieces.
-        shared: Joints of one arm are alike in it, so that all of them together are evidence for each.
-        position: It could imitate gravity or an offset, and must gain in other poses too.
-        rounds: Candidates that a joint may get one after another.
-        clear: Standard errors by which a gain must stand out.
-        least: Least gain in squared error that is worth a term, as a share of what is left.
-        anew: Whether the choice is made a second time once all else is there: near standstill nearly everything looks
-            like something else.
+        name: Name of the kind.
+        options: Sets of candidates that a joint gets together.
+        shared: Whether the joints of one arm are alike in it, so that the evidence of all joints counts for each.
+        position: Whether it could imitate gravity or an offset, and must therefore gain in other poses too.
+        rounds: Largest number of options that a joint may get one after another.
+        margin: Standard errors by which a gain must exceed zero.
+        min_gain: Smallest gain that justifies a term, as a share of the remaining squared error.
+        reselect: Whether the family is selected again once all others have been: near standstill most friction laws
+            resemble each other.
     """
 
     name: str
@@ -118,20 +118,20 @@ class CandidateFamily:
     shared: bool = False
     position: bool = False
     rounds: int = 1
-    clear: float = 2.0
-    least: float = 0.01
-    anew: bool = False
+    margin: float = 2.0
+    min_gain: float = 0.01
+    reselect: bool = False
 
 
 def _singles(term: str, shapes: Sequence[float]) -> tuple[tuple[Candidate, ...], ...]:
     return tuple((Candidate(term, shape),) for shape in shapes)
 
 
-_SPECTRUM = tuple(Candidate(Hysteresis.name, width) for width in WIDTHS)
-_FINER = tuple(Candidate(Hysteresis.name, width) for width in BETWEEN)
+_WIDTHS = tuple(Candidate(Hysteresis.name, width) for width in WIDTHS)
+_BETWEEN = tuple(Candidate(Hysteresis.name, width) for width in BETWEEN)
 
-RUNGS: tuple[CandidateFamily, ...] = (
-    CandidateFamily("hysteresis", (_SPECTRUM, _SPECTRUM[:-1], _SPECTRUM[1:]), shared=True, clear=2.5),
+FAMILIES: tuple[CandidateFamily, ...] = (
+    CandidateFamily("hysteresis", (_WIDTHS, _WIDTHS[:-1], _WIDTHS[1:]), shared=True, margin=2.5),
     CandidateFamily("load", ((Candidate(LoadCoulomb.name),),)),
     CandidateFamily(
         "velocity",
@@ -142,10 +142,10 @@ RUNGS: tuple[CandidateFamily, ...] = (
             tuple(Candidate(PiecewiseViscous.name, knot) for knot in KNOTS),
         ),
         rounds=2,
-        least=0.03,
-        anew=True,
+        min_gain=0.03,
+        reselect=True,
     ),
-    CandidateFamily("ripple", _singles(Ripple.name, HARMONICS), position=True, rounds=3, clear=3.0, least=0.05),
+    CandidateFamily("ripple", _singles(Ripple.name, HARMONICS), position=True, rounds=3, margin=3.0, min_gain=0.05),
     CandidateFamily(
         "asymmetry",
         (
@@ -154,100 +154,119 @@ RUNGS: tuple[CandidateFamily, ...] = (
             (Candidate(AsymmetricCoulomb.name), Candidate(AsymmetricViscous.name)),
         ),
         position=True,
-        least=0.05,
+        min_gain=0.05,
     ),
-    CandidateFamily("finer hysteresis", (_FINER, *((piece,) for piece in (*_FINER, *_SPECTRUM))), least=0.02),
-    CandidateFamily("finest hysteresis", _singles(Hysteresis.name, FINEST), rounds=2, least=0.02),
+    CandidateFamily(
+        "finer hysteresis", (_BETWEEN, *((candidate,) for candidate in (*_BETWEEN, *_WIDTHS))), min_gain=0.02
+    ),
+    CandidateFamily("finest hysteresis", _singles(Hysteresis.name, FINEST), rounds=2, min_gain=0.02),
 )
-"""The rungs in the order in which they are climbed: what explains most of real arms first, what can imitate gravity
-or an offset last."""
+"""The families in the order in which they are tried: first what explains most of the friction of real arms, last what
+can imitate gravity or an offset."""
 
 REFINED = frozenset({Stribeck.name, Sigmoid.name})
-"""Terms whose shape is refined by least squares once they are chosen."""
+"""Terms whose shape is refined by least squares once they are selected."""
 
 ONE_SHAPE = frozenset({Stribeck.name, Sigmoid.name, PowerViscous.name})
 """Terms that a joint can have once, with one shape."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Shelf:
-    """The laws of all pieces as one term; it never leaves the search."""
+class _AllCandidates:
+    """The laws of all candidates as one torque term, used only during the selection."""
 
-    pieces: tuple[Law, ...]
+    candidates: tuple[Law, ...]
     name: ClassVar[str] = "candidates"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
         del robot
-        return self.pieces
+        return self.candidates
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CandidateModel:
-    """A model with all pieces beside its own terms.
+    """A model extended by friction candidates.
 
     Attributes:
-        model: Arm, terms and pieces.
-        base: The model's base parameters, then one for each piece's laws, in the order of the standard ones.
-        own: Which parameters of its information are the model's own, shape (b,): of the base ones, and whatever the
-            information has beyond them.
-        columns: Positions of each piece's parameters among the base ones, by joint and piece.
+        model: Arm, its terms and the candidates.
+        base: Base parameters of the model and one parameter for each law of a candidate, in the order of the standard
+            parameters.
+        in_model: Parameters that belong to the model without candidates, shape (b,): base parameters, and those that
+            the information has beyond them.
+        columns: Positions of each candidate's parameters among the base ones, by joint and candidate.
     """
 
     model: DynamicsModel
     base: BaseParameters
-    own: NDArray[np.bool_]
+    in_model: NDArray[np.bool_]
     columns: dict[tuple[int, Candidate], NDArray[np.intp]]
 
     @property
     def count(self) -> int:
         """Number b of parameters of its information."""
-        return len(self.own)
+        return len(self.in_model)
 
 
-def candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Candidate], ...]:
-    """Pieces that each joint may get: what its speeds show whole, memory known early, ripple where it turns."""
-    pieces = {piece for rung in RUNGS for option in rung.options for piece in option}
+def allowed_candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Candidate], ...]:
+    """Candidates that each joint may get.
+
+    A velocity law needs speeds that saturate it, hysteresis a state that is known early, ripple a revolute joint, and
+    all of them a joint that moves.
+    """
+    candidates = {candidate for family in FAMILIES for option in family.options for candidate in option}
     present = {term.name for term in model.terms}
     known = model.load_parameters is not None
-    pieces = {piece for piece in pieces if piece.term not in present and (known or piece.term != LoadCoulomb.name)}
-    lost = {piece: _unknown(model, piece, observations) for piece in pieces if piece.term == Hysteresis.name}
+    candidates = {
+        candidate
+        for candidate in candidates
+        if candidate.term not in present and (known or candidate.term != LoadCoulomb.name)
+    }
+    lost = {
+        candidate: _unknown_share(model, candidate, observations)
+        for candidate in candidates
+        if candidate.term == Hysteresis.name
+    }
     fast = _speeds(model, observations)
     moved = np.any([np.ptp(run.motion.q, axis=0) > 0.0 for run in observations.runs], axis=0)
     result: list[frozenset[Candidate]] = []
     for j, joint in enumerate(model.robot.joints):
-        own = {piece for piece in pieces if piece not in lost or lost[piece][j] <= UNKNOWN}
+        allowed = {
+            candidate for candidate in candidates if candidate not in lost or lost[candidate][j] <= MAX_UNKNOWN
+        }
         if joint.is_prismatic:
-            own = {piece for piece in own if piece.term != Ripple.name}
-        own = {piece for piece in own if piece.shape * FALLEN.get(piece.term, 0.0) <= fast[j]}
-        result.append(frozenset(own if moved[j] else ()))
+            allowed = {candidate for candidate in allowed if candidate.term != Ripple.name}
+        allowed = {
+            candidate for candidate in allowed if candidate.shape * SATURATION.get(candidate.term, 0.0) <= fast[j]
+        }
+        result.append(frozenset(allowed if moved[j] else ()))
     return tuple(result)
 
 
 def candidate_model(
     model: DynamicsModel, base: BaseParameters, allowed: Sequence[frozenset[Candidate]]
 ) -> CandidateModel:
-    """The model with all pieces that its joints may get.
+    """Extends a model by all candidates that its joints may get.
 
     Args:
-        model: Arm and terms, with `load_parameters` where a piece depends on the load.
+        model: Arm and terms, with `load_parameters` where a candidate depends on the load.
         base: Base parameters of the model.
-        allowed: Pieces of each joint.
+        allowed: Candidates of each joint.
     """
     width = _width(model)
-    shelf: list[Law] = []
-    named: dict[tuple[int, Candidate], list[str]] = {}
-    for j, pieces in enumerate(allowed):
-        for k, piece in enumerate(sorted(pieces, key=lambda p: (p.term, p.shape, p.slope))):
-            term = _term(piece.term, (piece.shape,), width, (model.robot.joint_names[j],))
+    all_laws: list[Law] = []
+    law_names: dict[tuple[int, Candidate], list[str]] = {}
+    for j, candidates in enumerate(allowed):
+        for k, candidate in enumerate(sorted(candidates, key=lambda p: (p.term, p.shape, p.slope))):
+            term = _term(candidate.term, (candidate.shape,), width, (model.robot.joint_names[j],))
             laws = [replace(law, symbol=f"C{k}.{i}") for i, law in enumerate(term.laws(model.robot))]
-            if piece.slope:
-                laws = [replace(law, expression=_slope(piece, law.expression)) for law in laws]
-            named[j, piece] = [f"{law.symbol}_{law.joint + 1}" for law in laws]
-            shelf += laws
-    if not shelf:
+            if candidate.slope:
+                laws = [replace(law, expression=_slope(candidate, law.expression)) for law in laws]
+            law_names[j, candidate] = [f"{law.symbol}_{law.joint + 1}" for law in laws]
+            all_laws += laws
+    if not all_laws:
         return CandidateModel(model, base, np.ones(base.count, dtype=np.bool_), {})
-    whole = replace(model, terms=(*model.terms, _Shelf(tuple(shelf))))
-    names = tuple(parameter.name for parameter in whole.parameters)
+    extended = replace(model, terms=(*model.terms, _AllCandidates(tuple(all_laws))))
+    names = tuple(parameter.name for parameter in extended.parameters)
     place = {name: k for k, name in enumerate(names)}
     known = np.array([place[name] for name in base.standard_names])
     added = np.setdiff1d(np.arange(len(names)), known)
@@ -256,40 +275,42 @@ def candidate_model(
     regrouping = np.zeros((len(kept), len(names)))
     regrouping[: base.count, known] = base.regrouping
     regrouping[np.arange(base.count, len(kept)), added] = 1.0
-    units = tuple(parameter.unit for parameter in whole.parameters)
+    units = tuple(parameter.unit for parameter in extended.parameters)
     wide = BaseParameters(names, units, kept[order], regrouping[order], base.gravity)
     position = {names[k]: row for row, k in enumerate(wide.kept)}
-    columns = {key: np.array([position[name] for name in each]) for key, each in named.items()}
-    return CandidateModel(whole, wide, order < base.count, columns)
+    columns = {key: np.array([position[name] for name in each]) for key, each in law_names.items()}
+    return CandidateModel(extended, wide, order < base.count, columns)
 
 
 def terms_of(model: DynamicsModel, chosen: Sequence[frozenset[Candidate]]) -> tuple[Term, ...]:
-    """The terms that the chosen pieces of each joint become; joints with the same shapes share a term."""
+    """Torque terms of the selected candidates of each joint; joints with the same shapes share a term."""
     width = _width(model)
     shapes: dict[tuple[str, tuple[float, ...]], list[str]] = {}
-    for name, pieces in zip(model.robot.joint_names, chosen, strict=True):
-        for term in sorted({piece.term for piece in pieces}):
-            own = tuple(sorted(piece.shape for piece in pieces if piece.term == term))
-            shapes.setdefault((term, own), []).append(name)
-    return tuple(_term(term, own, width, tuple(joints)) for (term, own), joints in sorted(shapes.items()))
+    for name, candidates in zip(model.robot.joint_names, chosen, strict=True):
+        for term in sorted({candidate.term for candidate in candidates}):
+            joint_shapes = tuple(sorted(candidate.shape for candidate in candidates if candidate.term == term))
+            shapes.setdefault((term, joint_shapes), []).append(name)
+    return tuple(
+        _term(term, joint_shapes, width, tuple(joints)) for (term, joint_shapes), joints in sorted(shapes.items())
+    )
 
 
-def described(pieces: Sequence[Candidate]) -> str:
-    """Pieces in words: `hysteresis 0.01, 0.03`."""
+def describe(candidates: Sequence[Candidate]) -> str:
+    """Text of a set of candidates: `hysteresis 0.01, 0.03`."""
     words: list[str] = []
-    for term in dict.fromkeys(piece.term for piece in pieces):
-        shapes = sorted(piece.shape for piece in pieces if piece.term == term and piece.shape)
+    for term in dict.fromkeys(candidate.term for candidate in candidates):
+        shapes = sorted(candidate.shape for candidate in candidates if candidate.term == term and candidate.shape)
         words.append(f"{term} {', '.join(f'{shape:g}' for shape in shapes)}".rstrip())
     return " + ".join(words)
 
 
 def _width(model: DynamicsModel) -> float:
-    """Velocity over which the sign turns in the model's own Coulomb friction."""
+    """Velocity over which the model's Coulomb friction changes its sign [rad/s or m/s]; 0 where it has none."""
     return next((term.width for term in model.terms if isinstance(term, Coulomb)), 0.0)
 
 
 def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str, ...]) -> Term:
-    """A torque term with the shapes of pieces."""
+    """Torque term of a name with the shapes of candidates."""
     makers = {
         Hysteresis.name: lambda: Hysteresis(shapes, joints),
         LoadCoulomb.name: lambda: LoadCoulomb(width, joints),
@@ -305,28 +326,28 @@ def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str,
 
 
 def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.float64]:
-    """Speed that each joint has reached in some of its rows, shape (n,) [rad/s or m/s]."""
+    """Speed that each joint has reached in its rows, shape (n,) [rad/s or m/s]."""
     result = np.zeros(model.n)
     for j in range(model.n):
         speeds = [np.abs(run.motion.dq[run.rows, j][run.mask[:, j]]) for run in observations.runs]
         if any(len(each) for each in speeds):
-            result[j] = np.quantile(np.concatenate(speeds), SLOWER)
+            result[j] = np.quantile(np.concatenate(speeds), SPEED_QUANTILE)
     return result
 
 
-def _slope(piece: Candidate, law: Expression) -> Expression:
-    """Derivative of a refined term's law by the logarithm of its shape."""
+def _slope(candidate: Candidate, law: Expression) -> Expression:
+    """Derivative of the law of a term in `REFINED` by the logarithm of its shape."""
     velocity = symbol("dq")
-    if piece.term == Stribeck.name:  # exp(-(dq / shape)²), the sign having a width of its own
-        return 2.0 * (velocity * (1.0 / piece.shape)) ** 2.0 * law
+    if candidate.term == Stribeck.name:  # exp(-(dq / shape)²); the width of the sign does not depend on the shape
+        return 2.0 * (velocity * (1.0 / candidate.shape)) ** 2.0 * law
     return -velocity * derivative(law, "dq")  # a sigmoid is a function of dq / shape
 
 
-def _unknown(model: DynamicsModel, piece: Candidate, observations: Observations) -> NDArray[np.float64]:
-    """Share of each joint's rows that come before the memory of a width is known, shape (n,)."""
+def _unknown_share(model: DynamicsModel, candidate: Candidate, observations: Observations) -> NDArray[np.float64]:
+    """Share of each joint's rows before the hysteresis state of a candidate is known, shape (n,)."""
     if not all(run.consecutive for run in observations.runs):
         return np.ones(model.n)
-    alone = DynamicsModel(model.robot, (Hysteresis((piece.shape,)),))
+    alone = DynamicsModel(model.robot, (Hysteresis((candidate.shape,)),))
     had = np.sum([run.mask.sum(axis=0) for run in observations.runs], axis=0)
     left = np.sum(
         [with_hysteresis_states(alone, run, observations.band).mask.sum(axis=0) for run in observations.runs], axis=0

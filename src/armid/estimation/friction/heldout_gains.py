@@ -1,14 +1,14 @@
-"""Held-out gains of candidate columns, from products of the factors, stretch of blocks by stretch of blocks.
+"""Held-out gains of candidate columns, from products of the factors, for folds of consecutive blocks.
 
-With G_f = Σ_j w_j² R_jᵀ R_j over a stretch f that is left out, T_f the same over what trains, and Λ the prior, the
-columns that the model has are eliminated, and what remains of a candidate's columns c is a small problem:
+G_f = Σ_j w_j² R_jᵀ R_j are the products over a held-out fold f, T_f those over its training blocks, and Λ the
+prior's. The columns of the present model are eliminated. S and M, the Schur complements of T_f and G_f, then give a
+small problem in the candidate's columns c:
 
     x = (S_cc + κ diag T_cc)⁻¹ S_cy,        gain = 2 xᵀ M_cy - xᵀ M_cc x,
 
-on the rows of its joint, and on those of all. S and M are what T_f and G_f leave after the elimination. That is made
-either from T_f alone, so that all parameters are estimated without the stretch, or from all of the data, so that only
-the candidate's are. The second way is far more certain where bodies have many parameters and recordings are short;
-the first alone tells what imitates gravity.
+with M over the rows of the candidate's joint, or of all joints. The elimination uses T_f, so that all parameters are
+estimated without the fold, or all data, so that only the candidate's are. The second has far less scatter where
+bodies have many parameters and recordings are short; only the first shows that a candidate imitates gravity.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from armid.values import Array
 __all__ = ["GainPrior", "HeldOutFolds", "Reduced", "make_folds"]
 
 ROUNDING = 1e-11
-"""Added to the diagonal of products with columns of unit length: their rounding is ε times the square of a condition
-number of a few hundred, and columns that depend on each other must not divide by zero."""
+"""Added to the diagonal of products with columns of unit length, so that dependent columns do not divide by zero. It
+is the rounding error of products: machine precision times the square of a condition number of a few hundred."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class GainPrior:
-    """A Gaussian prior on all parameters of the superset.
+    """Gaussian prior on the parameters of a candidate model.
 
     Attributes:
         mean: Shape (b,).
-        precision: Zero where nothing is believed, shape (b, b).
+        precision: Inverse covariance, zero for parameters without a prior, shape (b, b).
     """
 
     mean: Array
@@ -43,16 +43,16 @@ class GainPrior:
 
     @property
     def products(self) -> Array:
-        """As if it were rows of data, shape (b + 1, b + 1)."""
+        """Products of the rows of data that are equivalent to the prior, shape (b + 1, b + 1)."""
         half = self.precision @ self.mean
         return np.block([[self.precision, half[:, None]], [half[None], np.array([[half @ self.mean]])]])
 
-    def spread(self, count: int, own: NDArray[np.intp]) -> GainPrior:
-        """The same among more parameters, of which nothing is believed.
+    def embedded(self, count: int, own: NDArray[np.intp]) -> GainPrior:
+        """The prior on a larger set of parameters, without information on the added ones.
 
         Args:
-            count: How many there are.
-            own: Positions of the parameters of this prior among them, first; what comes after is not believed either.
+            count: Number of parameters of the larger set.
+            own: Positions in it: first those of this prior's parameters, then of parameters without a prior.
         """
         mean, precision = np.zeros(count), np.zeros((count, count))
         own = own[: len(self.mean)]
@@ -63,33 +63,38 @@ class GainPrior:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reduced:
-    """Rest of the columns beside those of the model, the torque last, in each of F stretches.
+    """Products of r candidate columns and the torque (last) in each of F folds, the model's columns eliminated.
 
     Attributes:
-        training: S of every stretch, shape (F, r + 1, r + 1).
-        held_out: M of every stretch, all joints together, shape (F, r + 1, r + 1).
-        own: M of every stretch by the rows of each joint alone and for its columns, shapes (F, r_j + 1, r_j + 1).
-        own_place: Position of each of the b parameters among those of each joint, -1 for others, shape (n, b).
+        training: S of every fold, shape (F, r + 1, r + 1).
+        held_out: M of every fold, all joints together, shape (F, r + 1, r + 1).
+        own: M of every fold over the rows and the columns of each joint alone, shapes (F, r_j + 1, r_j + 1).
+        joint_position: Position of each of the b parameters among those of each joint, -1 for others, shape (n, b).
         size: Squared length of each column in training, before the elimination, shape (F, r).
-        place: Position among the r of each of the b parameters; -1 for the model's own, shape (b,).
-        squares: Squared residuals of each joint on each stretch under the model, weighted, shape (F, n).
+        position: Position of each of the b parameters among the r; -1 for those of the model, shape (b,).
+        squares: Squared residuals of each joint on each fold under the model, weighted, shape (F, n).
     """
 
     training: Array
     held_out: Array
     own: tuple[Array, ...]
-    own_place: NDArray[np.intp]
+    joint_position: NDArray[np.intp]
     size: Array
-    place: NDArray[np.intp]
+    position: NDArray[np.intp]
     squares: Array
 
     def gains(self, joint: int, columns: NDArray[np.intp], ridge: float) -> tuple[Array, Array] | None:
-        """Tell how much less is left on each stretch with some columns of a joint more; `None` where they are zero.
+        """Reduction of the squared residual on each fold by columns of a joint; `None` where a column is zero.
+
+        Args:
+            joint: Index of the joint.
+            columns: Positions of the columns among the b parameters.
+            ridge: Shrinkage, in shares of the squared length of each column.
 
         Returns:
-            Of the joint's own squared residual, and of that of all joints together, shapes (F,).
+            Reduction of the joint's squared residual and of that of all joints together, shapes (F,).
         """
-        at, own = self.place[columns], self.own_place[joint, columns]
+        at, own = self.position[columns], self.joint_position[joint, columns]
         if (self.size[:, at] <= 0.0).any():
             return None
         S = self.training[:, at[:, None], at]
@@ -100,15 +105,15 @@ class Reduced:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class HeldOutFolds:
-    """The data as products, F stretches that are left out in turn.
+    """Products of the data for cross-validation with F folds.
 
     Attributes:
-        parts: Each stretch by itself.
-        held_out: Products of each, weighted, the torque last, shape (F, b + 1, b + 1).
-        training: Products of what trains when it is left out, its neighbours excluded, shape (F, b + 1, b + 1).
-        whole: Products of everything, shape (b + 1, b + 1).
+        parts: Information of each fold.
+        held_out: Products of each fold, weighted, the torque last, shape (F, b + 1, b + 1).
+        training: Products of the training blocks of each fold, its neighbours excluded, shape (F, b + 1, b + 1).
+        whole: Products of all blocks, shape (b + 1, b + 1).
         weights: Weight of each joint's rows, shape (n,).
-        prior: What is believed of the parameters.
+        prior: Prior on the parameters.
     """
 
     parts: tuple[Information, ...]
@@ -121,11 +126,11 @@ class HeldOutFolds:
     def solve(self, products: Array, kept: NDArray[np.intp], ridge: Array) -> Array:
         """Parameters (b,) from products, zero where not kept; ridge (b,) is relative to the columns' size."""
         values = np.zeros(products.shape[0] - 1)
-        values[kept] = self._eliminated(products, kept, ridge, np.array([products.shape[0] - 1]))[:, 0]
+        values[kept] = self._elimination(products, kept, ridge, np.array([products.shape[0] - 1]))[:, 0]
         return values
 
     def errors(self, kept: NDArray[np.intp], ridge: Array) -> Array:
-        """Squared residuals (F, n) of each joint on each stretch, all parameters estimated without it."""
+        """Squared residuals (F, n) of each joint on each fold, all parameters estimated without the fold."""
         return np.stack(
             [
                 held_out_squares(part, self.solve(products, kept, ridge))
@@ -133,42 +138,42 @@ class HeldOutFolds:
             ]
         )
 
-    def reduced(self, kept: NDArray[np.intp], ridge: Array, *, all_anew: bool) -> Reduced:
-        """Return what the model's own columns leave of the others.
+    def reduced(self, kept: NDArray[np.intp], ridge: Array, *, refit_all: bool) -> Reduced:
+        """Eliminates the columns of the present model.
 
         Args:
             kept: Positions of the model's columns.
-            ridge: Relative to the size of each column, shape (b,).
-            all_anew: Whether all parameters are estimated without the stretch, or only a candidate's.
+            ridge: Shrinkage, in shares of the squared length of each column, shape (b,).
+            refit_all: Whether all parameters are estimated without the fold, or only those of a candidate.
         """
         b = len(self.whole) - 1
         rest = np.append(np.setdiff1d(np.arange(b), kept), b)
-        place = np.full(b, -1, dtype=np.intp)
-        place[rest[:-1]] = np.arange(len(rest) - 1)
-        once = None if all_anew else self._eliminated(self.whole, kept, ridge, rest)
+        position = np.full(b, -1, dtype=np.intp)
+        position[rest[:-1]] = np.arange(len(rest) - 1)
+        once = None if refit_all else self._elimination(self.whole, kept, ridge, rest)
         S, M, squares = [], [], []
-        mine = [np.intersect1d(rest[:-1], joint.parameters) for joint in self.parts[0].joints]
-        own: list[list[Array]] = [[] for _ in mine]
+        joint_columns = [np.intersect1d(rest[:-1], joint.parameters) for joint in self.parts[0].joints]
+        own: list[list[Array]] = [[] for _ in joint_columns]
         for part, T, G in zip(self.parts, self.training, self.held_out, strict=True):
-            E = self._eliminated(T, kept, ridge, rest) if once is None else once
-            M.append(_left(G, kept, rest, E))
-            for j, columns in enumerate(mine):
-                own[j].append(self._left_of(part, j, columns, kept, E[:, np.append(place[columns], -1)]))
-            S.append(_left(T, kept, rest, E))
+            E = self._elimination(T, kept, ridge, rest) if once is None else once
+            M.append(_schur_complement(G, kept, rest, E))
+            for j, columns in enumerate(joint_columns):
+                own[j].append(self._joint_products(part, j, columns, kept, E[:, np.append(position[columns], -1)]))
+            S.append(_schur_complement(T, kept, rest, E))
             values = np.zeros(b)
             values[kept] = E[:, -1]
             squares.append(self.weights**2 * held_out_squares(part, values))
         size = np.stack([np.diag(T)[rest[:-1]] for T in self.training])
-        own_place = np.full((len(mine), b), -1, dtype=np.intp)
-        for j, columns in enumerate(mine):
-            own_place[j, columns] = np.arange(len(columns))
+        joint_position = np.full((len(joint_columns), b), -1, dtype=np.intp)
+        for j, columns in enumerate(joint_columns):
+            joint_position[j, columns] = np.arange(len(columns))
         together = tuple(np.stack(each) for each in own)
-        return Reduced(np.stack(S), np.stack(M), together, own_place, size, place, np.stack(squares))
+        return Reduced(np.stack(S), np.stack(M), together, joint_position, size, position, np.stack(squares))
 
-    def _left_of(
+    def _joint_products(
         self, part: Information, joint: int, columns: NDArray[np.intp], kept: NDArray[np.intp], E: Array
     ) -> Array:
-        """Return what a joint's own rows of a stretch leave of its own columns and the torque, weighted."""
+        """Products of a joint's candidate columns and torque over its rows of a fold, the model's part subtracted."""
         factors = part.joints[joint]
         number = np.full(part.count, -1, dtype=np.intp)
         number[factors.parameters] = np.arange(len(factors.parameters))
@@ -177,8 +182,8 @@ class HeldOutFolds:
         left = R[:, np.append(number[columns], -1)] - R[:, number[kept[near]]] @ E[near]
         return left.T @ left
 
-    def _eliminated(self, products: Array, kept: NDArray[np.intp], ridge: Array, rest: NDArray[np.intp]) -> Array:
-        """Coefficients (kept, rest) of the kept columns that come nearest to the others, under the prior."""
+    def _elimination(self, products: Array, kept: NDArray[np.intp], ridge: Array, rest: NDArray[np.intp]) -> Array:
+        """Coefficients (kept, rest) of the fit of the other columns by the kept ones, under the prior."""
         H = products + self.prior.products
         A = H[np.ix_(kept, kept)]
         A[np.diag_indices(len(kept))] += ridge[kept] * np.diag(products)[kept]
@@ -190,13 +195,13 @@ class HeldOutFolds:
 
 
 def make_folds(information: Information, fold: NDArray[np.int64], weights: Array, prior: GainPrior) -> HeldOutFolds:
-    """Products of the stretches.
+    """Computes the products of all folds.
 
     Args:
         information: Blocks in their order.
-        fold: Stretch of each block, shape (blocks,).
+        fold: Fold of each block, shape (blocks,).
         weights: Weight of each joint's rows, shape (n,).
-        prior: What is believed of the parameters.
+        prior: Prior on the parameters.
     """
     names = np.unique(fold)
     each = [_products(information, fold == f, weights) for f in names]
@@ -220,13 +225,13 @@ def _products(information: Information, chosen: NDArray[np.bool_], weights: Arra
     return result
 
 
-def _left(products: Array, kept: NDArray[np.intp], rest: NDArray[np.intp], E: Array) -> Array:
-    """Products of the rest after its part in the kept columns is taken off with coefficients E."""
+def _schur_complement(products: Array, kept: NDArray[np.intp], rest: NDArray[np.intp], E: Array) -> Array:
+    """Products of the other columns less their fit by the kept columns, with coefficients E."""
     cross = E.T @ products[np.ix_(kept, rest)]
     return products[np.ix_(rest, rest)] - cross - cross.T + E.T @ products[np.ix_(kept, kept)] @ E
 
 
 def _gain(x: Array, M: Array, at: NDArray[np.intp]) -> Array:
-    """Return what coefficients (F, c) take away, shape (F,)."""
+    """Reduction of the squared residual by coefficients x (F, c), shape (F,)."""
     inner = M[:, at[:, None], at]
     return 2.0 * np.einsum("fi,fi->f", x, M[:, at, -1]) - np.einsum("fi,fij,fj->f", x, inner, x)

@@ -1,8 +1,9 @@
-"""The load that friction may depend on: the model's own rigid-body torque, from a pass without such friction.
+"""Load torque of load-dependent friction: the rigid-body torque of a first estimate without such friction.
 
-A measured torque as the load would leak the answer into the prediction. So the bodies come from an estimate without
-load-dependent terms, and stay fixed while these are estimated, which keeps the model linear. That estimate has a
-prior: least squares on weak data gives bodies whose torque is right along the motion and far off on another.
+The measured torque cannot be the load, since the prediction would then contain what it is to predict. So the rigid
+bodies are estimated first, without load-dependent terms, and stay fixed while these are estimated; this keeps the
+model linear in its parameters. The first estimate has a prior: least squares on weak data gives bodies whose torque
+is right along the recorded motion and wrong on others.
 """
 
 from __future__ import annotations
@@ -23,20 +24,20 @@ __all__ = ["reads_load", "with_load"]
 
 
 def reads_load(model: DynamicsModel) -> bool:
-    """Tell whether a term of the model depends on the load."""
+    """Checks whether a term of the model depends on the load torque."""
     return any("load" in symbols(law.expression) for _, law in model.laws)
 
 
 def with_load(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> DynamicsModel:
-    """The model with the bodies that its load-dependent terms take the load from.
+    """Gives a model the bodies whose torque is the load of its load-dependent terms.
 
     Args:
         model: Arm and torque terms.
-        observations: What the first pass is estimated from.
+        observations: Data of the first estimate.
         threads: Threads of the kernel.
 
     Returns:
-        The model itself where no term depends on the load, or where it has its bodies already.
+        The model with `load_parameters`; unchanged where no term depends on the load or where it has them already.
 
     Raises:
         ModelError: There are no rigid bodies among the terms.

@@ -1,9 +1,9 @@
-"""The search for friction: rung by rung, joint by joint, what lowers the error on stretches that were left out.
+"""Forward selection of friction candidates, family by family and joint by joint, by the error on held-out folds.
 
-A candidate is accepted on evidence (`friction_evidence`). Gains are measured with the bodies as all data have them,
-which is far more certain where bodies have many parameters, and then checked with all parameters estimated anew
-without the stretch. What could imitate gravity must gain there too, and on long stretches with other poses: it shows
-nowhere else.
+Rules for acceptance are in `acceptance`. Gains are measured with the model's other parameters as all data give them,
+which has far less scatter where bodies have many parameters, and then checked with all parameters estimated without
+the fold. A candidate that could imitate gravity must gain in this check too, and on long folds with other poses,
+since only these show the imitation.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from armid.estimation.friction.acceptance import (
     LARGE,
     CandidateGain,
-    of_the_arm,
-    of_the_joint,
-    proportions,
+    choose_for_arm,
+    choose_for_joint,
+    error_log_ratios,
     standard_error,
 )
 from armid.estimation.friction.candidates import ONE_SHAPE, Candidate, CandidateFamily, CandidateModel
@@ -30,32 +30,32 @@ from armid.values import Array
 __all__ = ["HeldOutTrial", "SelectedCandidate", "SelectionPath", "select_forward"]
 
 RIDGES = (0.003, 0.03)
-"""Shrinkage of added columns that is tried, in shares of their squared length: enough to share a torque out among
-columns that resemble each other, and ten times that."""
+"""Shrinkages of added columns that are tried, in shares of their squared length: enough to distribute a torque among
+similar columns, and ten times that."""
 
-CONTRARY = 1.0
-"""Standard errors by which a candidate must lose to be turned down by the stricter way of judging."""
+VETO = 1.0
+"""Standard errors by which a candidate must lose in the check to be rejected."""
 
 PASSES = 4
-"""Times that all rungs are climbed at most: what was hidden behind something larger shows once that is explained."""
+"""Largest number of passes over all families: a small effect shows once larger ones are explained."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOutTrial:
-    """A candidate on a joint, beside what the joint had when it was last looked at.
+    """Trial of an option on a joint, added to the model at the time of the trial.
 
     Attributes:
         joint: Index of the joint.
-        rung: The kind of friction.
-        pieces: What it consists of.
-        gain: Share of the joint's squared held-out error that it takes away; negative where it adds to it.
+        family: The kind of friction.
+        candidates: Candidates of the option.
+        gain: Reduction of the joint's squared held-out error, as a share; negative where the error grows.
         deviation: Standard error of the gain, from the scatter between folds.
-        chosen: Whether it was taken.
+        chosen: Whether the option was selected.
     """
 
     joint: int
-    rung: str
-    pieces: tuple[Candidate, ...]
+    family: str
+    candidates: tuple[Candidate, ...]
     gain: float
     deviation: float
     chosen: bool
@@ -68,258 +68,273 @@ class HeldOutTrial:
 
 @dataclass(frozen=True, slots=True)
 class SelectedCandidate:
-    """Choice of a joint in one round.
+    """Option that was selected for a joint in one round.
 
     Attributes:
-        rung: The kind of friction.
+        family: The kind of friction.
         joint: Index of the joint.
-        pieces: What it consists of.
-        ridge: Shrinkage with which it was judged.
+        candidates: Candidates of the option.
+        ridge: Shrinkage of its columns in the trial.
     """
 
-    rung: str
+    family: str
     joint: int
-    pieces: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]
     ridge: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SelectionPath:
-    """Choice of friction.
+    """Result of a forward selection.
 
     Attributes:
-        taken: What joints took and kept, in its order.
-        kept: Positions of the columns of the superset that the model then has.
-        ridge: Shrinkage of each column of the superset, in shares of its squared length, shape (b,).
-        trials: All candidates that were looked at.
+        selected: Selected options in the order of selection, without those that were withdrawn.
+        kept: Positions of the columns of the extended model that are in the selected model.
+        ridge: Shrinkage of each column of the extended model, in shares of its squared length, shape (b,).
+        trials: Last trial of every option on every joint.
     """
 
-    taken: tuple[SelectedCandidate, ...]
+    selected: tuple[SelectedCandidate, ...]
     kept: NDArray[np.intp]
     ridge: Array
     trials: tuple[HeldOutTrial, ...]
 
     def chosen(self, joints: int) -> tuple[frozenset[Candidate], ...]:
-        """Pieces of each of so many joints."""
-        own: list[set[Candidate]] = [set() for _ in range(joints)]
-        for each in self.taken:
-            own[each.joint] |= set(each.pieces)
-        return tuple(frozenset(pieces) for pieces in own)
+        """Selected candidates of each of `joints` joints."""
+        by_joint: list[set[Candidate]] = [set() for _ in range(joints)]
+        for each in self.selected:
+            by_joint[each.joint] |= set(each.candidates)
+        return tuple(frozenset(candidates) for candidates in by_joint)
 
 
 def select_forward(
-    stretches: HeldOutFolds,
-    long: HeldOutFolds,
-    superset: CandidateModel,
+    short_folds: HeldOutFolds,
+    long_folds: HeldOutFolds,
+    extended: CandidateModel,
     allowed: Sequence[frozenset[Candidate]],
-    rungs: Sequence[CandidateFamily],
+    families: Sequence[CandidateFamily],
     start: SelectionPath | None = None,
 ) -> SelectionPath:
-    """Choose friction.
+    """Selects friction candidates by forward selection on held-out folds.
 
     Args:
-        stretches: The data of the superset, in stretches that are left out in turn.
-        long: The same in few long stretches, in which what depends on the pose must gain as well.
-        superset: The model with all pieces.
-        allowed: Pieces that each joint may get.
-        rungs: What to try, in order.
-        start: From where to go on; pieces of the superset. Not given, from the model without any.
+        short_folds: Data of the extended model in folds.
+        long_folds: The same data in a few long folds, on which pose-dependent candidates must gain as well.
+        extended: The model with all candidates.
+        allowed: Candidates that each joint may get.
+        families: Families to try, in order.
+        start: Selection to continue; the model without candidates where not given.
     """
-    search = _Search(stretches, long, superset, [set(pieces) for pieces in allowed])
+    search = _Search(short_folds, long_folds, extended, [set(candidates) for candidates in allowed])
     if start is not None:
-        search.trials = {(trial.joint, trial.pieces): trial for trial in start.trials}
-        for each in start.taken:
-            search.take(each)
-    search.passes(rungs)
+        search.trials = {(trial.joint, trial.candidates): trial for trial in start.trials}
+        for each in start.selected:
+            search.add(each)
+    search.try_families(families)
     if start is None:
-        search.forget({rung.name for rung in rungs if rung.anew})
-        search.passes(rungs)
-    search.prune({rung.name for rung in rungs if not rung.shared})
-    search.thin()
-    return SelectionPath(tuple(search.taken), search.kept, search.ridge, tuple(search.trials.values()))
+        search.withdraw({family.name for family in families if family.reselect})
+        search.try_families(families)
+    search.prune({family.name for family in families if not family.shared})
+    search.drop_widths()
+    return SelectionPath(tuple(search.selected), search.kept, search.ridge, tuple(search.trials.values()))
 
 
 class _Search:
-    """The state of a search."""
+    """State of a forward selection."""
 
     def __init__(
-        self, stretches: HeldOutFolds, long: HeldOutFolds, superset: CandidateModel, allowed: list[set[Candidate]]
+        self,
+        short_folds: HeldOutFolds,
+        long_folds: HeldOutFolds,
+        extended: CandidateModel,
+        allowed: list[set[Candidate]],
     ) -> None:
-        self.stretches = stretches
-        self.long = long
-        self.superset = superset
+        self.short_folds = short_folds
+        self.long_folds = long_folds
+        self.extended = extended
         self.allowed = allowed
         self.chosen: list[set[Candidate]] = [set() for _ in allowed]
-        self.taken: list[SelectedCandidate] = []
-        self.ridge = np.zeros(superset.count)
+        self.selected: list[SelectedCandidate] = []
+        self.ridge = np.zeros(extended.count)
         self.trials: dict[tuple[int, tuple[Candidate, ...]], HeldOutTrial] = {}
-        self.made: dict[tuple[bool, bool], tuple[tuple[SelectedCandidate, ...], Reduced]] = {}
+        self.cache: dict[tuple[bool, bool], tuple[tuple[SelectedCandidate, ...], Reduced]] = {}
 
     @property
     def kept(self) -> NDArray[np.intp]:
-        """Positions of the columns that the model has by now."""
-        kept = self.superset.own.copy()
-        for joint, pieces in enumerate(self.chosen):
-            kept[self._columns(joint, pieces)] = True
+        """Positions of the columns of the present model."""
+        kept = self.extended.in_model.copy()
+        for joint, candidates in enumerate(self.chosen):
+            kept[self._columns(joint, candidates)] = True
         return np.flatnonzero(kept)
 
-    def passes(self, rungs: Sequence[CandidateFamily]) -> None:
-        """Climb all rungs, again and again until nothing is taken any more."""
+    def try_families(self, families: Sequence[CandidateFamily]) -> None:
+        """Passes over all families until nothing more is selected."""
         for _ in range(PASSES):
-            before = sum(len(pieces) for pieces in self.chosen)
-            for rung in rungs:
-                for _ in range(rung.rounds):
-                    if not self.round(rung):
+            before = sum(len(candidates) for candidates in self.chosen)
+            for family in families:
+                for _ in range(family.rounds):
+                    if not self.try_family(family):
                         break
-            self.round(self.together())
-            if sum(len(pieces) for pieces in self.chosen) == before:
+            self.try_family(self.combined())
+            if sum(len(candidates) for candidates in self.chosen) == before:
                 break
 
-    def forget(self, rungs: set[str]) -> None:
-        """Take back what joints took of some rungs."""
-        for each in tuple(self.taken):
-            if each.rung in rungs:
-                self._give_back(each)
+    def withdraw(self, families: set[str]) -> None:
+        """Withdraws all selected options of some families."""
+        for each in tuple(self.selected):
+            if each.family in families:
+                self._withdraw(each)
 
-    def round(self, rung: CandidateFamily) -> bool:
-        """Offer every joint one more candidate of a rung; whether any took one."""
-        strict = self._left(self.stretches, all_anew=True)
-        fair = self._left(self.stretches, all_anew=False)
-        elsewhere = self._left(self.long, all_anew=True) if rung.position else None
-        offers = self._offers(rung, fair)
-        shared = of_the_arm(rung, offers) if rung.shared else None
-        taken: list[CandidateGain] = []
+    def try_family(self, family: CandidateFamily) -> bool:
+        """Adds the best acceptable option of a family to each joint; returns whether any was added."""
+        strict = self._reduced(self.short_folds, refit_all=True)
+        all_data = self._reduced(self.short_folds, refit_all=False)
+        on_long_folds = self._reduced(self.long_folds, refit_all=True) if family.position else None
+        measured = self._measured(family, all_data)
+        shared = choose_for_arm(family, measured) if family.shared else None
+        selected: list[CandidateGain] = []
         for joint in range(len(self.allowed)):
-            own = [offer for offer in offers if offer.joint == joint]
-            pick = of_the_joint(rung, own, None if shared is None else [o for o in shared if o.joint == joint])
-            if pick is not None and not self._contradicted(pick, strict, elsewhere):
-                taken.append(pick)
-            self._record(rung, own, pick if pick in taken else None)
-        for pick in taken:
-            self.take(SelectedCandidate(rung.name, pick.joint, pick.pieces, pick.ridge))
-        return bool(taken)
+            of_joint = [each_gain for each_gain in measured if each_gain.joint == joint]
+            choice = choose_for_joint(
+                family, of_joint, None if shared is None else [o for o in shared if o.joint == joint]
+            )
+            if choice is not None and not self._contradicted(choice, strict, on_long_folds):
+                selected.append(choice)
+            self._record(family, of_joint, choice if choice in selected else None)
+        for choice in selected:
+            self.add(SelectedCandidate(family.name, choice.joint, choice.candidates, choice.ridge))
+        return bool(selected)
 
-    def together(self) -> CandidateFamily:
-        """Return what is large on a joint but not clear by itself, one of each rung: things that hide each other."""
+    def combined(self) -> CandidateFamily:
+        """Family of joint options that combine large but not significant ones.
+
+        Two effects can hide each other. So for each joint the best such option of every family is put into one.
+        """
         options: list[tuple[Candidate, ...]] = []
         for joint, chosen in enumerate(self.chosen):
             best: dict[str, HeldOutTrial] = {}
             for trial in self.trials.values():
-                open_ = trial.joint == joint and not trial.chosen and chosen.isdisjoint(trial.pieces)
-                if open_ and trial.gain > max(LARGE, best[trial.rung].gain if trial.rung in best else 0.0):
-                    best[trial.rung] = trial
-            pieces = dict.fromkeys(piece for trial in best.values() for piece in trial.pieces)
+                is_open = trial.joint == joint and not trial.chosen and chosen.isdisjoint(trial.candidates)
+                if is_open and trial.gain > max(LARGE, best[trial.family].gain if trial.family in best else 0.0):
+                    best[trial.family] = trial
+            candidates = dict.fromkeys(candidate for trial in best.values() for candidate in trial.candidates)
             if len(best) > 1:
-                options.append(tuple(pieces))
-        return CandidateFamily("together", tuple(options), position=True, least=LARGE)
+                options.append(tuple(candidates))
+        return CandidateFamily("together", tuple(options), position=True, min_gain=LARGE)
 
-    def take(self, taken: SelectedCandidate) -> None:
-        """Give a joint what it takes."""
-        self.chosen[taken.joint] |= set(taken.pieces)
-        self.ridge[self._columns(taken.joint, taken.pieces)] = taken.ridge
-        self.taken.append(taken)
+    def add(self, selected: SelectedCandidate) -> None:
+        """Adds a selected option to the model."""
+        self.chosen[selected.joint] |= set(selected.candidates)
+        self.ridge[self._columns(selected.joint, selected.candidates)] = selected.ridge
+        self.selected.append(selected)
 
-    def prune(self, rungs: set[str]) -> None:
-        """Let go of what no longer lowers the error once all is together, the last taken first."""
+    def prune(self, families: set[str]) -> None:
+        """Removes options that no longer lower the error of the whole model, the last selected first."""
         error = self._errors().sum()
-        for each in tuple(reversed(self.taken)):
-            if each.rung not in rungs:
+        for each in tuple(reversed(self.selected)):
+            if each.family not in families:
                 continue
-            self.chosen[each.joint] -= set(each.pieces)
+            self.chosen[each.joint] -= set(each.candidates)
             without = self._errors().sum()
             if without < error:
                 error = without
-                self._give_back(each)
+                self._withdraw(each)
             else:
-                self.chosen[each.joint] |= set(each.pieces)
+                self.chosen[each.joint] |= set(each.candidates)
 
-    def thin(self) -> None:
-        """Let go of single widths of what was taken together that do not lower the error of their joint.
+    def drop_widths(self) -> None:
+        """Removes single widths of hysteresis that do not lower the error of their joint.
 
-        The widest stays: motion that turns less often than the recorded needs it, and no stretch says so.
+        The widest stays: motion with fewer reversals than the recorded one needs it, which no fold can show.
         """
         while True:
             error = self._errors()
-            idle: list[tuple[float, SelectedCandidate, Candidate]] = []
-            for each in self.taken:
-                widths = sorted((p for p in each.pieces if p.term == Hysteresis.name), key=lambda p: p.shape)
-                for piece in widths[:-1]:
-                    self.chosen[each.joint].discard(piece)
-                    lost = self._errors() - error
-                    self.chosen[each.joint].add(piece)
-                    if lost[each.joint] <= 0.0:
-                        idle.append((float(lost[each.joint] / error[each.joint]), each, piece))
-            if not idle:
+            removable: list[tuple[float, SelectedCandidate, Candidate]] = []
+            for each in self.selected:
+                widths = sorted((p for p in each.candidates if p.term == Hysteresis.name), key=lambda p: p.shape)
+                for candidate in widths[:-1]:
+                    self.chosen[each.joint].discard(candidate)
+                    increase = self._errors() - error
+                    self.chosen[each.joint].add(candidate)
+                    if increase[each.joint] <= 0.0:
+                        removable.append((float(increase[each.joint] / error[each.joint]), each, candidate))
+            if not removable:
                 return
-            _, each, piece = min(idle, key=lambda found: found[0])
-            rest = tuple(other for other in each.pieces if other != piece)
-            self.chosen[each.joint].discard(piece)
-            self.taken[self.taken.index(each)] = replace(each, pieces=rest)
-            trial = self.trials.pop((each.joint, each.pieces))
-            self.trials[each.joint, rest] = replace(trial, pieces=rest)
+            _, each, candidate = min(removable, key=lambda entry: entry[0])
+            others = tuple(other for other in each.candidates if other != candidate)
+            self.chosen[each.joint].discard(candidate)
+            self.selected[self.selected.index(each)] = replace(each, candidates=others)
+            trial = self.trials.pop((each.joint, each.candidates))
+            self.trials[each.joint, others] = replace(trial, candidates=others)
 
-    def _left(self, stretches: HeldOutFolds, *, all_anew: bool) -> Reduced:
-        """Return what the model by now leaves, made anew only where it has changed."""
-        key, state = (stretches is self.long, all_anew), tuple(self.taken)
-        if key not in self.made or self.made[key][0] != state:
-            self.made[key] = state, stretches.reduced(self.kept, self.ridge, all_anew=all_anew)
-        return self.made[key][1]
+    def _reduced(self, short_folds: HeldOutFolds, *, refit_all: bool) -> Reduced:
+        """Products with the present model eliminated, computed again only after the model has changed."""
+        key, state = (short_folds is self.long_folds, refit_all), tuple(self.selected)
+        if key not in self.cache or self.cache[key][0] != state:
+            self.cache[key] = state, short_folds.reduced(self.kept, self.ridge, refit_all=refit_all)
+        return self.cache[key][1]
 
-    def _give_back(self, taken: SelectedCandidate) -> None:
-        self.chosen[taken.joint] -= set(taken.pieces)
-        self.taken.remove(taken)
-        key = taken.joint, taken.pieces
+    def _withdraw(self, selected: SelectedCandidate) -> None:
+        self.chosen[selected.joint] -= set(selected.candidates)
+        self.selected.remove(selected)
+        key = selected.joint, selected.candidates
         self.trials[key] = replace(self.trials[key], chosen=False)
 
     def _errors(self) -> Array:
-        """Weighted squared error (n,) of each joint on all stretches, all parameters estimated without each."""
-        return self.stretches.errors(self.kept, self.ridge).sum(axis=0) * self.stretches.weights**2
+        """Weighted squared error (n,) of each joint on all folds, all parameters estimated without the fold."""
+        return self.short_folds.errors(self.kept, self.ridge).sum(axis=0) * self.short_folds.weights**2
 
-    def _columns(self, joint: int, pieces: set[Candidate] | tuple[Candidate, ...]) -> NDArray[np.intp]:
-        found = [self.superset.columns[joint, piece] for piece in pieces]
-        return np.concatenate([np.zeros(0, dtype=np.intp), *found])
+    def _columns(self, joint: int, candidates: set[Candidate] | tuple[Candidate, ...]) -> NDArray[np.intp]:
+        columns = [self.extended.columns[joint, candidate] for candidate in candidates]
+        return np.concatenate([np.zeros(0, dtype=np.intp), *columns])
 
-    def _offers(self, rung: CandidateFamily, reduced: Reduced) -> list[CandidateGain]:
-        """All candidates of a rung on all joints."""
-        offers: list[CandidateGain] = []
+    def _measured(self, family: CandidateFamily, reduced: Reduced) -> list[CandidateGain]:
+        """Gains of all options of a family on all joints, with each shrinkage."""
+        measured: list[CandidateGain] = []
         for joint, allowed in enumerate(self.allowed):
-            free = allowed - self.chosen[joint]
-            done = {piece.term for piece in self.chosen[joint]} & ONE_SHAPE
+            available = allowed - self.chosen[joint]
+            used_terms = {candidate.term for candidate in self.chosen[joint]} & ONE_SHAPE
             seen: set[tuple[Candidate, ...]] = set()
-            for option, pieces in enumerate(rung.options):
-                left = tuple(piece for piece in pieces if piece in free and piece.term not in done)
+            for option, candidates in enumerate(family.options):
+                remaining = tuple(
+                    candidate
+                    for candidate in candidates
+                    if candidate in available and candidate.term not in used_terms
+                )
                 squares = reduced.squares[:, joint]
-                if not left or left in seen or squares.sum() <= 0.0:
+                if not remaining or remaining in seen or squares.sum() <= 0.0:
                     continue
-                seen.add(left)
-                columns = self._columns(joint, left)
+                seen.add(remaining)
+                columns = self._columns(joint, remaining)
                 for ridge in RIDGES:
                     gains = reduced.gains(joint, columns, ridge)
                     if gains is not None:
-                        changes = proportions(gains[0], squares)
-                        offers.append(CandidateGain(joint, option, left, ridge, gains[0] / squares.sum(), changes))
-        return offers
+                        changes = error_log_ratios(gains[0], squares)
+                        measured.append(
+                            CandidateGain(joint, option, remaining, ridge, gains[0] / squares.sum(), changes)
+                        )
+        return measured
 
-    def _contradicted(self, pick: CandidateGain, strict: Reduced, elsewhere: Reduced | None) -> bool:
-        """Tell whether the stricter ways of judging speak against a candidate."""
-        columns = self._columns(pick.joint, pick.pieces)
-        gains = strict.gains(pick.joint, columns, pick.ridge)
-        if gains is None or any(each.sum() < -CONTRARY * standard_error(each) for each in gains):
+    def _contradicted(self, choice: CandidateGain, strict: Reduced, on_long_folds: Reduced | None) -> bool:
+        """Checks whether an option loses where all parameters are estimated without the fold, or on long folds."""
+        columns = self._columns(choice.joint, choice.candidates)
+        gains = strict.gains(choice.joint, columns, choice.ridge)
+        if gains is None or any(each.sum() < -VETO * standard_error(each) for each in gains):
             return True
-        if elsewhere is None:
+        if on_long_folds is None:
             return False
         if gains[0].sum() <= 0.0:
             return True
-        gains = elsewhere.gains(pick.joint, columns, pick.ridge)
+        gains = on_long_folds.gains(choice.joint, columns, choice.ridge)
         if gains is None:
             return True
-        own, squares = gains[0], elsewhere.squares[:, pick.joint]
-        return bool(own.sum() <= 0.0 and proportions(own, squares).sum() >= 0.0)
+        gain, squares = gains[0], on_long_folds.squares[:, choice.joint]
+        return bool(gain.sum() <= 0.0 and error_log_ratios(gain, squares).sum() >= 0.0)
 
-    def _record(self, rung: CandidateFamily, own: list[CandidateGain], pick: CandidateGain | None) -> None:
-        """Keep the better shrinkage of every candidate as evidence."""
-        for offer in sorted(own, key=lambda offer: (offer is pick, offer.gain)):
-            deviation = standard_error(offer.gains)
-            self.trials[offer.joint, offer.pieces] = HeldOutTrial(
-                offer.joint, rung.name, offer.pieces, offer.gain, deviation, offer is pick
+    def _record(self, family: CandidateFamily, of_joint: list[CandidateGain], choice: CandidateGain | None) -> None:
+        """Records the trial of every option, with the better shrinkage."""
+        for each_gain in sorted(of_joint, key=lambda each_gain: (each_gain is choice, each_gain.gain)):
+            deviation = standard_error(each_gain.gains)
+            self.trials[each_gain.joint, each_gain.candidates] = HeldOutTrial(
+                each_gain.joint, family.name, each_gain.candidates, each_gain.gain, deviation, each_gain is choice
             )

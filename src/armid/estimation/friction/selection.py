@@ -1,10 +1,10 @@
-"""The friction ladder: which friction each joint has, as unseen motion judges it.
+"""Friction selection: torque terms for the friction of each joint, by the error on held-out folds.
 
-Hysteresis at reversals, friction under load, velocity laws, ripple and asymmetry stand beside the model as
-candidates. All of their columns are made once; the rest is small algebra on the factors (`friction_search`). A prior
-keeps the bodies near the description, since data that leave the bodies open cannot tell friction from them; its
-weight is found on the same stretches. What is chosen are ordinary torque terms: the estimate itself is made the usual
-way, from a model that has them.
+The candidates are hysteresis at reversals, load-dependent friction, velocity laws, ripple and asymmetry. Their
+columns are computed once; the forward selection (`search`) then works on the triangular factors alone. A prior keeps
+the bodies near the description, because data that do not determine the bodies cannot separate them from friction. The
+weight of the prior is chosen on the same folds. The result is a model with ordinary torque terms, which is then
+estimated like any other model.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from armid.estimation.crossvalidation import can_cross_validate, folds, one_stan
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
 from armid.estimation.friction.candidates import (
-    RUNGS,
+    FAMILIES,
     Candidate,
     CandidateModel,
+    allowed_candidates,
     candidate_model,
-    candidates,
-    described,
+    describe,
     terms_of,
 )
 from armid.estimation.friction.heldout_gains import GainPrior, HeldOutFolds, make_folds
 from armid.estimation.friction.search import HeldOutTrial, SelectionPath, select_forward
-from armid.estimation.friction.shape_fit import refine
+from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.per_recording import contrasted, offset_names, separate_by_recording
 from armid.estimation.prior import make_prior, project_covariance
 from armid.estimation.problem import EstimationProblem, standard_of
@@ -46,16 +46,16 @@ from armid.values import Array
 __all__ = ["FrictionSelection", "SelectionEvidence", "choose_friction"]
 
 FOLDS = 8
-"""Stretches that are left out in turn: each trains on most of the data, and a standard error has seven degrees."""
+"""Number of folds: each leaves most of the data for training, and a standard error has seven degrees of freedom."""
 
 LONG = 3
-"""Long stretches, in which other poses come than in the rest: what imitates gravity fails there."""
+"""Number of long folds, whose poses differ from those of the rest: a law that imitates gravity fails on them."""
 
 FEWEST = 8
-"""Blocks below which nothing is chosen: a few seconds of motion are no evidence for or against friction."""
+"""Fewest blocks for a selection: a few seconds of motion are no evidence for or against friction."""
 
 LOWEST = 1e-3
-"""Ratios below count as this where a deviation is divided by them; noise-free data would give none."""
+"""Lower limit of a ratio that a deviation is divided by: noise-free data have ratios of zero."""
 
 STRENGTHS = np.logspace(4.0, -4.0, 17)
 """Weights of the prior that are tried, strongest first, in independent samples."""
@@ -63,19 +63,19 @@ STRENGTHS = np.logspace(4.0, -4.0, 17)
 
 @dataclass(frozen=True, slots=True)
 class SelectionEvidence:
-    """Evidence of left-out stretches for a candidate on a joint, beside what the joint then had.
+    """Evidence of the held-out folds for a candidate on a joint, added to the model at the time of its trial.
 
     Attributes:
         joint: Name of the joint.
-        rung: The kind of friction.
-        candidate: The terms in words, with their shapes.
-        ratio: Held-out RMS with it over that without.
-        deviation: Standard error of the ratio, from the scatter between stretches.
-        chosen: Whether the joint has it.
+        family: The kind of friction.
+        candidate: Names of the terms, with their shapes.
+        ratio: Held-out RMS with the candidate over that without it.
+        deviation: Standard error of the ratio, from the scatter between folds.
+        chosen: Whether the candidate was selected for the joint.
     """
 
     joint: str
-    rung: str
+    family: str
     candidate: str
     ratio: float
     deviation: float
@@ -84,21 +84,20 @@ class SelectionEvidence:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FrictionSelection:
-    """Friction that was chosen, and why.
+    """Selected friction with its evidence.
 
     Attributes:
-        model: The model with the chosen terms, and with `load_parameters` where one of them needs the load.
+        model: The model with the selected terms, and with `load_parameters` where one of them needs the load.
         added: The terms that were added, restricted to their joints.
-        evidence: Every candidate of every joint that was looked at.
-        ratio: Held-out RMS with the chosen terms over that without, shape (n,); one where nothing was judged. It is
-            that of the stretches that made the choice, so it is optimistic; a recording for validation is not.
+        evidence: Every candidate of every joint that was tried.
+        ratio: Held-out RMS with the selected terms over that without, shape (n,); one where nothing was tried. The
+            same folds made the selection, so the ratio is optimistic; a validation recording gives an unbiased one.
         deviation: Standard error of the ratio, shape (n,).
-        prior_weight: Weight of the prior towards the description that errs least on stretches left out, in
-            independent samples of the data as the chosen model explains them: what an estimate with this model best
-            uses. Friction was chosen under one as strong or stronger. `None` where nothing was judged, or where the
-            unit is not known.
-        offset_per_recording: Whether each recording had an offset of its own, as the estimate then should.
-        why: Why nothing was looked at, or why there is no prior's weight; empty where all is as it should be.
+        prior_weight: Weight of the prior towards the description with the smallest held-out error, in independent
+            samples under the selected model; the weight to estimate this model with. The selection used this weight
+            or a larger one. `None` where nothing was tried, or where the number of independent samples is not known.
+        offset_per_recording: Whether each recording had its own offset; the estimate should do the same.
+        why: Reason why nothing was tried, or why there is no weight of the prior; empty otherwise.
     """
 
     model: DynamicsModel
@@ -112,10 +111,10 @@ class FrictionSelection:
 
 
 def choose_friction(model: DynamicsModel, observations: Observations, *, threads: int = 1) -> FrictionSelection:
-    """Choose friction for each joint by the error on stretches of motion that were left out.
+    """Selects friction terms for each joint by the error on held-out folds.
 
     Args:
-        model: Arm with the terms that it has in any case: rigid bodies, viscous and Coulomb friction, offset.
+        model: Arm with the terms that are not selected: rigid bodies, viscous and Coulomb friction, offset.
         observations: The training recordings.
         threads: Threads of the kernel.
 
@@ -126,63 +125,67 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
     problem = EstimationProblem(
         accumulate_information(model, base, observations, threads=threads), standard_of(model, base), model, base
     )
-    used = int(problem.information.rows.any(axis=1).sum())
-    if used < FEWEST:
+    blocks = int(problem.information.rows.any(axis=1).sum())
+    if blocks < FEWEST:
         ones = np.ones(model.n)
-        why = f"{used} blocks of rows are too few to judge friction on; {FEWEST} are the least."
+        why = f"{blocks} blocks of rows are too few to select friction: at least {FEWEST} are needed."
         return FrictionSelection(model, (), (), ones, np.zeros(model.n), None, why=why)
-    drifting = _drifting(problem.information, model)
+    drifting = _drifting_offsets(problem.information, model)
     data = contrasted(problem.information, drifting)
     weighted = whiten(data)
-    strong, best, prior = _prior(problem, data, weighted)
-    loaded = _loaded(problem, strong)
-    allowed = candidates(loaded, observations)
+    strong_weight, best_weight, prior = _prior(problem, data, weighted)
+    loaded = _with_load_parameters(problem, strong_weight)
+    allowed = allowed_candidates(loaded, observations)
 
-    def widen(pieces: Sequence[frozenset[Candidate]]) -> tuple[CandidateModel, Information]:
-        wide = candidate_model(loaded, base, pieces)
+    def extend(candidates: Sequence[frozenset[Candidate]]) -> tuple[CandidateModel, Information]:
+        extended = candidate_model(loaded, base, candidates)
         information = contrasted(
-            accumulate_information(wide.model, wide.base, observations, threads=threads), drifting
+            accumulate_information(extended.model, extended.base, observations, threads=threads), drifting
         )
-        return replace(wide, own=np.append(wide.own, np.ones(information.count - wide.count, np.bool_))), information
+        in_model = np.append(extended.in_model, np.ones(information.count - extended.count, np.bool_))
+        return replace(extended, in_model=in_model), information
 
-    def climbed(start: SelectionPath | None) -> tuple[CandidateModel, Information, HeldOutFolds, SelectionPath]:
-        own = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
-        may = [pieces | more for pieces, more in zip(allowed, own, strict=True)]
-        wide, information = widen(may)
-        spread = prior.spread(wide.count, np.flatnonzero(wide.own))
-        stretches, long = (
-            make_folds(information, folds(information, count), weighted.weights, spread) for count in (FOLDS, LONG)
+    def select_from(start: SelectionPath | None) -> tuple[CandidateModel, Information, HeldOutFolds, SelectionPath]:
+        started = [frozenset[Candidate]()] * model.n if start is None else start.chosen(model.n)
+        available = [candidates | selected for candidates, selected in zip(allowed, started, strict=True)]
+        extended, information = extend(available)
+        embedded = prior.embedded(extended.count, np.flatnonzero(extended.in_model))
+        short_folds, long_folds = (
+            make_folds(information, folds(information, count), weighted.weights, embedded) for count in (FOLDS, LONG)
         )
-        return wide, information, stretches, select_forward(stretches, long, wide, may, RUNGS, start)
+        path = select_forward(short_folds, long_folds, extended, available, FAMILIES, start)
+        return extended, information, short_folds, path
 
-    first = climbed(None)[-1]
-    refined = refine(first, widen, prior, weighted.weights, model.n)
-    wide, information, stretches, found = climbed(refined)
-    added = terms_of(loaded, found.chosen(model.n))
-    needs = any(isinstance(term, LoadCoulomb) for term in added)
-    chosen = replace(loaded if needs else model, terms=(*model.terms, *added))
-    handed, why = _handed_on(best * weighted.correlation, restrict(information, found.kept))
-    outcome = _outcome(stretches, wide, found)
-    return FrictionSelection(chosen, added, _evidence(model, found.trials), *outcome, handed, bool(drifting), why)
+    first = select_from(None)[-1]
+    refined = refine_shapes(first, extend, prior, weighted.weights, model.n)
+    extended, information, short_folds, path = select_from(refined)
+    added = terms_of(loaded, path.chosen(model.n))
+    needs_load = any(isinstance(term, LoadCoulomb) for term in added)
+    chosen = replace(loaded if needs_load else model, terms=(*model.terms, *added))
+    prior_weight, why = _weight_in_samples(best_weight * weighted.correlation, restrict(information, path.kept))
+    outcome = _error_ratio(short_folds, extended, path)
+    return FrictionSelection(
+        chosen, added, _evidence(model, path.trials), *outcome, prior_weight, bool(drifting), why
+    )
 
 
-def _drifting(information: Information, model: DynamicsModel) -> tuple[str, ...]:
-    """Parameters that each recording may have for itself: offsets, since a sensor is zeroed anew and drifts.
+def _drifting_offsets(information: Information, model: DynamicsModel) -> tuple[str, ...]:
+    """Names of the offsets that each recording may have for itself, since torque sensors drift and are zeroed again.
 
-    None where there is one recording, or one in which a joint does not count or that is too short to be cut: such
-    offsets could not be estimated and validated.
+    Empty where separate offsets could not be estimated and cross-validated: there is one recording only, a recording
+    has no rows of some joint, or a recording is too short for the folds.
     """
     names = offset_names(model)
-    own = np.isin(information.names, names)
+    is_offset = np.isin(information.names, names)
     recordings = np.unique(information.recording[information.rows.any(axis=1)])
-    told = all(information.rows[information.recording == each].any(axis=0).all() for each in recordings)
-    if len(recordings) < 2 or not own.any() or not told:
+    every_joint_counts = all(information.rows[information.recording == each].any(axis=0).all() for each in recordings)
+    if len(recordings) < 2 or not is_offset.any() or not every_joint_counts:
         return ()
-    return names if can_cross_validate(separate_by_recording(information, own), FOLDS) else ()
+    return names if can_cross_validate(separate_by_recording(information, is_offset), FOLDS) else ()
 
 
-def _loaded(problem: EstimationProblem, weight: float) -> DynamicsModel:
-    """The model with the bodies of a first estimate for what depends on the load, unless it knows them already."""
+def _with_load_parameters(problem: EstimationProblem, weight: float) -> DynamicsModel:
+    """Gives a model the bodies of a first estimate for load-dependent friction, unless it has them already."""
     model, base = problem.model, problem.base
     assert model is not None and base is not None  # `choose_friction` gives them
     if model.load_parameters is not None or not model.has_rigid_bodies:
@@ -191,16 +194,16 @@ def _loaded(problem: EstimationProblem, weight: float) -> DynamicsModel:
     return replace(model, load_parameters=theta[model.inertial_columns].reshape(model.n, 10))
 
 
-def _handed_on(rows: float, information: Information) -> tuple[float | None, str]:
-    """Weight of the prior in independent samples as the chosen model explains them, and why there is none.
+def _weight_in_samples(rows: float, information: Information) -> tuple[float | None, str]:
+    """Weight of the prior in independent samples under the selected model, or `None` and the reason.
 
     Args:
         rows: The weight in rows.
-        information: For the chosen model.
+        information: Information for the selected model.
     """
     try:
         return rows / whiten(information).correlation, ""
-    except EstimationError as error:  # weights that do not settle, where rows hardly outnumber the parameters
+    except EstimationError as error:  # the weights do not converge where rows hardly outnumber the parameters
         return None, (
             "The prior's weight is left to the method: how many rows of the chosen model count as one independent "
             f"sample is not known. {error.problem}"
@@ -208,46 +211,48 @@ def _handed_on(rows: float, information: Information) -> tuple[float | None, str
 
 
 def _prior(problem: EstimationProblem, data: Information, weighted: WhitenedSystem) -> tuple[float, float, GainPrior]:
-    """Weights of the prior on the base parameters by stretches left out: to choose under, to estimate with.
+    """Weights of the prior on the base parameters by cross-validation, for the selection and for the estimate.
 
-    Friction is chosen under the strongest prior that is within a standard error of the best one: bodies that give way
-    to friction look as good on the same recording and fail on others. It is estimated with the best.
+    The selection uses the strongest prior within one standard error of the best: without it, errors of the bodies can
+    replace friction, which looks as good on the same recording and fails on others. The estimate uses the best.
 
     Args:
-        problem: With the model's own parameters.
-        data: Its information with what differs between recordings.
+        problem: Problem of the model without candidates.
+        data: Its information, with the offsets that differ between recordings.
         weighted: The same, whitened.
 
     Returns:
-        The stronger weight, the best, and the prior with the stronger.
+        The stronger weight, the best weight, and the prior with the stronger weight.
     """
-    standard = problem.require_standard("friction ladder")
+    standard = problem.require_standard("friction selection")
     whole = total(problem.information)
-    belief = make_prior("log-det" if standard.described else "mass", standard, replace(weighted, whole=whole))
-    mean = standard.regrouping @ belief.mean
-    precision = weighted.correlation * inverse_of(project_covariance(belief.precision, standard.regrouping))
+    unit_prior = make_prior("log-det" if standard.described else "mass", standard, replace(weighted, whole=whole))
+    mean = standard.regrouping @ unit_prior.mean
+    precision = weighted.correlation * inverse_of(project_covariance(unit_prior.precision, standard.regrouping))
     kept, ridge = np.arange(data.count), np.zeros(data.count)
-    stretches = make_folds(
-        data, folds(data, FOLDS), weighted.weights, GainPrior(mean, 0.0 * precision).spread(data.count, kept)
+    short_folds = make_folds(
+        data, folds(data, FOLDS), weighted.weights, GainPrior(mean, 0.0 * precision).embedded(data.count, kept)
     )
     errors = np.stack(
         [
-            replace(stretches, prior=GainPrior(mean, strength * precision).spread(data.count, kept)).errors(
+            replace(short_folds, prior=GainPrior(mean, strength * precision).embedded(data.count, kept)).errors(
                 kept, ridge
             )
             @ weighted.weights**2
             for strength in STRENGTHS
         ]
     )
-    strong, best = (float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1)))))
-    return strong, best, GainPrior(mean, strong * precision)
+    strong_weight, best_weight = (
+        float(STRENGTHS[k]) for k in (one_standard_error(errors), int(np.argmin(errors.sum(axis=1))))
+    )
+    return strong_weight, best_weight, GainPrior(mean, strong_weight * precision)
 
 
-def _outcome(stretches: HeldOutFolds, wide: CandidateModel, found: SelectionPath) -> tuple[Array, Array]:
-    """Held-out RMS of each joint with the chosen friction over that without, and its standard error, shapes (n,)."""
-    own = np.flatnonzero(wide.own)
-    without = stretches.errors(own, found.ridge)
-    with_ = stretches.errors(found.kept, found.ridge)
+def _error_ratio(short_folds: HeldOutFolds, extended: CandidateModel, path: SelectionPath) -> tuple[Array, Array]:
+    """Held-out RMS of each joint with the selected friction over that without, and its standard error, (n,)."""
+    in_model = np.flatnonzero(extended.in_model)
+    without = short_folds.errors(in_model, path.ridge)
+    with_ = short_folds.errors(path.kept, path.ridge)
     total = np.where(without.sum(axis=0) > 0.0, without.sum(axis=0), 1.0)
     ratio = np.sqrt(np.where(without.sum(axis=0) > 0.0, with_.sum(axis=0) / total, 1.0))
     scatter = np.std((with_ - ratio**2 * without) / total, axis=0, ddof=1) * np.sqrt(len(without))
@@ -255,13 +260,13 @@ def _outcome(stretches: HeldOutFolds, wide: CandidateModel, found: SelectionPath
 
 
 def _evidence(model: DynamicsModel, trials: Sequence[HeldOutTrial]) -> tuple[SelectionEvidence, ...]:
-    """Trials in words, joint by joint."""
+    """Evidence of all trials, sorted by joint."""
     names = model.robot.joint_names
     return tuple(
         SelectionEvidence(
             names[trial.joint],
-            trial.rung,
-            described(trial.pieces),
+            trial.family,
+            describe(trial.candidates),
             trial.ratio,
             trial.deviation / (2.0 * max(trial.ratio, LOWEST)),
             trial.chosen,

@@ -1,8 +1,8 @@
-"""Shapes of chosen friction by separable least squares: a grid finds the valley, Gauss-Newton its bottom.
+"""Shapes of selected friction by separable least squares: Gauss-Newton steps from the best shape of a grid.
 
-A law θ f(dq, s) is linear in θ for a given shape s. Beside the column f stands its exact derivative by log s; with
-the coefficients θ and β that the data give them together, the shape moves by β / θ in its logarithm, and everything
-linear follows anew [Golub1973]. Only the factors of these columns are needed, made again at each step.
+A law θ f(dq, s) is linear in θ for a given shape s. The regressor gets a second column, the exact derivative of the
+law by log s. Least squares on both columns gives coefficients θ and β; the logarithm of the shape then changes by β /
+θ, and the linear parameters are estimated again [Golub1973]. Each step computes the factors of these columns once.
 """
 
 from __future__ import annotations
@@ -18,86 +18,98 @@ from armid.estimation.friction.search import SelectionPath
 from armid.information.information import Information
 from armid.values import Array
 
-__all__ = ["Widen", "refine"]
+__all__ = ["ExtendModel", "refine_shapes"]
 
-Widen = Callable[[Sequence[frozenset[Candidate]]], tuple[CandidateModel, Information]]
-"""Makes the superset of some pieces of each joint, and what the data say of it."""
+ExtendModel = Callable[[Sequence[frozenset[Candidate]]], tuple[CandidateModel, Information]]
+"""Extends the model by candidates of each joint and computes the information of the data for it."""
 
 STEPS = 5
-"""Steps of Gauss-Newton: shapes a quarter off settle to a percent in three."""
+"""Gauss-Newton steps: shapes that are a quarter off reach one percent in three."""
 
-FURTHEST = 0.35
+MAX_STEP = 0.35
 """Largest step of a shape's logarithm, half of the way to the next shape of the grid."""
 
-SPAN = np.log(2.0)
-"""How far a shape may go from that of the grid, in its logarithm: to its neighbour."""
+MAX_CHANGE = np.log(2.0)
+"""Largest change of a shape from that of the grid, in its logarithm: to the next shape of the grid."""
 
 
-def refine(found: SelectionPath, widen: Widen, prior: GainPrior, weights: Array, joints: int) -> SelectionPath:
-    """The same choice with the shapes of velocity laws that the data fit best.
+def refine_shapes(
+    path: SelectionPath, extend: ExtendModel, prior: GainPrior, weights: Array, joints: int
+) -> SelectionPath:
+    """Refines the shapes of the velocity laws of a selection by least squares.
 
     Args:
-        found: What was chosen, with shapes of the grid.
-        widen: Makes columns of shapes.
-        prior: What is believed of the model's own parameters.
+        path: The selection, with shapes of the grid.
+        extend: Extends the model by candidates.
+        prior: Prior on the parameters of the model without candidates.
         weights: Weight of each joint's rows, shape (n,).
         joints: Number of joints n.
+
+    Returns:
+        The selection with refined shapes.
     """
     shapes = {
-        (j, piece): piece for j, own in enumerate(found.chosen(joints)) for piece in own if piece.term in REFINED
+        (j, candidate): candidate
+        for j, laws in enumerate(path.chosen(joints))
+        for candidate in laws
+        if candidate.term in REFINED
     }
     best, least = shapes, np.inf
     for _ in range(STEPS if shapes else 0):
-        error, steps = _step(_renamed(found, shapes), widen, prior, weights, joints)
+        error, steps = _step(_with_shapes(path, shapes), extend, prior, weights, joints)
         if error < least:
             best, least = shapes, error
         shapes = {
-            key: replace(piece, shape=_moved(key[1].shape, piece.shape, steps[key[0], piece]))
-            for key, piece in shapes.items()
+            key: replace(candidate, shape=_bounded_step(key[1].shape, candidate.shape, steps[key[0], candidate]))
+            for key, candidate in shapes.items()
         }
-    return _renamed(found, best)
+    return _with_shapes(path, best)
 
 
 def _step(
-    found: SelectionPath, widen: Widen, prior: GainPrior, weights: Array, joints: int
+    path: SelectionPath, extend: ExtendModel, prior: GainPrior, weights: Array, joints: int
 ) -> tuple[float, dict[tuple[int, Candidate], float]]:
-    """Squared error that is left with the shapes as they are, and by how much the logarithm of each wants to move."""
-    chosen = found.chosen(joints)
-    slopes = [frozenset(replace(piece, slope=True) for piece in own if piece.term in REFINED) for own in chosen]
-    wide, information = widen([own | more for own, more in zip(chosen, slopes, strict=True)])
-    spread = prior.spread(wide.count, np.flatnonzero(wide.own))
-    once = make_folds(information, np.zeros(information.blocks, dtype=np.int64), weights, spread)
-    ridge = np.zeros(wide.count)
-    for each in found.taken:
-        for piece in each.pieces:
-            ridge[wide.columns[each.joint, piece]] = each.ridge
-    at = [wide.columns[j, piece][0] for j, own in enumerate(slopes) for piece in own]
-    whole = np.arange(wide.count)
-    values = np.append(-once.solve(once.whole, np.setdiff1d(whole, at), ridge), 1.0)
-    error = float(values @ (once.whole + spread.products) @ values)
-    both = once.solve(once.whole, whole, ridge)
+    """Squared error with the present shapes, and the Gauss-Newton step of the logarithm of each shape."""
+    chosen = path.chosen(joints)
+    slopes = [
+        frozenset(replace(candidate, slope=True) for candidate in laws if candidate.term in REFINED)
+        for laws in chosen
+    ]
+    extended, information = extend([laws | derivatives for laws, derivatives in zip(chosen, slopes, strict=True)])
+    embedded = prior.embedded(extended.count, np.flatnonzero(extended.in_model))
+    folds = make_folds(information, np.zeros(information.blocks, dtype=np.int64), weights, embedded)
+    ridge = np.zeros(extended.count)
+    for each in path.selected:
+        for candidate in each.candidates:
+            ridge[extended.columns[each.joint, candidate]] = each.ridge
+    slope_columns = [extended.columns[j, candidate][0] for j, laws in enumerate(slopes) for candidate in laws]
+    whole = np.arange(extended.count)
+    values = np.append(-folds.solve(folds.whole, np.setdiff1d(whole, slope_columns), ridge), 1.0)
+    error = float(values @ (folds.whole + embedded.products) @ values)
+    solution = folds.solve(folds.whole, whole, ridge)
     steps: dict[tuple[int, Candidate], float] = {}
-    for j, own in enumerate(slopes):
-        for slope in own:
-            piece = replace(slope, slope=False)
-            size, change = both[wide.columns[j, piece][0]], both[wide.columns[j, slope][0]]
-            steps[j, piece] = float(np.clip(change / size, -FURTHEST, FURTHEST)) if size else 0.0
+    for j, laws in enumerate(slopes):
+        for slope in laws:
+            candidate = replace(slope, slope=False)
+            size, change = solution[extended.columns[j, candidate][0]], solution[extended.columns[j, slope][0]]
+            steps[j, candidate] = float(np.clip(change / size, -MAX_STEP, MAX_STEP)) if size else 0.0
     return error, steps
 
 
-def _moved(first: float, shape: float, step: float) -> float:
-    """A shape after a step, no further from the grid's than its neighbours."""
-    return float(first * np.exp(np.clip(np.log(shape / first) + step, -SPAN, SPAN)))
+def _bounded_step(first: float, shape: float, step: float) -> float:
+    """Shape after a step, between the neighbours of the grid's shape."""
+    return float(first * np.exp(np.clip(np.log(shape / first) + step, -MAX_CHANGE, MAX_CHANGE)))
 
 
-def _renamed(found: SelectionPath, shapes: dict[tuple[int, Candidate], Candidate]) -> SelectionPath:
-    """The choice and its evidence with other shapes of what was taken."""
+def _with_shapes(path: SelectionPath, shapes: dict[tuple[int, Candidate], Candidate]) -> SelectionPath:
+    """The selection and its trials with other shapes of the selected candidates."""
 
-    def other(joint: int, pieces: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
-        return tuple(shapes.get((joint, piece), piece) for piece in pieces)
+    def other(joint: int, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
+        return tuple(shapes.get((joint, candidate), candidate) for candidate in candidates)
 
-    taken = tuple(replace(each, pieces=other(each.joint, each.pieces)) for each in found.taken)
+    selected = tuple(replace(each, candidates=other(each.joint, each.candidates)) for each in path.selected)
     trials = tuple(
-        replace(trial, pieces=other(trial.joint, trial.pieces)) if trial.chosen else trial for trial in found.trials
+        replace(trial, candidates=other(trial.joint, trial.candidates)) if trial.chosen else trial
+        for trial in path.trials
     )
-    return replace(found, taken=taken, trials=trials)
+    return replace(path, selected=selected, trials=trials)
