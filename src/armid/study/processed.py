@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class ProcessedRecording:
 def process_each(
     recordings: Sequence[tuple[RecordingChoice, Recording]], processing: ProcessingOptions, robot: Robot
 ) -> tuple[ProcessedRecording, ...]:
-    """Recordings processed one by one; runs hold the number of their recording among those of its role.
+    """Recordings processed one by one; runs hold the number of their recording, those that train counted first.
 
     Raises:
         RecordingError: A recording does not allow what `processing` asks.
@@ -48,7 +48,8 @@ def process_each(
         return ()
     processing = resolve_options(processing, [recording for _, recording in recordings])
     limits = np.array([joint.effort_limit for joint in robot.joints])
-    number: Counter[str] = Counter()
+    training = sum(choice.role == "train" for choice, _ in recordings)
+    number = {"train": count(), "validate": count(training)}
     processed: list[ProcessedRecording] = []
     for choice, recording in recordings:
         runs, findings = process_recording(
@@ -57,9 +58,8 @@ def process_each(
             period=choice.reading.repeats,
             start=choice.reading.start,
             effort_limits=limits,
-            index=number[choice.role],
+            index=next(number[choice.role]),
         )
-        number[choice.role] += 1
         processed.append(ProcessedRecording(choice, recording, Observations(runs, processing.band), findings))
     return tuple(processed)
 

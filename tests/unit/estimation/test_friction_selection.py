@@ -176,7 +176,7 @@ def test_shapes_go_from_the_grid_to_where_the_truth_is():
     trials = tuple(HeldOutTrial(each.joint, each.family, each.candidates, 0.5, 0.1, True) for each in taken)
     found = SelectionPath(taken, np.arange(base.count), np.zeros(base.count), trials)
     nothing = GainPrior(np.zeros(base.count), np.zeros((base.count, base.count)))
-    refined = refine_shapes(found, widen, nothing, np.ones(3), 3)
+    refined = refine_shapes(found, widen, nothing, np.ones(3), [frozenset[Candidate]()] * 3)
     shapes = [each.candidates[0].shape for each in refined.selected]
     assert np.abs(np.log(np.array(shapes) / 0.14)).max() < NEAR
     assert [trial.candidates for trial in refined.trials] == [each.candidates for each in refined.selected]

@@ -15,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.estimation.friction.resolution import RESOLVED, passed_height, passed_transition
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import BaseParameters
@@ -167,6 +168,9 @@ can imitate gravity or an offset."""
 REFINED = frozenset({Stribeck.name, Sigmoid.name})
 """Terms whose shape is refined by least squares once they are selected."""
 
+TRANSIENT = REFINED | {Hysteresis.name}
+"""Terms that act for a short time after a reversal, which the band must resolve."""
+
 ONE_SHAPE = frozenset({Stribeck.name, Sigmoid.name, PowerViscous.name})
 """Terms that a joint can have once, with one shape."""
 
@@ -210,8 +214,8 @@ class CandidateModel:
 def allowed_candidates(model: DynamicsModel, observations: Observations) -> tuple[frozenset[Candidate], ...]:
     """Candidates that each joint may get.
 
-    A velocity law needs speeds that saturate it, hysteresis a state that is known early, ripple a revolute joint, and
-    all of them a joint that moves.
+    A velocity law needs speeds that saturate it, hysteresis a state that is known early, both a band that resolves
+    them near standstill, ripple a revolute joint, and all of them a joint that moves.
     """
     candidates = {candidate for family in FAMILIES for option in family.options for candidate in option}
     present = {term.name for term in model.terms}
@@ -226,6 +230,11 @@ def allowed_candidates(model: DynamicsModel, observations: Observations) -> tupl
         for candidate in candidates
         if candidate.term == Hysteresis.name
     }
+    resolved = {
+        candidate: _resolved_share(model, candidate, observations)
+        for candidate in candidates
+        if candidate.term in TRANSIENT
+    }
     fast = _speeds(model, observations)
     moved = np.any([np.ptp(run.motion.q, axis=0) > 0.0 for run in observations.runs], axis=0)
     result: list[frozenset[Candidate]] = []
@@ -237,6 +246,9 @@ def allowed_candidates(model: DynamicsModel, observations: Observations) -> tupl
             allowed = {candidate for candidate in allowed if candidate.term != Ripple.name}
         allowed = {
             candidate for candidate in allowed if candidate.shape * SATURATION.get(candidate.term, 0.0) <= fast[j]
+        }
+        allowed = {
+            candidate for candidate in allowed if candidate not in resolved or resolved[candidate][j] >= RESOLVED
         }
         result.append(frozenset(allowed if moved[j] else ()))
     return tuple(result)
@@ -309,7 +321,7 @@ def _width(model: DynamicsModel) -> float:
     return next((term.width for term in model.terms if isinstance(term, Coulomb)), 0.0)
 
 
-def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str, ...]) -> Term:
+def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str, ...] | None = None) -> Term:
     """Torque term of a name with the shapes of candidates."""
     makers = {
         Hysteresis.name: lambda: Hysteresis(shapes, joints),
@@ -323,6 +335,17 @@ def _term(name: str, shapes: tuple[float, ...], width: float, joints: tuple[str,
         Ripple.name: lambda: Ripple(shapes, joints=joints),
     }
     return makers[name]()
+
+
+def _resolved_share(model: DynamicsModel, candidate: Candidate, observations: Observations) -> NDArray[np.float64]:
+    """Share of a law's effect near standstill that the band leaves, shape (n,)."""
+    width = _width(model)
+    term = _term(candidate.term, (candidate.shape,), width)
+    if candidate.term in REFINED:
+        return passed_height(model, term, width, observations)
+    if not all(run.consecutive for run in observations.runs):
+        return np.ones(model.n)  # separate rows have no known memory in any case
+    return passed_transition(model, term, width, observations)
 
 
 def _speeds(model: DynamicsModel, observations: Observations) -> NDArray[np.float64]:

@@ -157,7 +157,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         return extended, information, short_folds, path
 
     first = select_from(None)[-1]
-    refined = refine_shapes(first, extend, prior, weighted.weights, model.n)
+    refined = refine_shapes(first, extend, prior, weighted.weights, allowed)
     extended, information, short_folds, path = select_from(refined)
     added = terms_of(loaded, path.chosen(model.n))
     needs_load = any(isinstance(term, LoadCoulomb) for term in added)

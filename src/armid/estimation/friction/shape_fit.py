@@ -34,7 +34,11 @@ MAX_CHANGE = np.log(2.0)
 
 
 def refine_shapes(
-    path: SelectionPath, extend: ExtendModel, prior: GainPrior, weights: Array, joints: int
+    path: SelectionPath,
+    extend: ExtendModel,
+    prior: GainPrior,
+    weights: Array,
+    allowed: Sequence[frozenset[Candidate]],
 ) -> SelectionPath:
     """Refines the shapes of the velocity laws of a selection by least squares.
 
@@ -43,16 +47,21 @@ def refine_shapes(
         extend: Extends the model by candidates.
         prior: Prior on the parameters of the model without candidates.
         weights: Weight of each joint's rows, shape (n,).
-        joints: Number of joints n.
+        allowed: Candidates of the grid that each joint may get; no shape becomes smaller than the smallest of them.
 
     Returns:
         The selection with refined shapes.
     """
+    joints = len(allowed)
     shapes = {
         (j, candidate): candidate
         for j, laws in enumerate(path.chosen(joints))
         for candidate in laws
         if candidate.term in REFINED
+    }
+    smallest = {
+        (j, candidate): min(each.shape for each in allowed[j] | {candidate} if each.term == candidate.term)
+        for j, candidate in shapes
     }
     best, least = shapes, np.inf
     for _ in range(STEPS if shapes else 0):
@@ -60,7 +69,10 @@ def refine_shapes(
         if error < least:
             best, least = shapes, error
         shapes = {
-            key: replace(candidate, shape=_bounded_step(key[1].shape, candidate.shape, steps[key[0], candidate]))
+            key: replace(
+                candidate,
+                shape=max(_bounded_step(key[1].shape, candidate.shape, steps[key[0], candidate]), smallest[key]),
+            )
             for key, candidate in shapes.items()
         }
     return _with_shapes(path, best)
