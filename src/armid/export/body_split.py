@@ -1,8 +1,9 @@
 """Place of a link's identified inertia, when the description has several bodies for it.
 
 Fixed and locked joints are no freedom of the arm, so that what they carry is one link of it. In the file the bodies
-are still apart: those carried keep what the description says, and the one that carries them takes the rest. What the
-description gives a mass and no extent, as sensors and tools often are, has none in the file either.
+are still apart: the heaviest of them takes the difference to what was identified, and the others keep what the
+description says. What the description gives a mass and no extent, as sensors and tools often are, has none in the
+file either.
 """
 
 from __future__ import annotations
@@ -102,13 +103,14 @@ def carriers(bodies: Sequence[Body]) -> list[Body]:
 
 
 def _carrier(own: Sequence[Body]) -> Body:
-    """The body that takes the difference: the link's own, or where that is a mere frame the heaviest fixed to it."""
+    """The heaviest body by the description, before those on locked joints, and the link's own among equals.
+
+    The difference is a share of the whole link: a light body could not take it and still be a body.
+    """
 
     def mass(body: Body) -> float:
         return 0.0 if body.nominal is None else body.nominal.mass
 
-    if mass(own[0]) > 0.0:
-        return own[0]
     return max(own, key=lambda body: (not body.is_welded and mass(body) > 0.0, mass(body), body is own[0]))
 
 

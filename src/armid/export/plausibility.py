@@ -10,7 +10,7 @@ from armid.errors import Finding, OutputError
 from armid.estimation.problem import standard_of
 from armid.export.carried_bodies import is_possible, is_thin
 from armid.export.types import Body, Content
-from armid.robot.robot import InertialParameters
+from armid.robot.robot import InertialParameters, Robot
 from armid.runs.run import Run
 from armid.study.plausibility import far_masses
 from armid.values import Array
@@ -19,6 +19,12 @@ __all__ = ["far_bodies", "refuse_unidentified", "refuse_unphysical", "unphysical
 
 SEEN = 1e-6
 """Largest distance of a mass from what base parameters determine, over one, of a mass that they do."""
+
+AWAY = 3.0
+"""Distance of a centre of mass from the described one, over the size of the described body (the greater of its RMS
+distance from its frame and the length of its link), from which on they have nothing to do with each other."""
+
+NAMED = 4
 
 
 def unphysical_names(content: Content, placeless: Collection[int], bodies: Sequence[Body]) -> list[str]:
@@ -101,31 +107,34 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
     )
 
 
-def far_bodies(run: Run, content: Content, bodies: Sequence[Body] | None, kind: str) -> list[Finding]:
-    """A word on bodies of the file whose mass has nothing to do with the description's.
+def far_bodies(
+    run: Run, content: Content, bodies: Sequence[Body] | None, kind: str, carrying: Collection[str] = ()
+) -> list[Finding]:
+    """Finding on bodies of the file whose mass or centre of mass has nothing to do with the description's.
 
     Args:
         run: The run.
         content: What is written.
         bodies: The description's bodies to look at; `None` for whole links.
         kind: What the standard parameters are.
+        carrying: Bodies that have what is left of their link beside others that keep the description's values.
     """
     written = content.bodies or {}
     if bodies is None:
-        pairs = [
-            (new.name, new.inertial, old.inertial)
-            for new, old in zip(content.robot.links, run.robot.links, strict=True)
-        ]
+        every = enumerate(zip(content.robot.links, run.robot.links, strict=True))
+        pairs = [(i, new.name, new.inertial, old.inertial) for i, (new, old) in every]
     else:
-        pairs = [(body.name, written[body.name], body.nominal) for body in bodies if body.name in written]
-    known = [(name, new.mass, old.mass) for name, new, old in pairs if new is not None and old is not None]
+        pairs = [(each.link, each.name, written[each.name], each.nominal) for each in bodies if each.name in written]
+    known = [(i, name, new, old) for i, name, new, old in pairs if new is not None and old is not None]
     if not known:
         return []
-    names, found, described = zip(*known, strict=True)
-    said = far_masses(names, np.array(found), np.array(described))
-    if not said:
+    names = [name for _, name, _, _ in known]
+    masses = far_masses(names, *(np.array([pair[k].mass for pair in known]) for k in (2, 3)))
+    away = [text for link, name, new, old in known if (text := _far_com(run.robot, link, name, new, old))]
+    if not masses and not away:
         return []
-    what = f"{said} in the file: torques do not tell these masses apart from others. Torque is the same"
+    said = "; ".join([*([masses] if masses else []), *away[:NAMED], *(["and more"] if len(away) > NAMED else [])])
+    what = f"{said} in the file: torques do not tell such a body apart from others. Torque is the same"
     ways = (
         ["--nearest writes the bodies nearest to the description with the same torque"] if kind == "estimated" else []
     )
@@ -133,9 +142,23 @@ def far_bodies(run: Run, content: Content, bodies: Sequence[Body] | None, kind: 
     if kept is None or kept.prior.kind != "log-det":
         near = 'physical = { prior = "log-det" } in [estimation] of a study'
         ways.append(f"identify with {near}, which keeps near the description")
+    rest = [name for name in names if name in carrying and f"{name} " in said]
+    if rest:
+        ways.append(f"--lumped writes the whole link as one body for {', '.join(rest)}")
     ways = ways or ["give the description masses nearer to the real ones where they are known, and identify again"]
     remedy = "; or ".join(ways)
     return [Finding("mass-far-from-description", "warning", "", what, remedy)]
+
+
+def _far_com(robot: Robot, link: int, name: str, new: InertialParameters, old: InertialParameters) -> str:
+    """A centre of mass that lies outside of any body like the described one, in words; empty where it does not."""
+    if new.mass <= 0.0 or old.mass <= 0.0:
+        return ""
+    spread = float(np.sqrt(max(np.trace(old.pseudo_inertia[:3, :3]), 0.0) / old.mass))
+    joints = [joint.placement[:3, 3] for joint in robot.joints if joint.parent == link]
+    size = max([spread, *(float(np.linalg.norm(place)) for place in joints)])
+    away = float(np.linalg.norm(new.com - old.com))
+    return f"{name} has its centre of mass {away:.3g} m from the described one" if away > AWAY * size > 0.0 else ""
 
 
 def _is_nothing(body: InertialParameters) -> bool:

@@ -139,3 +139,50 @@ def test_a_prior_that_was_used_already_is_no_remedy_for_far_masses(tmp_path):
         same = replace(run, estimate=replace(run.estimate, fit=fit))
         (said,) = far_bodies(same, Content(heavy, {}), None, "nearest")
         assert ("log-det" in said.remedy) is proposed and said.remedy
+
+
+DUMMY = """<robot name="dummy"><link name="base"/>
+<joint name="a" type="revolute"><parent link="base"/><child link="roll"/><axis xyz="1 0 0"/>
+<limit lower="-2" upper="2" velocity="2" effort="20"/></joint>
+<link name="roll"><inertial><mass value="0.1"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<joint name="weld" type="fixed"><parent link="roll"/><child link="upper"/><origin xyz="0.1 0 0"/></joint>
+<link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="6"/>
+<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.06" iyz="0" izz="0.04"/></inertial></link>
+</robot>"""
+"""A dummy that the joint moves, and the body on a fixed joint, as arms in public descriptions have."""
+
+DUMMY_MJCF = """<mujoco model="dummy"><worldbody><body name="roll"><joint name="a" axis="1 0 0" range="-90 90"/>
+<inertial pos="0 0 0" mass="0.1" diaginertia="0.01 0.01 0.01"/>
+<body name="upper" pos="0.1 0 0"><inertial pos="0.2 0 0" mass="6" diaginertia="0.05 0.06 0.04"/></body>
+</body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("to", "text"), [("urdf", DUMMY), ("mjcf", DUMMY_MJCF)])
+def test_the_heaviest_body_takes_what_was_identified(tmp_path, to, text):
+    """A share of 2 % of the link is nothing to its heaviest body, and no body at all to a dummy of 0.1 kg."""
+    path = tmp_path / ("arm.xml" if to == "mjcf" else "arm.urdf")
+    path.write_text(text)
+    found = load_robot(path).inertial_vector * 0.98
+    run = run_of(tmp_path / "run", path, inertial=found, terms=(RigidBody(), Viscous(), Coulomb(width=0.02)))
+    exported = export_run(run, to, tmp_path / f"out.{to}")
+    said = {finding.code: finding for finding in exported.findings}
+    assert said["difference-taken"].channel == "upper" and "roll keeps" in said["difference-taken"].evidence
+    assert "mass-far-from-description" not in said and all(check.ok for check in exported.checks)
+    assert load_robot(exported.path).inertial_vector == pytest.approx(found, abs=1e-12)
+    written = exported.path.read_text()
+    dummy = re.search(r'(?<=<link name="roll">).*?</link>|<inertial pos="0 0 0"[^>]*>', written, re.DOTALL)[0]
+    assert dummy in text
+
+
+def test_a_centre_of_mass_outside_of_its_body_is_told(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(DUMMY)
+    body = InertialParameters.from_com(0.1, np.zeros(3), 0.01 * np.eye(3))
+    run = run_of(tmp_path / "run", path, terms=(RigidBody(), Viscous()))
+    bodies = [Body("roll", 0, np.eye(4), body)]
+    for x, told in ((0.2, False), (1.7, True)):
+        written = InertialParameters.from_com(0.09, [x, 0, 0], 0.01 * np.eye(3))
+        found = far_bodies(run, Content(run.robot, {}, bodies={"roll": written}), bodies, "estimated", {"roll"})
+        assert bool(found) is told
+    assert "roll has its centre of mass 1.7 m from" in found[0].evidence and "--lumped" in found[0].remedy
