@@ -108,7 +108,7 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
 
 
 def far_bodies(
-    run: Run, content: Content, bodies: Sequence[Body] | None, kind: str, carrying: Collection[str] = ()
+    run: Run, content: Content, bodies: Sequence[Body] | None, kind: str, shared: Sequence[Finding] = ()
 ) -> list[Finding]:
     """Finding on bodies of the file whose mass or centre of mass has nothing to do with the description's.
 
@@ -117,7 +117,7 @@ def far_bodies(
         content: What is written.
         bodies: The description's bodies to look at; `None` for whole links.
         kind: What the standard parameters are.
-        carrying: Bodies that have what is left of their link beside others that keep the description's values.
+        shared: What was done to share links out among bodies.
     """
     written = content.bodies or {}
     if bodies is None:
@@ -129,7 +129,10 @@ def far_bodies(
     if not known:
         return []
     names = [name for _, name, _, _ in known]
-    masses = far_masses(names, *(np.array([pair[k].mass for pair in known]) for k in (2, 3)))
+    found, described = (
+        np.array(each) for each in zip(*((new.mass, old.mass) for *_, new, old in known), strict=True)
+    )
+    masses = far_masses(names, found, described)
     away = [text for link, name, new, old in known if (text := _far_com(run.robot, link, name, new, old))]
     if not masses and not away:
         return []
@@ -142,6 +145,7 @@ def far_bodies(
     if kept is None or kept.prior.kind != "log-det":
         near = 'physical = { prior = "log-det" } in [estimation] of a study'
         ways.append(f"identify with {near}, which keeps near the description")
+    carrying = {each.channel for each in shared if each.code == "difference-taken"}
     rest = [name for name in names if name in carrying and f"{name} " in said]
     if rest:
         ways.append(f"--lumped writes the whole link as one body for {', '.join(rest)}")

@@ -111,9 +111,7 @@ def export_run(
     )
     record = side_record(run, content, theta, written.data, path.name, kind)
     side = _write_both(path, written.data, to_json(record) + "\n")
-    judged = None if lumped or bodies is None else carriers(bodies)
-    carrying = {found.channel for found in shared if found.code == "difference-taken"}
-    far = far_bodies(run, content, judged, kind, carrying)
+    far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind, shared)
     findings = (*findings, *far, *written.findings, *_not_placed(run, exporter, side.name), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)

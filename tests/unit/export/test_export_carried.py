@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armid.errors import OutputError
+from armid.errors import Finding, OutputError
 from armid.export.carried_bodies import as_carried, is_possible, moved
 from armid.export.plausibility import far_bodies
 from armid.export.types import Body, Content
@@ -180,9 +180,9 @@ def test_a_centre_of_mass_outside_of_its_body_is_told(tmp_path):
     path.write_text(DUMMY)
     body = InertialParameters.from_com(0.1, np.zeros(3), 0.01 * np.eye(3))
     run = run_of(tmp_path / "run", path, terms=(RigidBody(), Viscous()))
-    bodies = [Body("roll", 0, np.eye(4), body)]
+    bodies, taken = [Body("roll", 0, np.eye(4), body)], Finding("difference-taken", "info", "roll", "")
     for x, told in ((0.2, False), (1.7, True)):
         written = InertialParameters.from_com(0.09, [x, 0, 0], 0.01 * np.eye(3))
-        found = far_bodies(run, Content(run.robot, {}, bodies={"roll": written}), bodies, "estimated", {"roll"})
+        found = far_bodies(run, Content(run.robot, {}, bodies={"roll": written}), bodies, "estimated", [taken])
         assert bool(found) is told
     assert "roll has its centre of mass 1.7 m from" in found[0].evidence and "--lumped" in found[0].remedy

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding
+from armid.report.data import trust
 from armid.report.data.page_data import PageData, gather
+from armid.report.data.residual_analysis import ResidualShares
 from armid.report.data.trust import judge_trust
 from armid.report.page import render
 from armid.report.sections.verdict import FIRST
@@ -146,3 +148,20 @@ def test_a_run_is_shown_from_anywhere(tmp_path: Path, monkeypatch: pytest.Monkey
     assert gather(load_run("../run")).missing == ()
     shutil.move(tmp_path / "run2.csv", tmp_path / "elsewhere")  # with all that belongs to it, to another place
     assert gather(load_run("../run")).missing == ()
+
+
+def test_sticking_is_not_taken_for_memory(material: PageData, monkeypatch: pytest.MonkeyPatch):
+    """A residual after reversals calls for friction with memory, unless the joint was found to stick there."""
+    monkeypatch.setattr(trust, "residual_shares", lambda *_: ResidualShares(0.0, 0.0, 0.5))
+    (seen,) = material.of_role("validate")
+    measured = np.zeros_like(seen.measured)
+    measured[5:9, 1] = np.nan
+    stuck = replace(material, evidence=(replace(seen, measured=measured),))
+    estimate = material.run.estimate
+    told = Finding("sticking", "info", "a.csv", "Joints stand.")
+    findings = replace(material.run, estimate=replace(estimate, findings=(*estimate.findings, told)))
+    plain = [each for each in judge_trust(stuck).wanted if "reversals" in each]
+    assert len(plain) == 1 and "with memory rather" in plain[0] and "every joint" in plain[0]
+    sticking, memory = (each for each in judge_trust(replace(stuck, run=findings)).wanted if "reversals" in each)
+    assert "reversals of joint_2 comes with sticking" in sticking and "passes rest quickly" in sticking
+    assert "with memory rather" in memory and "joint_2" not in memory

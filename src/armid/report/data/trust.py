@@ -32,6 +32,13 @@ RESTS = 0.01
 SLOW = 0.3
 """Share of its velocity limit below which a joint's viscous friction is hard to tell from the rest."""
 
+STICKING = (
+    "A motion that passes rest quickly (higher accelerations, less time at low speed) or a stiffer controller: what "
+    "is left after reversals of {joints} comes with sticking, where dry friction takes any value up to its bound; "
+    "neither friction with memory nor more of the same data removes it."
+)
+"""What to do where a joint sticks and starts again, which looks like memory in what is left."""
+
 
 @dataclass(frozen=True, slots=True)
 class TrustJudgement:
@@ -242,13 +249,23 @@ def _laws(material: PageData) -> Words:
         for what, much in (("position", remains.position), ("reversals", remains.reversal)):
             if much > MUCH:
                 found[what].append(j)
+    sticks = [j for j in found["reversals"] if _sticks(material, j)]
+    found["reversals"] = [j for j in found["reversals"] if j not in sticks]
     better = {"position": "A richer law of friction", "reversals": "A law of friction with memory"}
-    next_ = [
+    next_ = [STICKING.format(joints=_joints(material, sticks))] if sticks else []
+    next_ += [
         f"{better[what]} rather than more data: what is left follows {what} on {_joints(material, joints)}."
         for what, joints in found.items()
         if joints
     ]
     return [], [], next_
+
+
+def _sticks(material: PageData, j: int) -> bool:
+    """Tell whether a joint was found to stick: rows at standstill do not count for it where they do for others."""
+    told = {each.channel for each in material.run.estimate.findings if each.code == "sticking"}
+    rows = [np.isfinite(each.measured) for each in material.drawn] if told else []
+    return any(bool((mask.any(axis=1) & ~mask[:, j]).any()) for mask in rows)
 
 
 def _joints(material: PageData, which: Sequence[int]) -> str:
