@@ -1,9 +1,9 @@
-"""The doctor: what is wrong with a log, before anyone trusts it.
+"""The doctor: checks of a log for faults before an estimate is made from it.
 
-`CHECKS` is the catalogue: a new check is a new file and one line here. A check looks at the evidence and says what
-it found, with numbers; it repairs nothing. Those that `explain` take part in a contest: each says how much less a
-model would leave of the torque if its fault were the log's, the best is believed, and the rest look at the log
-without it.
+`CHECKS` is the catalogue: a new check is a new file and one line here. A check examines the evidence and returns
+findings with numbers; it repairs nothing. Checks that can `explain` a misfit compete: each computes by how much the
+residual falls once its fault is corrected. The best explanation is accepted, and the others are then tried on the
+corrected log.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from armid.doctor.evidence import Explain, LogEvidence
 from armid.doctor.remedy_trial import needs_reason
 from armid.errors import Finding
 
-__all__ = ["CHECKS", "EFFECTS", "EXPLAINS", "FOLLOW", "SEVERITIES", "LogEvidence", "examine"]
+__all__ = ["CHECKS", "CONSEQUENCES", "EFFECTS", "EXPLAINS", "SEVERITIES", "LogEvidence", "examine"]
 
 Check = Callable[[LogEvidence], list[Finding]]
 
@@ -77,12 +77,12 @@ EXPLAINS: tuple[Explain, ...] = (
     position_offset.explain,
     contact.explain,
 )
-"""What takes part in the contest."""
+"""Explanations that compete."""
 
 SEVERITIES = ("error", "warning", "info")
-"""Worst first."""
+"""Severities of findings, worst first."""
 
-FOLLOW: dict[str, tuple[str, ...]] = {
+CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "channel-dead": (
         "contact",
         "temperature-drift",
@@ -98,19 +98,19 @@ FOLLOW: dict[str, tuple[str, ...]] = {
     "saturation": ("contact", "temperature-drift"),
     "period-misaligned": ("contact", "velocity-mismatch", "rotor-inertia-missing", "temperature-drift"),
 }
-"""What a model says of a log because of another fault that is known: it is not said twice."""
+"""By code: findings that follow from that fault and are therefore not reported beside it."""
 
 
 def _with_reason(finding: Finding) -> Finding:
-    """The finding, and why its remedy was not tried where that is so."""
+    """The finding, with the reason where its remedy was not tested."""
     reason = needs_reason(finding.code, finding.evidence, finding.remedy)
     return replace(finding, evidence=finding.evidence + reason) if reason else finding
 
 
 def examine(evidence: LogEvidence, checks: Collection[str] = tuple(CHECKS)) -> tuple[Finding, ...]:
-    """All findings of some checks on a log, errors first, each said once."""
+    """Runs checks on a log and returns their findings, errors first, each once."""
     found = [_with_reason(f) for name, check in CHECKS.items() if name in checks for f in check(evidence)]
-    known = {code for f in found if f.severity != "info" for code in FOLLOW.get(f.code, ())}
+    known = {code for f in found if f.severity != "info" for code in CONSEQUENCES.get(f.code, ())}
     noted = {_with_reason(f) for f in evidence.noted}
-    kept = [f for f in dict.fromkeys(found) if f.code not in known or f in noted]
-    return tuple(sorted(kept, key=lambda f: SEVERITIES.index(f.severity)))
+    reported = [f for f in dict.fromkeys(found) if f.code not in known or f in noted]
+    return tuple(sorted(reported, key=lambda f: SEVERITIES.index(f.severity)))

@@ -1,4 +1,4 @@
-"""A recording reduced to a moderate rate, with its band and its rows."""
+"""Reduction of a recording to a moderate sample rate, with band and rows."""
 
 from __future__ import annotations
 
@@ -25,35 +25,35 @@ from armid.values import Array
 __all__ = ["DownsampledLog", "downsample"]
 
 CUTOFFS = (2.0, 6.0)
-"""Limits of the band that is looked at [Hz]: faults of a log show where the motion is, not above it."""
+"""Limits of the band's cut-off [Hz]: faults of a log show at the frequencies of the motion, not above."""
 
 THIN_RATE = 20.0
-"""Samples a second that are kept, in units of the cut-off: reversals of friction are sharper than the band, and
-with fewer their columns alias."""
+"""Sample rate in units of the cut-off: friction at reversals has frequencies above the band, which would alias at a
+lower rate."""
 
 ROWS_RATE = 4.0
-"""Rows a second in units of the cut-off: twice what the band holds."""
+"""Rows a second in units of the cut-off: twice the Nyquist rate of the band."""
 
 SEPARATE = 1000
-"""Rows that are kept, or up to twice as many, where they do not follow each other: what the band keeps of half a
-minute. What a model lacks makes neighbours alike, and where their order is lost nobody sees by how much."""
+"""Rows used (up to twice as many) where rows are not consecutive: as many as the band keeps of half a minute.
+Unmodelled effects correlate neighbouring residuals; where the order is lost, that correlation cannot be estimated."""
 
 COARSE = 400
-"""Rows, or up to twice as many, by which geometries are compared quickly: some times the parameters of a joint."""
+"""Rows (up to twice as many) of a quick comparison of geometries: several times the parameters of a joint."""
 
 LONGEST = 60.0
-"""Seconds of a log that are looked at, half of them from its beginning and half from its end."""
+"""Seconds of a log that are examined, half of them from its beginning and half from its end."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DownsampledLog:
-    """A recording at a moderate rate.
+    """Recording at a moderate sample rate.
 
     Attributes:
-        runs: Contiguous runs, motion filtered, torque not.
-        band: For torque and columns.
-        cutoff: Its cut-off [Hz]; that of the motion where the band is open.
-        rate: Samples a second of the recording itself [Hz].
+        runs: Contiguous runs with filtered motion and unfiltered torque.
+        band: Low-pass for torque and columns.
+        cutoff: Cut-off of the band [Hz]; that of the motion where the band is open.
+        rate: Sample rate of the original recording [Hz].
     """
 
     runs: tuple[ObservedRun, ...]
@@ -62,7 +62,7 @@ class DownsampledLog:
     rate: float
 
     def reordered(self, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> DownsampledLog:
-        """The same log with its channels in another order; rows count where both channels of a joint do."""
+        """The same log with reordered channels; a row counts where both channels of a joint count."""
 
         def changed(run: ObservedRun) -> ObservedRun:
             m, mask = run.motion, run.mask[:, motion] & run.mask[:, torque]
@@ -73,11 +73,11 @@ class DownsampledLog:
 
     @property
     def mask(self) -> NDArray[np.bool_]:
-        """Tell which rows count, shape (M, n)."""
+        """Rows that count, shape (M, n)."""
         return np.concatenate([run.mask for run in self.runs])
 
     def coarse(self) -> DownsampledLog:
-        """Some rows alone, their torque filtered and their columns not: quick, to compare geometries."""
+        """Subset of rows with filtered torque and unfiltered columns, for quick comparisons of geometries."""
         every = max(1, sum(len(run.rows) for run in self.runs) // COARSE)
 
         def changed(run: ObservedRun) -> ObservedRun:
@@ -91,7 +91,7 @@ class DownsampledLog:
         return replace(self, runs=tuple(changed(run) for run in self.runs), band=Band())
 
     def moved(self, offset: Array) -> DownsampledLog:
-        """The same log with positions offset (n,) [rad or m]."""
+        """The same log with an offset (n,) added to the positions [rad or m]."""
 
         def changed(run: ObservedRun) -> ObservedRun:
             m = run.motion
@@ -100,7 +100,7 @@ class DownsampledLog:
         return replace(self, runs=tuple(changed(run) for run in self.runs))
 
     def scaled(self, motion: Array) -> DownsampledLog:
-        """The same log with the motion of each joint multiplied (n,)."""
+        """The same log with the motion of each joint multiplied by a factor (n,)."""
 
         def changed(run: ObservedRun) -> ObservedRun:
             m = run.motion
@@ -110,11 +110,11 @@ class DownsampledLog:
 
 
 def downsample(recording: Recording, cutoff: float | None = None) -> DownsampledLog:
-    """Reduce a recording in the robot's terms to a moderate rate.
+    """Reduces a recording to a moderate sample rate.
 
     Args:
-        recording: In robot order, SI units, joint side.
-        cutoff: Of the band [Hz], if the rate allows it; that of the motion if not given.
+        recording: Recording in robot order, SI units, joint side.
+        cutoff: Cut-off of the band [Hz], lowered where the rate is too low; that of the motion if not given.
 
     Raises:
         RecordingError: It cannot be differentiated or is too short.
@@ -122,8 +122,8 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
     if recording.consecutive is False:
         few = slice(None, None, max(1, recording.samples // SEPARATE))
         values = {name: getattr(recording, name) for name in ("q", "dq", "ddq", "effort", "valid")}
-        kept = {name: None if x is None else x[few] for name, x in values.items()}
-        whole = replace(recording, time=None, rate=1.0, number=None, **kept)
+        thinned = {name: None if x is None else x[few] for name, x in values.items()}
+        whole = replace(recording, time=None, rate=1.0, number=None, **thinned)
         piece = stretches(whole, None)[0][0]
         processing = ProcessingOptions(family="none", derivatives="given")
         run = separate_rows(piece, differentiate(piece, processing, given=True), processing)
@@ -155,7 +155,7 @@ def downsample(recording: Recording, cutoff: float | None = None) -> Downsampled
 
 
 def _ends(pieces: Sequence[Stretch]) -> list[Stretch]:
-    """Return what lies in the first and the last half minute of a long log."""
+    """First and last half minute of a long log."""
     begin, end = float(pieces[0].time[0]), float(pieces[-1].time[-1])
     if end - begin <= 1.25 * LONGEST:
         return list(pieces)
@@ -177,7 +177,7 @@ def _decimated(piece: Stretch, step: int) -> Stretch:
 
 
 def _any_near(flags: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
-    """Flags of every so many samples: whether any less than a step away is flagged."""
+    """Flags at every `step`-th sample, set where any sample within a step is flagged."""
     if step == 1:
         return flags
     rows = np.arange(0, len(flags), step)

@@ -1,4 +1,4 @@
-"""State of a log: how it is understood, how well a model then explains it, and what else it says about the arm."""
+"""A log as it is interpreted, the fit of a model to it, and further evidence about the arm."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from armid.values import Array
 if TYPE_CHECKING:
     from armid.doctor.evidence import LogEvidence
 
-__all__ = ["OWN", "DescriptionComparison", "Explanation", "LogState"]
+__all__ = ["JOINT_SYMBOLS", "DescriptionComparison", "Explanation", "LogState"]
 
-OWN = ("FV", "FS", "FO", "IA")
-"""Symbols of what a joint has for itself, whatever it carries."""
+JOINT_SYMBOLS = ("FV", "FS", "FO", "IA")
+"""Symbols of parameters that belong to one joint alone: friction, offset, rotor inertia."""
 
 POSES = 40
-"""Poses along the motion at which inertias are looked at."""
+"""Poses along the motion at which joint inertias are computed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DescriptionComparison:
-    """Measured torque beside the description's, joint by joint, friction and offset of each taken out.
+    """Measured torque compared with the description's, joint by joint, after friction and offset are projected out.
 
     Attributes:
-        scale: Measured torque in units of the described one, shape (n,).
-        correlation: Shape (n,).
-        size: RMS of the described torque that is left, shape (n,) [N·m or N].
+        scale: Factor from described to measured torque, shape (n,).
+        correlation: Correlation of the two, shape (n,).
+        size: RMS of the described torque after the projection, shape (n,) [N·m or N].
     """
 
     scale: Array
@@ -50,7 +50,7 @@ class DescriptionComparison:
 
 @dataclass(frozen=True, eq=False)
 class LogState:
-    """A log as it is understood, and the model that it is compared with.
+    """A log as it is interpreted, and the model that is fitted to it.
 
     Attributes:
         model: Arm and torque terms.
@@ -64,33 +64,33 @@ class LogState:
 
     @cached_property
     def source(self) -> ColumnSource:
-        """Makes the columns of the base parameters."""
+        """Source of the columns of the base parameters."""
         return column_source(self.model, self.base)
 
     @cached_property
     def rows(self) -> QuickRows:
-        """Columns and torque in the band."""
+        """Filtered columns and torque."""
         return make_rows(self.source, self.log)
 
     def with_torque(self, factor: Array) -> LogState:
-        """The same with each joint's torque multiplied (n,): columns stay, and are not made again."""
+        """The same with each joint's torque multiplied by a factor (n,); the columns are reused."""
         runs = tuple(replace(run, torque=run.torque * factor) for run in self.log.runs)
         after = self.on(replace(self.log, runs=runs))
         after.__dict__["rows"] = replace(self.rows, torque=self.rows.torque * factor)
         return after
 
     def on(self, log: DownsampledLog) -> LogState:
-        """The same model beside another log."""
+        """The same model with another log."""
         after = LogState(self.model, self.base, log)
         after.__dict__["source"] = self.source  # where `cached_property` keeps it
         return after
 
     def without(self, left_out: NDArray[np.bool_]) -> LogState:
-        """The same with some rows not counted, shape (M,)."""
+        """The same with some rows excluded, flags of shape (M,)."""
         ends = np.cumsum([len(run.mask) for run in self.log.runs])[:-1]
-        kept = np.split(~left_out, ends)
+        included = np.split(~left_out, ends)
         runs = tuple(
-            replace(run, mask=run.mask & rows[:, None]) for run, rows in zip(self.log.runs, kept, strict=True)
+            replace(run, mask=run.mask & rows[:, None]) for run, rows in zip(self.log.runs, included, strict=True)
         )
         after = self.on(replace(self.log, runs=runs))
         after.__dict__["rows"] = replace(self.rows, mask=self.rows.mask & ~left_out[:, None])
@@ -98,25 +98,26 @@ class LogState:
 
     @cached_property
     def fit(self) -> QuickFit:
-        """All joints with one set of parameters."""
+        """Fit of all joints with one set of parameters."""
         return solve(self.rows)
 
     @cached_property
-    def own_fits(self) -> tuple[QuickFit, ...]:
-        """Each joint with parameters of its own."""
-        return tuple(solve(self._own(j)) for j in range(self.rows.n))
+    def joint_fits(self) -> tuple[QuickFit, ...]:
+        """Separate fit of each joint, with parameters of its own."""
+        return tuple(solve(self._joint_rows(j)) for j in range(self.rows.n))
 
     @property
     def conflict(self) -> float:
-        """Compare one set of parameters for all joints with one for each: logarithm of how much worse it explains.
+        """Log ratio of the residual of the common fit to that of separate fits of the joints.
 
-        What a model lacks, such as friction at reversals, is missing from both. What grows between the two is
-        wrong geometry: the order of channels, gravity, zeros, signs, scales.
+        An effect that the model lacks, such as friction at reversals, is missing from both fits and cancels. A large
+        ratio therefore means wrong geometry: order of channels, gravity, zeros, signs or scales.
         """
-        alone = np.array([fit.sigma[0] for fit in self.own_fits])
+        alone = np.array([fit.sigma[0] for fit in self.joint_fits])
         return self.fit.cost - float(np.mean(np.log(alone)))
 
-    def _own(self, j: int) -> QuickRows:
+    def _joint_rows(self, j: int) -> QuickRows:
+        """Rows of joint j alone, with parameters of its own."""
         rows, count = self.rows, len(self.rows.parameters[j])
         return replace(
             rows,
@@ -128,23 +129,23 @@ class LogState:
         )
 
     def symbols(self, j: int) -> list[str]:
-        """Symbols of joint j's columns; those of other joints' terms are empty."""
-        found = [self.model.parameters[self.base.kept[p]] for p in self.rows.parameters[j]]
-        return [p.symbol if p.number == j + 1 or p.symbol not in OWN else "" for p in found]
+        """Symbols of joint j's columns; empty for terms of other joints."""
+        parameters = [self.model.parameters[self.base.kept[p]] for p in self.rows.parameters[j]]
+        return [p.symbol if p.number == j + 1 or p.symbol not in JOINT_SYMBOLS else "" for p in parameters]
 
     def standard(self, values: Array) -> Array:
-        """Standard parameters (p,) with the torque of base parameters (b,)."""
+        """Standard parameters (p,) that give the same torque as base parameters (b,)."""
         theta = np.zeros(len(self.model.parameters))
         theta[self.base.kept] = values[: self.base.count]
         return theta
 
     def rigid_torque(self, theta: Array) -> Array:
-        """Torque of the links in the band at the rows, shape (M, n)."""
+        """Filtered torque of the links at the rows, shape (M, n) [N·m or N]."""
         bodies = self._bodies(theta)
         return self._at_rows(lambda run: self._torque(bodies, run.motion, run.motion.q))
 
     def rigid_slopes(self, theta: Array, step: float) -> Array:
-        """Change of the links' torque by each position, in the band at the rows, shape (n, M, n) [N·m/rad].
+        """Filtered derivative of the links' torque by each position at the rows, shape (n, M, n) [N·m/rad].
 
         Args:
             theta: Standard parameters.
@@ -160,7 +161,7 @@ class LogState:
         return np.moveaxis(self._at_rows(slopes), 1, 0)
 
     def torque_slope(self) -> Array:
-        """Derivative of the torque in the band at the rows, shape (M, n) [N·m/s]."""
+        """Time derivative of the filtered torque at the rows, shape (M, n) [N·m/s]."""
         parts = [
             np.gradient(in_band(run.torque, run.rate, self.log.band), 1.0 / run.rate, axis=0)[run.rows]
             for run in self.log.runs
@@ -168,38 +169,38 @@ class LogState:
         return np.concatenate(parts)
 
     def _bodies(self, theta: Array) -> Array:
-        """Parameters of the links, (n, 10)."""
+        """Inertial parameters of the links, (n, 10)."""
         return theta[self.model.inertial_columns].reshape(-1, 10)
 
     def _torque(self, bodies: Array, motion: Motion, q: Array) -> Array:
-        """Torque of the links (N, n) as they move, at other positions (N, n)."""
+        """Torque of the links (N, n) with the velocities of a motion at other positions q (N, n)."""
         return kernel.inverse_dynamics(self.model.tree, bodies, q, motion.dq, motion.ddq)
 
-    def _at_rows(self, made: Callable[[ObservedRun], Array]) -> Array:
-        """Return what is made of each run (N, ...), in the band at the rows (M, ...)."""
+    def _at_rows(self, compute: Callable[[ObservedRun], Array]) -> Array:
+        """Filters the values (N, ...) that a function computes for each run and takes their rows (M, ...)."""
         parts: list[Array] = []
         for run in self.log.runs:
-            x, raw = made(run), self.log.band.is_open or not run.consecutive
+            x, raw = compute(run), self.log.band.is_open or not run.consecutive
             parts.append((x if raw else in_band(x, run.rate, self.log.band))[run.rows])
         return np.concatenate(parts)
 
-    def own_columns(self, j: int) -> Array:
-        """Columns of joint j's friction, offset and rotor, shape (M, k)."""
-        mine = [k for k, symbol in enumerate(self.symbols(j)) if symbol in OWN]
-        return self.rows.columns[j][mine].T
+    def joint_columns(self, j: int) -> Array:
+        """Columns of joint j's friction, offset and rotor inertia, shape (M, k)."""
+        joint_rows = [k for k, symbol in enumerate(self.symbols(j)) if symbol in JOINT_SYMBOLS]
+        return self.rows.columns[j][joint_rows].T
 
     @cached_property
     def nominal(self) -> DescriptionComparison | None:
-        """The description's torque beside the measured one; `None` where it has no inertias."""
+        """Comparison with the description's torque; `None` where the description has no inertias."""
         theta = self.model.nominal_parameters()
         if theta is None:
             return None
-        told = self.rigid_torque(theta)
+        described = self.rigid_torque(theta)
         scale, correlation, size = np.zeros((3, self.rows.n))
         for j in range(self.rows.n):
-            rows = self.rows.mask[:, j]
-            Q = np.linalg.qr(self.own_columns(j)[rows])[0]
-            x, y = told[rows, j], self.rows.torque[rows, j]
+            included = self.rows.mask[:, j]
+            Q = np.linalg.qr(self.joint_columns(j)[included])[0]
+            x, y = described[included, j], self.rows.torque[included, j]
             x, y = x - Q @ (Q.T @ x), y - Q @ (Q.T @ y)
             power = float(x @ x)
             size[j] = np.sqrt(power / max(len(x), 1))
@@ -209,9 +210,9 @@ class LogState:
 
     @cached_property
     def dissipation(self) -> Array:
-        """Tell how surely each joint's friction brakes, in standard deviations, shape (n,)."""
+        """Power that each joint's friction dissipates, in its standard deviations, shape (n,)."""
         z = np.zeros(self.rows.n)
-        for j, fit in enumerate(self.own_fits):
+        for j, fit in enumerate(self.joint_fits):
             power = np.array(
                 [
                     float(np.mean(column * self.rows.motion.dq[:, j])) if symbol in ("FV", "FS") else 0.0
@@ -223,13 +224,13 @@ class LogState:
 
     @cached_property
     def inertia(self) -> Array:
-        """Tell how surely each joint's own inertia is positive, in standard deviations, shape (n,)."""
+        """Mean inertia of each joint, in its standard deviations, shape (n,)."""
         rows, n = self.rows, self.rows.n
         q = rows.motion.q[:: max(1, rows.motion.samples // POSES)]
         still = np.zeros_like(q)
         rest = self.model.regressor(Motion.of_states(q, still, still))
         z = np.zeros(n)
-        for j, fit in enumerate(self.own_fits):
+        for j, fit in enumerate(self.joint_fits):
             unit = still.copy()
             unit[:, j] = 1.0
             per_acceleration = (self.model.regressor(Motion.of_states(q, still, unit)) - rest)[:, j].mean(axis=0)
@@ -238,24 +239,24 @@ class LogState:
 
 
 def _certainty(direction: Array, fit: QuickFit) -> float:
-    """A linear function of the estimate in its standard deviations."""
+    """Linear function of an estimate, in its standard deviations."""
     spread = float(np.sqrt(max(direction @ fit.covariance @ direction, 0.0)))
     return float(direction @ fit.values) / spread if spread > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Explanation:
-    """A fault that would explain what a log contradicts.
+    """Fault that would explain a misfit of the model.
 
     Attributes:
-        code: Of the finding.
-        gain: By how much less is then left, as a logarithm.
-        severity: Of the finding.
+        code: Code of the finding.
+        gain: Fall of the log residual once the fault is corrected.
+        severity: Severity of the finding.
         channel: Joint, or empty for all.
-        evidence: What was seen, with numbers.
-        remedy: As a line of a study, on top of what the evidence says of the reading.
-        after: The log as it is understood then.
-        confirmed: Whether the log says so in another way, too, where there is one; asked of the first fault alone.
+        evidence: Observation, with numbers.
+        remedy: Makes the lines of a study that correct the fault, combined with the log format of the evidence.
+        after: The log with the fault corrected.
+        confirmed: Independent check on the log, where there is one; made for the first fault alone.
     """
 
     code: str

@@ -1,7 +1,7 @@
-"""Some hundred rows of a recording, and fits to them that take milliseconds.
+"""Weighted least squares on some hundred rows of a recording, in milliseconds.
 
-The doctor asks many times how well a model explains a log: as it stands, with its channels in another order, with
-another gravity. Torque and columns pass one band, as for an estimate; each joint keeps a triangular factor.
+The doctor fits a model many times: to the log as it is, with channels in another order, with another gravity. Torque
+and columns pass the same filter, as they do for an estimate; each joint keeps a triangular factor.
 """
 
 from __future__ import annotations
@@ -18,40 +18,40 @@ from armid.information.regressor_rows import all_rows
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["QuickFit", "QuickRows", "cost_of", "make_rows", "products", "solve", "solved", "tables"]
+__all__ = ["QuickFit", "QuickRows", "cost_of", "make_rows", "products", "solve", "solve_products", "tables"]
 
 PASSES = 4
-"""Rounds of weighting each joint by its residual; two are enough but for joints that the first round misjudges."""
+"""Rounds of weighting each joint by its residual. Two suffice unless the first round weights a joint badly."""
 
 SETTLED = 1e-3
-"""Relative change of all residuals in a round from which the next one would change nothing that is asked."""
+"""Relative change of all residuals in a round below which the weighting has converged."""
 
 FLOOR = 1e-9
-"""Residual over torque below which a joint's weight grows no further: logs without noise have none."""
+"""Smallest residual over torque in a joint's weight: logs without noise have a residual of zero."""
 
 RIDGE = 1e-9
-"""Added to products of unit columns, so that parameters that do not show have a value: their squares are 1e-4
-where they show at all."""
+"""Added to products of unit columns, so that parameters that are not excited get a value; the squares of those that
+are excited are at least 1e-4."""
 
 COARSE_FLOOR = 1e-6
-"""The same as `FLOOR` where only products are known, whose rounding is the root of ε."""
+"""`FLOOR` for fits from products, whose rounding error is the root of the machine epsilon."""
 
-MEMORY_SECONDS = 1.0
-"""Lags up to here count when correlated residuals are told from white ones [s]."""
+LONGEST_LAG = 1.0
+"""Longest lag of the residuals' autocorrelation that is summed [s]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class QuickRows:
-    """Columns and torque in the band, M rows.
+    """Filtered columns and torque, M rows.
 
     Attributes:
-        columns: For each joint the columns of its own parameters, (k, M).
-        parameters: For each joint which parameters these are, (k,).
+        columns: For each joint the columns of the parameters that its torque depends on, (k, M).
+        parameters: For each joint the indices of these parameters, (k,).
         count: Number of parameters b.
         motion: Motion at the rows.
         torque: Shape (M, n) [N·m or N].
-        mask: Which rows count, shape (M, n).
-        run: Contiguous run of each row, shape (M,).
+        mask: Rows that count, shape (M, n).
+        run: Index of the contiguous run of each row, shape (M,).
         rate: Rows a second [Hz].
     """
 
@@ -72,25 +72,25 @@ class QuickRows:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class QuickFit:
-    """Weighted least squares on rows.
+    """Result of weighted least squares on rows.
 
     Attributes:
         values: Parameters, those of the extra columns last, shape (b + e,).
-        covariance: Shape (b + e, b + e); correlated residuals count as fewer.
-        sigma: Residual of each joint, shape (n,) [N·m or N].
-        residual: Shape (M, n), zero where a row does not count.
-        memory: How many rows stand for one that is independent, shape (n,).
+        covariance: Covariance, shape (b + e, b + e), inflated for correlated residuals.
+        sigma: RMS residual of each joint, shape (n,) [N·m or N].
+        residual: Residuals, shape (M, n), zero where a row does not count.
+        autocorrelation: Autocorrelation time of each joint's residual, shape (n,) [rows].
     """
 
     values: Array
     covariance: Array
     sigma: Array
     residual: Array
-    memory: Array
+    autocorrelation: Array
 
     @property
     def cost(self) -> float:
-        """Mean over the joints of the logarithm of their residuals: a fall by 0.1 is ten percent less in all."""
+        """Mean over the joints of the log RMS residual: a fall by 0.1 is ten percent less on average."""
         return float(np.mean(np.log(self.sigma)))
 
     @property
@@ -100,7 +100,7 @@ class QuickFit:
 
 
 def make_rows(source: ColumnSource, log: DownsampledLog) -> QuickRows:
-    """Columns and torque of a thin log in its band."""
+    """Computes the filtered columns and torque of a downsampled log."""
     parts = [all_rows(source, run, log.band) for run in log.runs]
     x = np.concatenate(parts, axis=1)
     offset, n = source.layout.offset, source.tree.n
@@ -125,14 +125,14 @@ def make_rows(source: ColumnSource, log: DownsampledLog) -> QuickRows:
 
 
 def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
-    """Weighted least squares, each joint by its own residual.
+    """Solves weighted least squares, each joint weighted by its residual.
 
     Args:
         rows: Columns and torque.
-        extra: More columns, shape (e, M, n): what a unit of each adds to the torque of each joint.
+        extra: Further columns, shape (e, M, n): torque of each joint for a unit of each.
     """
-    more = 0 if extra is None else len(extra)
-    total = rows.count + more
+    extras = 0 if extra is None else len(extra)
+    total = rows.count + extras
     blocks: list[Array] = []
     sides: list[Array] = []
     joints: list[NDArray[np.intp]] = []
@@ -162,65 +162,65 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
         before, sigma = sigma, np.maximum(np.sqrt(remaining / counted), FLOOR * size)
         if rows.n == 1 or (np.abs(sigma - before) < SETTLED * sigma).all():
             break
-    residual = np.column_stack([_left(tables[j], rows.parameters[j], x, rows.count) for j in range(rows.n)])
-    memory = np.array([_memory(residual[:, j], rows.rate) for j in range(rows.n)])
-    weight = 1.0 / (sigma * np.sqrt(memory))[joint]
+    residual = np.column_stack([_residual(tables[j], rows.parameters[j], x, rows.count) for j in range(rows.n)])
+    autocorrelation = np.array([_autocorrelation_time(residual[:, j], rows.rate) for j in range(rows.n)])
+    weight = 1.0 / (sigma * np.sqrt(autocorrelation))[joint]
     inverse = np.linalg.pinv(A / scale * weight[:, None], rcond=1e-9)
-    return QuickFit(x, (inverse @ inverse.T) / np.outer(scale, scale), sigma, residual, memory)
+    return QuickFit(x, (inverse @ inverse.T) / np.outer(scale, scale), sigma, residual, autocorrelation)
 
 
 def products(rows: QuickRows, extra: Array | None = None) -> tuple[Array, ...]:
-    """For each joint products of its columns, extra ones (e, M, n) and torque, square of k + e + 1 rows."""
+    """Product matrix of each joint's columns, extra columns (e, M, n) and torque, (k + e + 1, k + e + 1)."""
     return tuple(table @ table.T for table in tables(rows, extra))
 
 
 def tables(rows: QuickRows, extra: Array | None = None, mask: NDArray[np.bool_] | None = None) -> Iterator[Array]:
-    """For each joint its columns, extra ones (e, M, n) and torque, (k + e + 1, M), zero where rows do not count."""
-    more = np.zeros((0, *rows.torque.shape)) if extra is None else extra
+    """Columns of each joint, extra columns (e, M, n) and torque, (k + e + 1, M), zero where rows do not count."""
+    extras = np.zeros((0, *rows.torque.shape)) if extra is None else extra
     counts = rows.mask if mask is None else mask
-    for j, own in enumerate(rows.columns):
-        yield np.vstack([own, more[:, :, j], rows.torque[:, j]]) * counts[:, j]
+    for j, columns in enumerate(rows.columns):
+        yield np.vstack([columns, extras[:, :, j], rows.torque[:, j]]) * counts[:, j]
 
 
 def cost_of(rows: QuickRows, pairs: Sequence[Array], sign: Array | None = None) -> float:
-    """Return what `solve(rows).cost` is, from products alone, in a tenth of the time.
+    """Computes `solve(rows).cost` from products, in a tenth of the time.
 
     Args:
-        rows: The rows, of which only the parameters are looked at.
+        rows: The rows, of which only the parameters are used.
         pairs: Their `products`.
         sign: Factor of each joint's torque, shape (n,).
     """
-    return float(np.mean(np.log(solved(rows, pairs, np.maximum(rows.mask.sum(axis=0), 1), sign)[1])))
+    return float(np.mean(np.log(solve_products(rows, pairs, np.maximum(rows.mask.sum(axis=0), 1), sign)[1])))
 
 
-def solved(
+def solve_products(
     rows: QuickRows,
     pairs: Sequence[Array],
     counted: NDArray[np.int64],
     sign: Array | None = None,
     ridge: float = RIDGE,
 ) -> tuple[Array, Array]:
-    """Parameters (b,) and residual of each joint (n,) from products alone.
+    """Solves weighted least squares from products: parameters (b,) and RMS residual of each joint (n,).
 
     Args:
-        rows: The rows, of which only the parameters are looked at.
-        pairs: Their `products`, or those of some of them.
-        counted: Rows of each joint that these are of, shape (n,).
+        rows: The rows, of which only the parameters are used.
+        pairs: Products of all rows or of some of them.
+        counted: Number of rows of each joint in these products, shape (n,).
         sign: Factor of each joint's torque, shape (n,).
         ridge: Added to products of unit columns.
     """
     n, b = rows.n, rows.count
-    # Products of all parameters and torque, those that a joint does not have zero.
+    # Products of all parameters and torque, zero for parameters that a joint's torque does not depend on.
     whole = np.zeros((n, b + 1, b + 1))
-    for P, own, each in zip(pairs, rows.parameters, whole, strict=True):
-        places = np.append(own, b)
+    for P, parameters, each in zip(pairs, rows.parameters, whole, strict=True):
+        places = np.append(parameters, b)
         each[places[:, None], places] = P
     if sign is not None:
         whole[:, b] *= sign[:, None]
         whole[:, :, b] *= sign[:, None]
     size = np.sqrt(whole[:, b, b] / counted)
     size = np.where(size > 0.0, size, 1.0)
-    sigma, both = size, np.append(np.zeros(b), 1.0)  # the parameters with minus sign beside the torque's own factor
+    sigma, both = size, np.append(np.zeros(b), 1.0)  # negative parameters, then 1 for the torque
     stacked = whole.reshape(n, -1)
     for _ in range(PASSES):
         H = (sigma**-2 @ stacked).reshape(b + 1, b + 1)
@@ -228,21 +228,21 @@ def solved(
         G = H[:b, :b] / np.multiply.outer(scale, scale)
         G.flat[:: b + 1] += ridge
         both[:b] = -np.linalg.solve(G, H[:b, b] / scale) / scale
-        left = (whole.reshape(-1, b + 1) @ both).reshape(n, b + 1) @ both
-        before, sigma = sigma, np.maximum(np.sqrt(np.maximum(left, 0.0) / counted), COARSE_FLOOR * size)
+        power = (whole.reshape(-1, b + 1) @ both).reshape(n, b + 1) @ both
+        before, sigma = sigma, np.maximum(np.sqrt(np.maximum(power, 0.0) / counted), COARSE_FLOOR * size)
         if (np.abs(sigma - before) < SETTLED * sigma).all():
             break
     return -both[:b], sigma
 
 
-def _left(table: Array, own: NDArray[np.int32], x: Array, count: int) -> Array:
-    """Torque less prediction of one joint."""
-    return table[-1] - np.concatenate([x[own], x[count:]]) @ table[:-1]
+def _residual(table: Array, parameters: NDArray[np.int32], x: Array, count: int) -> Array:
+    """Residual of one joint."""
+    return table[-1] - np.concatenate([x[parameters], x[count:]]) @ table[:-1]
 
 
-def _memory(residual: Array, rate: float) -> float:
-    """Tell how many rows stand for one that is independent: 1 + 2 Σ correlations, by Bartlett's window."""
-    lags = min(int(MEMORY_SECONDS * rate), len(residual) // 4)
+def _autocorrelation_time(residual: Array, rate: float) -> float:
+    """Integrated autocorrelation time 1 + 2 Σ correlations, with Bartlett's window [rows]."""
+    lags = min(int(LONGEST_LAG * rate), len(residual) // 4)
     power = float(residual @ residual)
     if lags < 1 or power <= 0.0:
         return 1.0

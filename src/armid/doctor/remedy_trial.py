@@ -1,7 +1,7 @@
-"""Remedies tried on left-out motion before they are offered.
+"""Test of a remedy on held-out motion before it is offered.
 
-A model is fitted to some blocks of a log and judged on the others, with the remedy and without it. What makes the
-error on these larger is no remedy.
+A model is fitted to some blocks of a log and evaluated on the others, with the remedy and without it. A remedy that
+makes the held-out error larger is rejected.
 """
 
 from __future__ import annotations
@@ -12,25 +12,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.doctor.quick_fit import QuickRows, solved, tables
+from armid.doctor.quick_fit import QuickRows, solve_products, tables
 from armid.measurement.remedy import BY_HAND
 
-__all__ = ["BY_ERROR_ALONE", "UNTRIED", "RemedyTrial", "left_out", "needs_reason", "try_out"]
+__all__ = ["BY_ERROR_ALONE", "UNTRIED", "RemedyTrial", "heldout_error", "needs_reason", "try_remedy"]
 
 FOLDS = 5
 """Parts of a log, each left out once."""
 
 BLOCK_ROWS = 24
-"""Rows of a block; every fifth block is left out together: a second at the usual rate, longer than residuals last."""
+"""Rows of a block, a second at the usual rate: longer than residuals are correlated. Every fifth block is left out
+together."""
 
 RIDGE = 1e-6
-"""Added to products of unit columns: what the other blocks hardly show must not decide."""
+"""Added to products of unit columns, so that parameters that the other blocks hardly determine stay small."""
 
 WORTH = 0.002
-"""Change of the error, as a logarithm, below which left-out motion is indifferent."""
+"""Change of the log error below which held-out motion does not decide."""
 
 WORSE = 0.01
-"""Rise of the error, as a logarithm, from which an explanation is not believed, whatever else speaks for it."""
+"""Rise of the log error from which an explanation is rejected, whatever other evidence there is for it."""
 
 UNTRIED: Mapping[str, str] = {
     "clock-missing": "without it the log cannot be read",
@@ -45,21 +46,21 @@ UNTRIED: Mapping[str, str] = {
     "period-misaligned": "the comparison averages no repetitions",
     "rows-not-consecutive": "rows that do not follow each other leave no motion out",
 }
-"""By code: why left-out motion does not judge the remedy."""
+"""By code: why the remedy is not tested on held-out motion."""
 
 
 BY_ERROR_ALONE = frozenset({"channel-delay", "degrees", "joint-order", "position-sign"})
-"""Explanations that nothing but the error speaks for: left-out motion must show it, too. Signs of torques, zeros and
-gravity also show in friction, inertias and weights."""
+"""Explanations whose only evidence is the error, so that the held-out error must fall, too. Signs of torques, zeros
+and gravity also show in friction, inertias and weights."""
 
 
 @dataclass(frozen=True, slots=True)
 class RemedyTrial:
-    """Error on left-out motion over its torque, as a logarithm: the mean over the joints.
+    """Relative error on held-out motion with and without a remedy, as the mean over the joints of its logarithm.
 
     Attributes:
-        before: As the log is read.
-        after: With the remedy.
+        before: Error of the log as it is read.
+        after: Error with the remedy.
     """
 
     before: float
@@ -67,64 +68,64 @@ class RemedyTrial:
 
     @property
     def helps(self) -> bool:
-        """Tell whether the error falls."""
+        """True if the error falls."""
         return self.after < self.before - WORTH
 
     @property
     def harms(self) -> bool:
-        """Tell whether the error rises by so much that nothing else can speak for the remedy."""
+        """True if the error rises so much that the remedy is rejected."""
         return self.after > self.before + WORSE
 
     def __str__(self) -> str:
-        told = f"{np.exp(self.before):.2%} of the torque without the remedy, {np.exp(self.after):.2%} with it"
+        errors = f"{np.exp(self.before):.2%} of the torque without the remedy, {np.exp(self.after):.2%} with it"
         if abs(self.after - self.before) <= WORTH:
-            return f"Left-out motion does not judge the remedy: the error is {told}."
-        return f"On left-out motion the error is {told}."
+            return f"Left-out motion does not judge the remedy: the error is {errors}."
+        return f"On left-out motion the error is {errors}."
 
 
-def try_out(before: QuickRows, after: QuickRows) -> RemedyTrial:
-    """Errors with and without a remedy, on the rows that count with both.
+def try_remedy(before: QuickRows, after: QuickRows) -> RemedyTrial:
+    """Computes the held-out errors with and without a remedy, on the rows that count in both cases.
 
-    Rows that a remedy leaves out are fitted to without it, and judged in neither.
+    Rows that a remedy leaves out take part in the fit without it; neither error counts them.
 
     Args:
-        before: As the log is read.
-        after: With the remedy.
+        before: Rows of the log as it is read.
+        after: Rows with the remedy.
     """
     same = before.mask.shape == after.mask.shape
-    return RemedyTrial(left_out(before, after.mask if same else None), left_out(after))
+    return RemedyTrial(heldout_error(before, after.mask if same else None), heldout_error(after))
 
 
-def left_out(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> float:
-    """Error on rows that a model was not fitted to, over their torque: mean over the joints, as a logarithm.
+def heldout_error(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> float:
+    """Relative error on rows that a model was not fitted to: mean over the joints of its logarithm.
 
     Args:
         rows: Columns and torque.
-        judged: Rows that are judged, of those that count, shape (M, n); all if not given.
+        judged: Rows that the error is computed on, of those that count, shape (M, n); all if not given.
     """
     part = np.arange(len(rows.torque)) // BLOCK_ROWS % FOLDS
     inside = [part == k for k in range(FOLDS)]
     pairs = [[table[:, rows_of] @ table[:, rows_of].T for rows_of in inside] for table in tables(rows)]
     if judged is None or judged[rows.mask].all():
-        seen = pairs
+        evaluated = pairs
     else:
-        few = tables(rows, mask=rows.mask & judged)
-        seen = [[table[:, rows_of] @ table[:, rows_of].T for rows_of in inside] for table in few]
-    left, size = np.zeros((2, rows.n))
+        counted_tables = tables(rows, mask=rows.mask & judged)
+        evaluated = [[table[:, rows_of] @ table[:, rows_of].T for rows_of in inside] for table in counted_tables]
+    error, size = np.zeros((2, rows.n))
     for k in range(FOLDS):
         counted = rows.mask[~inside[k]].sum(axis=0)
-        others = tuple(sum(own) - own[k] for own in pairs)
-        x, _ = solved(rows, others, np.maximum(counted, 1), ridge=RIDGE)
-        for j, own in enumerate(seen):
+        others = tuple(sum(fold_pairs) - fold_pairs[k] for fold_pairs in pairs)
+        x, _ = solve_products(rows, others, np.maximum(counted, 1), ridge=RIDGE)
+        for j, fold_pairs in enumerate(evaluated):
             weights = np.append(-x[rows.parameters[j]], 1.0)
-            left[j] += max(float(weights @ own[k] @ weights), 0.0)
-            size[j] += own[k][-1, -1]
+            error[j] += max(float(weights @ fold_pairs[k] @ weights), 0.0)
+            size[j] += fold_pairs[k][-1, -1]
     tiny = np.finfo(float).tiny
-    return float(np.mean(np.log(np.sqrt(np.maximum(left, tiny) / np.maximum(size, tiny)))))
+    return float(np.mean(np.log(np.sqrt(np.maximum(error, tiny) / np.maximum(size, tiny)))))
 
 
 def needs_reason(code: str, evidence: str, remedy: str) -> str:
-    """Tell why a remedy was not tried, as a sentence; empty where it was, or is done by hand."""
+    """Sentence that says why a remedy was not tested; empty where it was, or is done by hand."""
     if not remedy or remedy.startswith(BY_HAND) or code not in UNTRIED or "eft-out motion" in evidence:
         return ""
     return f" Not tried on left-out motion: {UNTRIED[code]}."

@@ -1,4 +1,4 @@
-"""Folders that are there whole or not at all: made under another name and renamed when they are complete."""
+"""Atomic writing of folders: written under a temporary name and renamed when complete."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["refuse", "whole_folder"]
 
 @contextmanager
 def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
-    """A draft to write into, which takes the folder's name when all has gone well.
+    """Context with a draft folder that replaces the target when the block ends without error.
 
     Args:
-        folder: Where it goes. One of the same kind that is there already is replaced; anything else is left alone.
-        marker: File by which a folder of this kind is known.
-        kind: What messages call it.
+        folder: Target. An existing one of the same kind is replaced; anything else is refused.
+        marker: File that identifies a folder of this kind.
+        kind: Word for this kind in messages.
 
     Raises:
         OutputError: The folder cannot be written, or holds something else.
@@ -49,15 +49,15 @@ def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:
 
 
 def refuse(folder: Path | str, marker: str, kind: str) -> None:
-    """Refuse a folder that cannot or must not be replaced, before any work is done for it.
+    """Refuses a folder that cannot or must not be replaced, before any work is done.
 
     Args:
         folder: The folder.
-        marker: File by which a folder of this kind is known.
-        kind: What messages call it.
+        marker: File that identifies a folder of this kind.
+        kind: Word for this kind in messages.
 
     Raises:
-        OutputError: It holds something else, is the working folder, or lies where nothing can be written.
+        OutputError: It holds something else, is the working folder, or is not writable.
     """
     folder = Path(folder)
     try:
@@ -78,7 +78,7 @@ def refuse(folder: Path | str, marker: str, kind: str) -> None:
 
 
 def _put_in_place(draft: Path, folder: Path) -> None:
-    """Give a complete draft its name; what bore it before goes only when the draft is there."""
+    """Renames a complete draft to its target; an old folder is deleted only after that."""
     if not folder.exists():
         draft.rename(folder)
         return

@@ -1,4 +1,4 @@
-"""Is a model asked for more than it was trained on? Friction is known at the speeds that were recorded, not above."""
+"""Extrapolation in speed: joints whose friction is used beyond the speeds of the training recordings."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from armid.values import Array
 __all__ = ["highest_speeds", "speed_finding"]
 
 FAR = 1.25
-"""Speed asked for over the highest that trained, from which on it is worth a word: a quarter beyond is more than the
-difference of two draws of one kind of motion."""
+"""Ratio of speed to the highest trained speed from which it is reported: two random motions of one kind differ by
+less."""
 
 LEAST = 0.02
-"""Speed by which it must be more [rad/s or m/s]: the width over which dry friction turns its sign, below which a
-joint that rested in training still creeps."""
+"""Smallest excess of speed that is reported [rad/s or m/s]: the width of Coulomb friction, within which a joint that
+rested in training still creeps."""
 
 
 def highest_speeds(observations: Observations) -> Array:
-    """Highest speed of each joint in its rows that count, shape (n,) [rad/s or m/s]; 0 where none does."""
+    """Highest speed of each joint in the rows that count, shape (n,) [rad/s or m/s]; 0 without such rows."""
     speeds = [np.max(np.abs(run.motion.dq[run.rows]) * run.mask, axis=0, initial=0.0) for run in observations.runs]
     return np.max(speeds, axis=0)
 
 
-def speed_finding(robot: Robot, trained: Array | None, asked: Array, where: str) -> Finding | None:
-    """Joints that are asked for torque far beyond the speeds that trained their friction, or `None`.
+def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: str) -> Finding | None:
+    """Finding on joints whose speed is far beyond the trained speeds, or `None`.
 
     Args:
         robot: The arm.
-        trained: Highest speed that trained each joint, shape (n,) [rad/s or m/s]; `None` where it is not known.
-        asked: Highest speed that is asked for, shape (n,).
-        where: The recording or plan.
+        trained: Highest speed of each joint in training, shape (n,) [rad/s or m/s]; `None` where it is unknown.
+        requested: Highest speed of each joint in the new motion, shape (n,).
+        where: Name of the recording or plan.
     """
     if trained is None:
         return None
     beyond = [
-        f"{joint.name} was trained up to {known:.3g} {joint.unit}/s and is asked for {speed:.3g} {joint.unit}/s"
-        for joint, known, speed in zip(robot.joints, trained, asked, strict=True)
+        f"{joint.name} was trained up to {known:.3g} {joint.unit}/s and is requested for {speed:.3g} {joint.unit}/s"
+        for joint, known, speed in zip(robot.joints, trained, requested, strict=True)
         if speed > max(FAR * known, known + LEAST)
     ]
     if not beyond:
@@ -48,6 +48,6 @@ def speed_finding(robot: Robot, trained: Array | None, asked: Array, where: str)
         "speed-beyond",
         "warning",
         "",
-        f"{where}: {'; '.join(beyond)}. Friction there is a continuation of its law, not a measurement.",
-        "train on a motion as fast as what is asked for.",
+        f"{where}: {'; '.join(beyond)}. Friction there is extrapolated, not measured.",
+        "train on a motion as fast as what is requested for.",
     )

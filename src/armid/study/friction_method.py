@@ -1,4 +1,4 @@
-"""Estimation of a model whose friction was chosen, as far as the study leaves that open."""
+"""Estimation options of a model with selected friction, where the study leaves them open."""
 
 from __future__ import annotations
 
@@ -9,52 +9,52 @@ from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.friction.selection import FrictionSelection
 from armid.study.config import EstimationChoice
 
-__all__ = ["as_chosen", "credited", "lean_on_prior"]
+__all__ = ["as_chosen", "credited", "with_selection_prior"]
 
 GIVEN, CHOSEN = "given", "as chosen with the friction"
-"""How a weight was found, as methods say it of one in their options, and where the ladder put it there."""
+"""Texts on the source of a prior's weight: an option of the method, or the friction selection."""
 
 
-def as_chosen(choice: EstimationChoice, ladder: FrictionSelection, *, described: bool) -> EstimationChoice:
-    """The choice with the prior and the offsets that friction was chosen under.
+def as_chosen(choice: EstimationChoice, selection: FrictionSelection, *, described: bool) -> EstimationChoice:
+    """Estimation options with the prior and the offsets of the friction selection.
 
     Args:
-        choice: As the study has it.
-        ladder: Friction that was chosen.
+        choice: Options of the study.
+        selection: Result of the friction selection.
         described: Whether the description has bodies that can be a prior.
     """
-    apart = choice.offset_per_recording or ladder.offset_per_recording
-    leaning = lean_on_prior(choice, ladder.prior_weight, described=described)
-    return dataclasses.replace(leaning, offset_per_recording=apart)
+    separate_offsets = choice.offset_per_recording or selection.offset_per_recording
+    with_prior = with_selection_prior(choice, selection.prior_weight, described=described)
+    return dataclasses.replace(with_prior, offset_per_recording=separate_offsets)
 
 
-def lean_on_prior(choice: EstimationChoice, weight: float | None, *, described: bool) -> EstimationChoice:
-    """The choice with the prior that friction was chosen under, as far as the study leaves the method's own open.
+def with_selection_prior(choice: EstimationChoice, weight: float | None, *, described: bool) -> EstimationChoice:
+    """Estimation options with the prior of the friction selection, unless the study sets the method's prior.
 
     Args:
-        choice: As the study has it.
-        weight: Of the prior; `None` where nothing was judged.
+        choice: Options of the study.
+        weight: Weight of the prior; `None` where the selection did not determine one.
         described: Whether the description has bodies that can be a prior.
     """
     if weight is None:
         return choice
     names = {f.name for f in dataclasses.fields(ESTIMATORS[choice.method])}  # pyright: ignore[reportArgumentType]
-    own = {"weight": weight, "prior": "log-det" if described else "mass"}
+    prior_options = {"weight": weight, "prior": "log-det" if described else "mass"}
     given = choice.options.get(choice.method, {})
     if "weight" not in names or given.get("weight", "auto") != "auto" or "prior" in given:
         return choice
-    options = {**given, **{name: value for name, value in own.items() if name in names}}
+    options = {**given, **{name: value for name, value in prior_options.items() if name in names}}
     return dataclasses.replace(choice, options={**choice.options, choice.method: options})
 
 
-def credited(estimate: Estimate, ladder: FrictionSelection | None) -> Estimate:
-    """The estimate whose prior's weight is said to come from the choice of friction, where it does."""
-    if ladder is None or ladder.prior_weight is None:
+def credited(estimate: Estimate, selection: FrictionSelection | None) -> Estimate:
+    """The estimate with the friction selection named as the source of the prior's weight, where it is."""
+    if selection is None or selection.prior_weight is None:
         return estimate
-    said = f"weighs {ladder.prior_weight:.3g} "
+    weight_text = f"weighs {selection.prior_weight:.3g} "
     findings = tuple(
         dataclasses.replace(finding, evidence=finding.evidence.replace(f", {GIVEN}.", f", {CHOSEN}."))
-        if finding.code == "prior-weight" and said in finding.evidence
+        if finding.code == "prior-weight" and weight_text in finding.evidence
         else finding
         for finding in estimate.findings
     )
@@ -62,7 +62,7 @@ def credited(estimate: Estimate, ladder: FrictionSelection | None) -> Estimate:
     if (
         fit.standard is not None
         and fit.standard.prior.how == GIVEN
-        and fit.standard.prior.weight == ladder.prior_weight
+        and fit.standard.prior.weight == selection.prior_weight
     ):
         prior = dataclasses.replace(fit.standard.prior, how=CHOSEN)
         fit = dataclasses.replace(fit, standard=dataclasses.replace(fit.standard, prior=prior))

@@ -1,4 +1,4 @@
-"""Recordings of a study beside what processing made of them, so that each is processed once."""
+"""Recordings of a study with their observations, so that each is processed once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ProcessedRecording:
         choice: Path, role, log format and part.
         recording: The recording in the robot's convention.
         observations: Its runs and the band.
-        findings: Noticed while it was processed.
+        findings: Findings of the processing.
     """
 
     choice: RecordingChoice
@@ -39,7 +39,7 @@ class ProcessedRecording:
 def process_each(
     recordings: Sequence[tuple[RecordingChoice, Recording]], processing: ProcessingOptions, robot: Robot
 ) -> tuple[ProcessedRecording, ...]:
-    """Recordings processed one by one; runs hold the number of their recording, those that train counted first.
+    """Processes recordings one by one; runs hold the number of their recording, training recordings first.
 
     Raises:
         RecordingError: A recording does not allow what `processing` asks.
@@ -65,11 +65,11 @@ def process_each(
 
 
 def joined_observations(processed: Sequence[ProcessedRecording]) -> Observations:
-    """Observations of several recordings that were processed alike."""
+    """Observations of several recordings that were processed with the same options."""
     runs = tuple(run for each in processed for run in each.observations.runs)
     return Observations(runs, processed[0].observations.band)
 
 
 def of_role(processed: Iterable[ProcessedRecording], role: str) -> tuple[ProcessedRecording, ...]:
-    """Recordings that train, or that validate."""
+    """Recordings of one role, `train` or `validate`."""
     return tuple(each for each in processed if each.choice.role == role)

@@ -14,7 +14,7 @@ __all__ = ["RunOrigin", "origin_now", "origin_of", "origin_record"]
 
 @dataclass(frozen=True, slots=True)
 class RunOrigin:
-    """The making of a run; empty where its record does not say it.
+    """Origin of a run; empty fields where its record has none.
 
     Attributes:
         at: Date and time with the offset from UTC, ISO 8601, to the second.
@@ -28,16 +28,16 @@ class RunOrigin:
 
 
 def origin_now() -> RunOrigin:
-    """A run that is made here and now."""
+    """Origin of a run that is made now on this machine."""
     return RunOrigin(datetime.now().astimezone().isoformat(timespec="seconds"), platform.node(), version("armid"))
 
 
-def origin_record(made: RunOrigin) -> dict[str, str]:
-    """The making as JSON."""
-    return asdict(made)
+def origin_record(origin: RunOrigin) -> dict[str, str]:
+    """Origin as a JSON object."""
+    return asdict(origin)
 
 
-def origin_of(kept: Mapping[str, Any]) -> RunOrigin:
-    """The making of a run from its record, which runs of earlier versions do not have."""
-    found: Mapping[str, Any] = kept.get("made") or {}
-    return RunOrigin(*(str(found.get(key, "")) for key in ("at", "host", "version")))
+def origin_of(record: Mapping[str, Any]) -> RunOrigin:
+    """Origin of a run from its record; empty for runs of earlier versions."""
+    origin: Mapping[str, Any] = record.get("made") or {}
+    return RunOrigin(*(str(origin.get(key, "")) for key in ("at", "host", "version")))

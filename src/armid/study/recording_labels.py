@@ -1,4 +1,4 @@
-"""Names of recordings that tell them apart, and what was found with the name of its recording."""
+"""Distinct short names of recordings, and findings with the names of their recordings."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["labelled", "labels", "together"]
 
 
 def labels(choices: Sequence[RecordingChoice]) -> list[str]:
-    """A short name for each recording: as much of its path's end as no other has; empty where there is one alone.
+    """Short name of each recording: the shortest end of its path that no other has; empty for a single recording.
 
-    A file that stands there twice is told apart by its role.
+    A file that is listed twice gets its role as a suffix.
     """
     if len(choices) < 2:
         return [""] * len(choices)
@@ -30,19 +30,19 @@ def labels(choices: Sequence[RecordingChoice]) -> list[str]:
 
 
 def labelled(findings: Iterable[Finding], label: str) -> list[Finding]:
-    """The findings with the name of their recording before what was seen."""
+    """Findings with the name of their recording before the evidence."""
     return [replace(f, evidence=f"{label}: {f.evidence}") if label else f for f in findings]
 
 
-def together(told: Iterable[tuple[str, Finding]]) -> list[Finding]:
-    """Findings of several recordings, with their names; what several have alike is told once, of all of them."""
-    found: dict[tuple[str, ...], tuple[Finding, list[str]]] = {}
-    for label, f in told:
+def together(named: Iterable[tuple[str, Finding]]) -> list[Finding]:
+    """Merges findings of several recordings; equal findings become one that names all recordings."""
+    groups: dict[tuple[str, ...], tuple[Finding, list[str]]] = {}
+    for label, f in named:
         key = (f.code, f.severity, f.channel, f.remedy)
-        found.setdefault(key, (f, []))[1].append(label)
+        groups.setdefault(key, (f, []))[1].append(label)
     result: list[Finding] = []
-    for f, names in found.values():
+    for f, names in groups.values():
         others = list(dict.fromkeys(name for name in names[1:] if name != names[0]))
-        more = f" The same on {', '.join(others)}." if others else ""
-        result += labelled([replace(f, evidence=f.evidence + more)], names[0])
+        same_on = f" The same on {', '.join(others)}." if others else ""
+        result += labelled([replace(f, evidence=f.evidence + same_on)], names[0])
     return result

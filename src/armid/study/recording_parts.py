@@ -1,4 +1,4 @@
-"""Parts of recordings, and the rule that no sample both trains and validates."""
+"""Parts of recordings, and the check that no sample is used twice."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from armid.study.config import RecordingChoice
 __all__ = ["cut_recording", "refuse_shared"]
 
 ROWS = ("time", "q", "dq", "ddq", "effort", "valid", "number")
-"""What a recording has one of for each sample."""
+"""Fields of a recording with one entry for each sample."""
 
 FEWEST_ROWS = 10
-"""Rows that a part must have: fewer give no derivative and no residual to judge by."""
+"""Smallest number of rows of a part: fewer give no derivative and no residual."""
 
 
 def cut_recording(recording: Recording, part: tuple[float, float]) -> Recording:
-    """The rows between two shares of a recording's length.
+    """Rows of a recording between two shares of its length.
 
     Raises:
         StudyError: The part is too small to hold a motion.
@@ -42,10 +42,10 @@ def cut_recording(recording: Recording, part: tuple[float, float]) -> Recording:
 
 
 def refuse_shared(recordings: Sequence[tuple[RecordingChoice, Recording]]) -> None:
-    """Refuse samples that are used twice: to train and to validate, or to train twice.
+    """Refuses samples that are used twice: to train and to validate, or to train twice.
 
     Raises:
-        StudyError: One file stands in the study twice, and the parts used overlap.
+        StudyError: One file is listed twice, and its parts overlap.
     """
     for k, (one, a) in enumerate(recordings):
         for other, b in recordings[k + 1 :]:

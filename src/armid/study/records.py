@@ -1,4 +1,4 @@
-"""Estimates and validations as JSON objects whose keys others rely on; NaN and infinity become null."""
+"""Estimates and validations as JSON objects with stable keys; NaN and infinity become null."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
-"""As `json` breaks it into lines. No text matches, since a line end inside one is written as an escape."""
+"""List of numbers as `json` breaks it into lines. No text matches, since line ends in texts are escaped."""
 
 
 def estimate_record(estimate: Estimate) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
 
 
 def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
-    """Return the proof that bodies can exist and fit best, and the prior they were found with; null without."""
+    """Certificate of a consistent estimate with its prior; null without."""
     if fit is None:
         return None
     return {
@@ -92,17 +92,17 @@ def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
     }
 
 
-def friction_selection_record(ladder: FrictionSelection, joints: Sequence[str]) -> dict[str, Any]:
-    """The contents of `friction.json`: what was chosen for each joint and the evidence for it."""
+def friction_selection_record(selection: FrictionSelection, joints: Sequence[str]) -> dict[str, Any]:
+    """The contents of `friction.json`: selected friction of each joint and its evidence."""
     return {
-        "why": ladder.why,
-        "prior_weight": ladder.prior_weight,
+        "why": selection.why,
+        "prior_weight": selection.prior_weight,
         "joints": [
             {
                 "name": name,
-                "ratio": ladder.ratio[j],
-                "deviation": ladder.deviation[j],
-                "chosen": [each.candidate for each in ladder.evidence if each.chosen and each.joint == name],
+                "ratio": selection.ratio[j],
+                "deviation": selection.deviation[j],
+                "chosen": [each.candidate for each in selection.evidence if each.chosen and each.joint == name],
             }
             for j, name in enumerate(joints)
         ],
@@ -115,7 +115,7 @@ def friction_selection_record(ladder: FrictionSelection, joints: Sequence[str]) 
                 "deviation": each.deviation,
                 "chosen": each.chosen,
             }
-            for each in ladder.evidence
+            for each in selection.evidence
         ],
     }
 

@@ -1,4 +1,4 @@
-"""A study in a few rows: what it reads and what it says beyond the defaults."""
+"""Summary of a study: its inputs and the options that differ from the defaults."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Outlined"]
 
 
 class Outlined(Displayed):
-    """A study that shows its arm, terms, method, recordings, and the options that differ from their defaults."""
+    """Study with a summary of its arm, terms, method, recordings, and options that differ from the defaults."""
 
     __slots__ = ()
 
@@ -39,15 +39,17 @@ class Outlined(Displayed):
         return Summary(title, ("", "", "options"), tuple(rows))
 
 
-def _changed(value: Any, *told: str) -> str:
-    """Fields of a dataclass that differ from a plain one, those left out that are told elsewhere."""
-    plain = type(value)(**{name: getattr(value, name) for name in told})
+def _changed(value: Any, *excluded: str) -> str:
+    """Fields of a dataclass that differ from their defaults, without the excluded ones."""
+    plain = type(value)(**{name: getattr(value, name) for name in excluded})
     changed = [
-        (field.name, own)
+        (field.name, current)
         for field in fields(value)
-        if field.name not in told and not _same(own := getattr(value, field.name), getattr(plain, field.name))
+        if field.name not in excluded and not _same(current := getattr(value, field.name), getattr(plain, field.name))
     ]
-    return ", ".join(f"{name} = {own.tolist() if isinstance(own, np.ndarray) else own}" for name, own in changed)
+    return ", ".join(
+        f"{name} = {current.tolist() if isinstance(current, np.ndarray) else current}" for name, current in changed
+    )
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -17,7 +17,7 @@ from armid.doctor.checks.dynamics.position_offset import offsets_of
 from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import solve
-from armid.doctor.remedy_trial import left_out
+from armid.doctor.remedy_trial import heldout_error
 from armid.errors import Finding
 from armid.excitation.fourier import Excitation
 from armid.lab.known_arms import truth_of
@@ -156,7 +156,7 @@ def test_what_could_not_be_looked_at_is_said():
     rows = slice(0, 60)
     short = replace(log, time=log.time[rows], q=log.q[rows], dq=None, effort=log.effort[rows], valid=True)
     (found,) = diagnose_recording(sound(4).robot, short, LogFormat())
-    assert "not looked at" in found.evidence
+    assert "not checked" in found.evidence
     assert codes(diagnose_recording(sound(4).robot, replace(log, effort=None), LogFormat())) == {"channel-dead"}
 
 
@@ -252,7 +252,7 @@ def test_a_zero_that_only_the_description_asks_for_is_no_error():
 
 
 def test_a_condition_number_that_is_rounding_is_not_told_as_a_number():
-    assert poorly_determined(("FV_1",), np.ones(1), 1e9).endswith("apart at all, as far as numbers can show.")
+    assert poorly_determined(("FV_1",), np.ones(1), 1e9).endswith("at all, to numerical precision.")
 
 
 def test_where_orders_tie_nothing_is_called_an_error(tmp_path: Path):
@@ -340,7 +340,7 @@ def test_rows_that_are_left_out_judge_and_rows_that_are_fitted_do_not():
         count=rows.count + 40,
     )
     assert solve(more).cost < solve(rows).cost
-    assert left_out(more) > left_out(rows)
+    assert heldout_error(more) > heldout_error(rows)
 
 
 PENDULUM = "".join(

@@ -28,7 +28,7 @@ from armid.study.config import (
     parse_study,
     resolve_model,
 )
-from armid.study.friction_method import lean_on_prior
+from armid.study.friction_method import with_selection_prior
 from armid.study.identify import Result, identify
 from armid.study.recording_parts import cut_recording
 from labs import (
@@ -315,15 +315,17 @@ def test_friction_may_be_chosen_and_is_then_estimated_with_a_prior():
     assert study.model == ModelChoice(shapes={"coulomb": {"width": 0.05}}, automatic=True)
     assert study.estimation.method == "ridge"
     assert plain(model={"terms": "auto"}, estimation={"method": "wls"}).estimation.method == "wls"
-    assert build_estimator(lean_on_prior(study.estimation, 2.5, described=True)) == Ridge(weight=2.5)
-    assert lean_on_prior(study.estimation, None, described=True) == study.estimation
+    assert build_estimator(with_selection_prior(study.estimation, 2.5, described=True)) == Ridge(weight=2.5)
+    assert with_selection_prior(study.estimation, None, described=True) == study.estimation
     physical = EstimationChoice("physical")
-    leaning = lean_on_prior(physical, 2.5, described=True)
+    leaning = with_selection_prior(physical, 2.5, described=True)
     assert build_estimator(leaning) == PhysicallyConsistent(prior="log-det", weight=2.5)
-    leaning_on_none = lean_on_prior(physical, 2.5, described=False)
+    leaning_on_none = with_selection_prior(physical, 2.5, described=False)
     assert build_estimator(leaning_on_none) == PhysicallyConsistent(prior="mass", weight=2.5)
-    assert lean_on_prior(leaning, 7.0, described=True) == leaning  # what is given stays
-    assert build_estimator(lean_on_prior(EstimationChoice("wls"), 2.5, described=True)) == WeightedLeastSquares()
+    assert with_selection_prior(leaning, 7.0, described=True) == leaning  # what is given stays
+    assert (
+        build_estimator(with_selection_prior(EstimationChoice("wls"), 2.5, described=True)) == WeightedLeastSquares()
+    )
 
 
 def test_a_shape_without_a_meaning_names_its_term():

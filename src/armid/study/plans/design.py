@@ -1,4 +1,4 @@
-"""A motion designed from a robot, wishes and limits: start pose, problem, search, certificate, report."""
+"""Design of a motion from a robot, a goal and constraints: start pose, search, certification, preflight report."""
 
 from __future__ import annotations
 
@@ -38,23 +38,23 @@ from armid.values import Array
 __all__ = ["LIMIT_KINDS", "DesignConstraints", "DesignGoal", "Designed", "SearchBudget", "design_plan"]
 
 LEAD_SHARE = 0.5
-"""Share of the limits of velocity that ways to and from the start use."""
+"""Share of the velocity limits that the motions to and from the start use."""
 
 LEAD_CHECKS = 200.0
-"""Poses a second of these ways in which bodies are looked at [Hz]."""
+"""Rate at which these motions are checked for collisions [Hz]."""
 
 SPREAD = 200.0
-"""Samples a second at which the ends of a motion are looked for [Hz]."""
+"""Rate at which extreme positions and accelerations of a motion are sampled [Hz]."""
 
 HELD = 0.9
-"""Share of the torque limits that holding a start pose may take where the pose is chosen here."""
+"""Largest share of the torque limits that holding an automatically chosen start pose may need."""
 
 DRAWN, DRAWN_BY = 0.1, 0.85
-"""A plan is drawn together about its start pose in steps, and no further, to keep bodies apart that no gradient
-tells of."""
+"""Smallest factor, and factor of each step, by which a plan is shrunk towards its start pose to separate bodies whose
+distance has no gradient in the search."""
 
 LEAD_ACCELERATION = 2.0
-"""Acceleration of these ways where no limit is given [rad/s² or m/s²]."""
+"""Acceleration of the motions to and from the start where no limit is given [rad/s² or m/s²]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -63,13 +63,13 @@ class Designed(Displayed):
 
     Attributes:
         plan: The motion.
-        problem: What was asked, every pair of bodies among its limits.
-        x: The unknowns.
-        limits: Of the joints.
-        search: How it was found.
-        preflight: What is known of it.
-        findings: What the reader should know.
-        collision: Bodies that are kept apart, where that was asked.
+        problem: The optimisation problem, with constraints for all pairs of bodies.
+        x: Values of the unknowns.
+        limits: Limits of the joints.
+        search: Course of the search.
+        preflight: Check of the plan against all limits.
+        findings: Findings of the design.
+        collision: Bodies that are kept apart; `None` where collisions are not checked.
     """
 
     plan: Plan
@@ -82,7 +82,7 @@ class Designed(Displayed):
     collision: CollisionOptions | None = None
 
     def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
-        """Of a limit of position, from where to where its joint goes and may go; `None` of other limits."""
+        """Lowest and highest position of a joint and its limits, for a position limit; `None` for other limits."""
         if margin.limit != "position" or margin.label not in self.limits.joints:
             return None
         j, series = self.limits.joints.index(margin.label), self.plan.excitation
@@ -91,7 +91,7 @@ class Designed(Displayed):
         return low, high, float(self.limits.lower[j]), float(self.limits.upper[j])
 
     def summary(self) -> Summary:
-        """The nearest that the plan comes to each kind of limit."""
+        """Smallest margin to each kind of limit."""
         rows = tuple(
             (each.limit, each.label, f"{each.value:.4g} of {each.bound:.4g} {each.unit}", f"{each.certified:.1%}")
             for each in worst(self.preflight.margins)
@@ -101,72 +101,72 @@ class Designed(Displayed):
 
 
 def design_plan(
-    wish: DesignGoal,
-    rules: DesignConstraints,
-    effort: SearchBudget,
+    goal: DesignGoal,
+    constraints: DesignConstraints,
+    budget: SearchBudget,
     *,
     progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> Designed:
-    """Design a motion.
+    """Designs a motion.
 
     Args:
-        wish: What it should be.
-        rules: What it must keep to.
-        effort: How long is looked.
-        progress: Told of every descent.
-        executor: Runs the search in the place of processes of its own.
+        goal: Criterion, length and poses of the motion.
+        constraints: Limits that the motion must keep.
+        budget: Time, workers and seed of the search.
+        progress: Called after every descent.
+        executor: Runs the search; by default processes are started for it.
 
     Raises:
-        ArmidError: Limits that are missing, contradict each other or the start pose, or cannot be kept.
+        ArmidError: Limits are missing, contradict each other or the start pose, or cannot be kept.
     """
-    if effort.budget is not None and not effort.budget > 0.0:
-        raise ArmidError(f"The budget is {effort.budget} s.", remedy="give some seconds; ten are enough for one arm.")
-    goal = wish.goal
-    robot = goal.model.robot
-    if not wish.duration > 0.0:
-        raise ArmidError(f"The duration must be positive; found {wish.duration} s.")
-    limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
-    if rules.envelope is not None:
-        limits = limits.narrowed(rules.envelope, by_joint=rules.envelope_by_joint)
-    torque, said = _torque(goal, limits, rules)
-    placed = place_motion(robot, limits, rules, wish.start, _holds(goal, torque))
+    if budget.budget is not None and not budget.budget > 0.0:
+        raise ArmidError(f"The budget is {budget.budget} s.", remedy="give some seconds; ten are enough for one arm.")
+    criterion = goal.goal
+    robot = criterion.model.robot
+    if not goal.duration > 0.0:
+        raise ArmidError(f"The duration must be positive; found {goal.duration} s.")
+    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
+    if constraints.envelope is not None:
+        limits = limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)
+    torque, torque_findings = _torque(criterion, limits, constraints)
+    placed = place_motion(robot, limits, constraints, goal.start, _holds(criterion, torque))
     collision = placed.collision
     basis = SeriesBasis(
-        2.0 * math.pi / wish.duration,
-        wish.harmonics,
+        2.0 * math.pi / goal.duration,
+        goal.harmonics,
         placed.start,
-        free=wish.free_start,
-        literal=not wish.free_centre,
+        free=goal.free_start,
+        literal=not goal.free_centre,
     )
-    channels = (*_motion(limits, basis, rules), *([] if torque is None else [torque]))
-    channels = channels if rules.workspace is None else (*channels, rules.workspace)
+    channels = (*_motion(limits, basis, constraints), *([] if torque is None else [torque]))
+    channels = channels if constraints.workspace is None else (*channels, constraints.workspace)
     near = () if collision is None or collision.searched is None else (collision.searched,)
     every = () if collision is None or not len(collision.pairs) else (collision.every,)
     scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
-    problem = DescentProblem(goal, basis, (*channels, *near), scale)
-    pool = nullcontext(executor) if executor or not effort.workers else single_threaded_pool(effort.workers)
+    problem = DescentProblem(criterion, basis, (*channels, *near), scale)
+    pool = nullcontext(executor) if executor or not budget.workers else single_threaded_pool(budget.workers)
     with pool as workers:
-        seed, budget, rounds = effort.seed, effort.budget, effort.rounds
-        found = search(problem, seed=seed, budget=budget, rounds=rounds, executor=workers, progress=progress)
+        seed, seconds, rounds = budget.seed, budget.budget, budget.rounds
+        found = search(problem, seed=seed, budget=seconds, rounds=rounds, executor=workers, progress=progress)
     whole = replace(problem, channels=(*channels, *every))
     x, margins = _finished(whole, found.best.x, robot, collision)
-    plan = _with_leads(basis, x, wish, limits, robot.name)
+    plan = _with_leads(basis, x, goal, limits, robot.name)
     _check_leads(plan, robot, collision)
     report = preflight(whole, x, collision, margins, placed.unchecked)
-    noticed = (unsettled(found, goal.criterion, effort.budget), _unlimited(plan, limits, robot))
-    findings = (*placed.findings, *said, *(each for each in noticed if each is not None))
+    remarks = (unsettled(found, criterion.criterion, budget.budget), _unlimited(plan, limits, robot))
+    findings = (*placed.findings, *torque_findings, *(each for each in remarks if each is not None))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
 
 
 def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
-    """That accelerations are not limited, and how large they become; nothing where they are."""
+    """Finding with the largest accelerations of joints without a limit; `None` where all have one."""
     free = np.flatnonzero(~np.isfinite(limits.acceleration))
     if not free.size:
         return None
     peaks = np.abs(plan.excitation.sample(SPREAD).ddq).max(axis=0)
-    told = ", ".join(f"{robot.joint_names[j]} {peaks[j]:.3g} {robot.joints[j].unit}/s²" for j in free)
-    evidence = f"Acceleration is not limited, as no limit is given; the plan reaches {told}"
+    peaks_text = ", ".join(f"{robot.joint_names[j]} {peaks[j]:.3g} {robot.joints[j].unit}/s²" for j in free)
+    evidence = f"Acceleration is not limited, as no limit is given; the plan reaches {peaks_text}"
     remedy = "limit it with --acceleration, or --limit JOINT.acceleration=VALUE."
     return Finding("acceleration-unlimited", "info", "", evidence, remedy)
 
@@ -174,9 +174,9 @@ def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
 def _finished(
     problem: DescentProblem, x: Array, robot: Robot, collision: CollisionOptions | None
 ) -> tuple[Array, tuple[Margin, ...]]:
-    """The plan with every limit certified, drawn together as long as bodies that are measured as they are touch.
+    """Unknowns and margins of the plan with every limit certified, shrunk while bodies with exact geometry touch.
 
-    Where that does not help, the report says what touches.
+    Where shrinking does not separate them, the report names the bodies that touch.
     """
     grid, basis = fine_grid(problem), problem.basis
     trial, margins = certified(problem, grid, x)
@@ -190,53 +190,53 @@ def _finished(
     return trial, margins
 
 
-def _motion(limits: Limits, basis: SeriesBasis, rules: DesignConstraints) -> tuple[ConstraintChannel, ...]:
-    """Limits of the motion itself, or of sums of its amplitudes.
+def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) -> tuple[ConstraintChannel, ...]:
+    """Constraints on the motion itself, or on sums of its amplitudes.
 
     Raises:
         ArmidError: There are no limits of that kind.
     """
-    if rules.limits not in LIMIT_KINDS:
+    if constraints.limits not in LIMIT_KINDS:
         raise ArmidError(
-            f"There are no limits of kind {rules.limits!r}.",
+            f"There are no limits of kind {constraints.limits!r}.",
             possible=", ".join(LIMIT_KINDS),
-            remedy=did_you_mean(rules.limits, LIMIT_KINDS),
+            remedy=did_you_mean(constraints.limits, LIMIT_KINDS),
         )
     motion = motion_channels(limits)
-    if rules.limits == "true":
+    if constraints.limits == "true":
         return motion
-    form: Literal["thesis", "thesis-literal"] = "thesis" if rules.limits == "thesis" else "thesis-literal"
-    kept = [channel for channel in motion if channel.name not in ("position", "velocity")]
-    return (*thesis_channels(limits, basis, form=form), *kept)
+    form: Literal["thesis", "thesis-literal"] = "thesis" if constraints.limits == "thesis" else "thesis-literal"
+    other = [channel for channel in motion if channel.name not in ("position", "velocity")]
+    return (*thesis_channels(limits, basis, form=form), *other)
 
 
 def _torque(
-    goal: CriterionGoal, limits: Limits, rules: DesignConstraints
+    goal: CriterionGoal, limits: Limits, constraints: DesignConstraints
 ) -> tuple[Torque | None, tuple[Finding, ...]]:
-    """Limits of torque, and which masses they are told with."""
-    if rules.torque_margin is None or not np.isfinite(limits.effort).any():
+    """Constraint on torque, with findings on the masses that it is computed with."""
+    if constraints.torque_margin is None or not np.isfinite(limits.effort).any():
         return None, ()
-    values, findings = rules.parameters, ()
+    values, findings = constraints.parameters, ()
     if values is None:
         nominal = goal.model.nominal_parameters()
         values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
-        said = "torque is that of the description's links; friction is not known to it"
-        findings = (Finding("torque-nominal", "info", "", said),)
+        evidence = "torque is computed from the description's links, without friction"
+        findings = (Finding("torque-nominal", "info", "", evidence),)
         robot = goal.model.robot
         limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
         if values is not None and (empty := [name for name in massless_joints(robot) if name in limited]):
-            said = f"{', '.join(empty)} move no mass by the description, so their torque is taken as zero"
+            evidence = f"{', '.join(empty)} move no mass by the description, so their torque is taken as zero"
             remedy = f"give {inertial_key(robot)} for what they move, or a run of an identification with --after."
-            findings = (*findings, Finding("torque-unknown", "warning", ", ".join(empty), said, remedy))
+            findings = (*findings, Finding("torque-unknown", "warning", ", ".join(empty), evidence, remedy))
     if values is None:
-        said = f"{goal.model.robot.name} gives no masses, so torque is not limited"
+        evidence = f"{goal.model.robot.name} gives no masses, so torque is not limited"
         remedy = "give a run of an identification with --after."
-        return None, (Finding("torque-unknown", "warning", "", said, remedy),)
-    return torque_channel(limits, values, rules.torque_margin), findings
+        return None, (Finding("torque-unknown", "warning", "", evidence, remedy),)
+    return torque_channel(limits, values, constraints.torque_margin), findings
 
 
 def _holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
-    """Tell which poses the joints can hold, with something left to move."""
+    """Test for poses that the joints can hold with torque to spare."""
     if torque is None:
         return any_pose
 
@@ -249,8 +249,8 @@ def _holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
     return holds
 
 
-def _with_leads(basis: SeriesBasis, x: Array, wish: DesignGoal, limits: Limits, name: str) -> Plan:
-    """The plan with ways from and to other poses, no faster than half the limits."""
+def _with_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, name: str) -> Plan:
+    """The plan with motions from and to other poses, no faster than half the limits."""
     series = basis.excitation(x, name)
     start = series.at([0.0]).q[0]
     acceleration = np.where(np.isfinite(limits.acceleration), limits.acceleration, LEAD_ACCELERATION)
@@ -265,14 +265,14 @@ def _with_leads(basis: SeriesBasis, x: Array, wish: DesignGoal, limits: Limits, 
             )
         return max(seconds_for(pose - start, LEAD_SHARE * limits.velocity, acceleration, limits.jerk), 0.1)
 
-    return Plan(series, wish.goal.repetitions, wish.begin, wish.end, seconds(wish.begin), seconds(wish.end))
+    return Plan(series, goal.goal.repetitions, goal.begin, goal.end, seconds(goal.begin), seconds(goal.end))
 
 
 def _check_leads(plan: Plan, robot: Robot, collision: CollisionOptions | None) -> None:
-    """Refuse ways from and to other poses on which bodies come too close.
+    """Refuses motions from and to other poses on which bodies come too close.
 
     Raises:
-        ArmidError: They do; the message names the pair.
+        ArmidError: Bodies come too close; the message names the pair.
     """
     if collision is None or not plan.lead_in + plan.lead_out:
         return

@@ -1,4 +1,4 @@
-"""Files of a design: plan, motions for controllers, slow rehearsals, the report before the flight."""
+"""Files of a design: plan, motions for controllers, slow rehearsals, preflight report."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ __all__ = [
 
 
 def refuse_plan_folder(folder: Path | str) -> None:
-    """Refuse a folder that a plan must not replace, before any work is done for it."""
+    """Refuses a folder that a plan must not replace, before any work is done."""
     refuse(folder, PLAN_FILE, "plan")
 
 
 def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
-    """Formats by name; all where none are named.
+    """Names of the chosen formats; all if none are named.
 
     Raises:
         ArmidError: There is no such format.
@@ -96,14 +96,14 @@ def save_design(
     rate: float | None = None,
     rehearsal: float = 0.2,
 ) -> Path:
-    """Write a design's folder, whole or not at all; without motions for controllers where its verdict is `fail`.
+    """Writes the folder of a design, whole or not at all; without motions for controllers if its verdict is `fail`.
 
     Args:
         designed: The design.
-        folder: Where; a plan that is there already is replaced.
-        formats: Names of formats; those that cannot hold this arm are left out.
-        rate: Samples a second in every format; each one's usual where not given [Hz].
-        rehearsal: Speed of the rehearsal, as a share of the plan's.
+        folder: Output folder; an existing plan is replaced.
+        formats: Names of formats; those that cannot represent this arm are left out.
+        rate: Sample rate in every format [Hz]; each format's default if not given.
+        rehearsal: Speed of the rehearsal as a share of the plan's.
     """
     record = design_record(designed)
     with whole_folder(folder, PLAN_FILE, "plan") as draft:
@@ -124,7 +124,7 @@ def save_moves(
     rate: float | None = None,
     rehearsal: float = 0.2,
 ) -> dict[str, Any]:
-    """Write poses or sweeps like a design, and return what stands in their `plan.json`."""
+    """Writes poses or sweeps like a design, and returns the contents of their `plan.json`."""
     record = {
         "robot": robot.name,
         "joints": moves.joints,
@@ -144,7 +144,7 @@ def save_moves(
 def _write_motions(
     draft: Path, plan: Plan | Moves, robot: Robot, formats: Sequence[str], rate: float | None, rehearsal: float
 ) -> None:
-    """The motion and its rehearsal in every format that can hold this arm."""
+    """Writes the motion and its rehearsal in every format that can represent this arm."""
     for name in formats:
         for each, stem in ((plan, "plan"), (plan.rehearsal(rehearsal), "rehearsal")):
             track = track_of(each, robot, FORMATS[name].RATE if rate is None else rate)

@@ -1,4 +1,4 @@
-"""Wishes for a motion, what it must keep to, and how long is looked for it."""
+"""Goal of a designed motion, its constraints, and the budget of the search."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from armid.values import Array
 __all__ = ["LIMIT_KINDS", "DesignConstraints", "DesignGoal", "SearchBudget"]
 
 LIMIT_KINDS = ("true", "thesis", "thesis-literal")
-"""What position and velocity limits apply to: the motion itself, or sums of amplitudes as in (3.55d-f)."""
+"""Forms of position and velocity limits: on the motion itself, or on sums of amplitudes as in (3.55d-f)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DesignGoal:
-    """Wish for the motion.
+    """Goal of a designed motion.
 
     Attributes:
-        goal: What it is for.
+        goal: Model and criterion.
         duration: Length of a period [s].
         harmonics: Number of harmonics.
-        start: Start pose, shape (n,) [rad or m]; found where not given.
+        start: Start pose, shape (n,) [rad or m]; chosen automatically if not given.
         free_start: Whether the start pose is among the unknowns.
-        free_centre: Whether joints may swing about another pose than the start, which (3.55c) has them not do.
-        begin: Pose that the arm comes from, shape (n,); the start where not given.
-        end: Pose that it goes to afterwards, shape (n,); the start where not given.
+        free_centre: Whether joints may oscillate about another pose than the start, which (3.55c) excludes.
+        begin: Pose from which the arm comes, shape (n,); the start if not given.
+        end: Pose to which it goes afterwards, shape (n,); the start if not given.
     """
 
     goal: CriterionGoal
@@ -45,21 +45,21 @@ class DesignGoal:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DesignConstraints:
-    """Rules that the motion must keep to.
+    """Constraints on the motion.
 
     Attributes:
         limits: One of `LIMIT_KINDS`.
-        given: Limits by joint and kind in the place of the description's.
+        given: Limits by joint and kind that replace the description's.
         acceleration: Of every joint [rad/s² or m/s²]; none where not given.
         jerk: Of every joint [rad/s³ or m/s³]; none where not given.
-        torque_margin: Share of the torque limits that is kept free; `None` leaves torque out.
-        parameters: Base parameters for torque, of an identification, shape (b,); the description's where not given.
-        clearance: Distance that bodies keep [m]; `None` leaves collisions out.
+        torque_margin: Share of the torque limits that is kept free; `None` does not limit torque.
+        parameters: Identified base parameters for torque, shape (b,); the description's if not given.
+        clearance: Smallest distance between bodies [m]; `None` does not check collisions.
         surroundings: Bodies that do not move.
-        floor: One that is assumed, and left out where the arm does not start above it.
-        workspace: Where the tip may be.
-        envelope: A motion whose velocity and acceleration are not exceeded.
-        envelope_by_joint: Whether each joint keeps to its own, or all to the highest of any joint.
+        floor: Assumed floor, ignored where the arm does not start above it.
+        workspace: Region that the tip must stay in.
+        envelope: Motion whose velocity and acceleration are not exceeded.
+        envelope_by_joint: Whether the envelope applies joint by joint, or as the maximum over all joints.
     """
 
     limits: str = "true"
@@ -78,13 +78,13 @@ class DesignConstraints:
 
 @dataclass(frozen=True, slots=True)
 class SearchBudget:
-    """Effort of the search.
+    """Budget of the search.
 
     Attributes:
-        budget: Wall time of the search [s]; `None` for no end other than `rounds`.
-        seed: Of the starts.
-        workers: Processes; 0 searches in this one.
-        rounds: Whole rounds at most.
+        budget: Wall time of the search [s]; `None` if only `rounds` ends it.
+        seed: Seed of the random starts.
+        workers: Number of processes; 0 searches in the present one.
+        rounds: Largest number of rounds.
     """
 
     budget: float | None = 30.0

@@ -1,4 +1,4 @@
-"""Start of a motion and what it keeps apart: the start pose that is given or found, bodies, a floor."""
+"""Start pose of a motion, given or chosen, and the bodies that are kept apart from there."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ __all__ = ["Placement", "place_motion"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placement:
-    """Start of a motion.
+    """Start pose of a motion, with its collision model.
 
     Attributes:
         start: The pose, shape (n,) [rad or m].
-        collision: What keeps apart from there; nothing where collisions are not checked.
-        findings: What the reader should know.
-        unchecked: Why collisions are not checked; empty where they are.
+        collision: Bodies that are kept apart; `None` where collisions are not checked.
+        findings: Findings on start pose, floor and collisions.
+        unchecked: Reason why collisions are not checked; empty where they are.
     """
 
     start: Array
@@ -41,87 +41,87 @@ class Placement:
 
 
 def place_motion(
-    robot: Robot, limits: Limits, rules: DesignConstraints, given: Array | None, holds: Holds = any_pose
+    robot: Robot, limits: Limits, constraints: DesignConstraints, given: Array | None, holds: Holds = any_pose
 ) -> Placement:
-    """The start pose that is given, or one with room around it, and what keeps apart from there.
+    """Checks a given start pose or chooses one with free range around it, and makes its collision model.
 
-    Without collisions it is zero where joints can be there, else the middle of their range, if its torque can be
-    held; where bodies must keep apart, or it cannot, see `armid.excitation.start_pose`.
+    The usual start is zero for each joint that may be there, else the middle of its range. Where bodies must keep
+    apart, or the joints cannot hold that pose, `armid.excitation.start_pose` chooses another.
 
     Args:
         robot: The arm.
-        limits: Of its joints.
-        rules: What keeps apart.
-        given: The pose, shape (n,) [rad or m], where one is given.
-        holds: Which poses the joints can hold.
+        limits: Limits of its joints.
+        constraints: Clearance, surroundings and floor.
+        given: Given pose, shape (n,) [rad or m], if any.
+        holds: Test for poses that the joints can hold.
 
     Raises:
         ArmidError: The pose breaks a limit, or bodies are too close in it.
     """
     if given is not None:
         given = _checked_start(robot, limits, given)
-    if rules.clearance is None:
+    if constraints.clearance is None:
         why = "left out (--no-collision)" if robot.shapes else "the description has no bodies"
-        start, findings = (given, ()) if given is not None else _anywhere(robot, limits, holds)
+        start, findings = (given, ()) if given is not None else _without_bodies(robot, limits, holds)
         return Placement(start, None, (*findings, _unseen(why)), why)
-    floor = None if rules.floor is None else rules.floor.shape
-    said = None if rules.floor is None else _no_floor(rules.floor.why)
+    floor = None if constraints.floor is None else constraints.floor.shape
+    remark = None if constraints.floor is None else _no_floor(constraints.floor.why)
     if floor is not None:
         try:
-            found = _among(robot, limits, rules, (*rules.surroundings, floor), given, holds)
+            found = _among_bodies(robot, limits, constraints, (*constraints.surroundings, floor), given, holds)
             return Placement(found.start, found.collision, (*found.findings, _floor(floor)))
         except ArmidError as error:
-            said = _no_floor(f"the arm does not start above the plane through its base ({error.problem})")
-    found = _among(robot, limits, rules, rules.surroundings, given, holds)
-    return found if said is None else Placement(found.start, found.collision, (*found.findings, said))
+            remark = _no_floor(f"the arm does not start above the plane through its base ({error.problem})")
+    found = _among_bodies(robot, limits, constraints, constraints.surroundings, given, holds)
+    return found if remark is None else Placement(found.start, found.collision, (*found.findings, remark))
 
 
-def _among(
+def _among_bodies(
     robot: Robot,
     limits: Limits,
-    rules: DesignConstraints,
+    constraints: DesignConstraints,
     around: tuple[Shape, ...],
     given: Array | None,
     holds: Holds,
 ) -> Placement:
-    """The start among bodies."""
-    assert rules.clearance is not None
-    cell = make_collision_model(robot, limits, around, margin=rules.clearance)
+    """Placement with bodies that keep apart."""
+    assert constraints.clearance is not None
+    cell = make_collision_model(robot, limits, around, margin=constraints.clearance)
     findings: tuple[Finding, ...] = ()
     start = given
     if start is None:
         chosen = choose_start(cell, limits, holds)
         start = chosen.pose
         if not chosen.usual:
-            said = (
+            evidence = (
                 f"the usual start pose leaves less room; the series starts at {_numbers(start)}, "
                 f"about which {100 * chosen.room:.0f} % of the swings that were tried are free"
             )
-            findings = (_chosen(said),)
+            findings = (_chosen(evidence),)
     collision = kept_apart(cell, start)
-    return Placement(start, collision, (*findings, *_left_out(collision)))
+    return Placement(start, collision, (*findings, *_skipped_pairs(collision)))
 
 
-def _anywhere(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, tuple[Finding, ...]]:
-    """The usual pose, or another one where the joints cannot hold that."""
+def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, tuple[Finding, ...]]:
+    """Usual pose, or another one where the joints cannot hold it."""
     usual = usual_pose(limits)
     if holds(usual[None])[0]:
         return usual, ()
     chosen = choose_start(empty_collision_model(robot), limits, holds)
-    said = f"the joints cannot hold the usual start pose; the series starts at {_numbers(chosen.pose)}"
-    return chosen.pose, (_chosen(said),)
+    evidence = f"the joints cannot hold the usual start pose; the series starts at {_numbers(chosen.pose)}"
+    return chosen.pose, (_chosen(evidence),)
 
 
 def _numbers(pose: Array) -> str:
     return " ".join(f"{q:g}" for q in pose)
 
 
-def _chosen(said: str) -> Finding:
-    return Finding("start-chosen", "info", "", said, "choose another with --start.")
+def _chosen(evidence: str) -> Finding:
+    return Finding("start-chosen", "info", "", evidence, "choose another with --start.")
 
 
 def _unseen(why: str) -> Finding:
-    """Return what is to be known of a plan that keeps the limits of joints alone."""
+    """Finding for a plan whose collisions are not checked."""
     return Finding(
         "collision-unseen",
         "warning",
@@ -132,28 +132,30 @@ def _unseen(why: str) -> Finding:
 
 
 def _floor(floor: Shape) -> Finding:
-    """That a floor was assumed, and where."""
-    said = f"{floor.name}: the plane through the base frame's origin, across gravity; the arm keeps above it"
-    return Finding("floor-assumed", "info", "", said, "move it with --floor HEIGHT, or leave it out with --no-floor.")
+    """Finding that a floor is assumed, and where."""
+    evidence = f"{floor.name}: the plane through the base frame's origin, across gravity; the arm keeps above it"
+    return Finding(
+        "floor-assumed", "info", "", evidence, "move it with --floor HEIGHT, or leave it out with --no-floor."
+    )
 
 
 def _no_floor(why: str) -> Finding:
-    """That no floor was assumed, and why."""
+    """Finding that no floor is assumed, and why."""
     remedy = "say with --floor HEIGHT, in metres over the base, where there is one."
     return Finding("floor-left-out", "info", "", f"no floor is assumed: {why}", remedy)
 
 
-def _left_out(collision: CollisionOptions) -> tuple[Finding, ...]:
-    """Pairs of bodies that nobody looks at, which is the description's doing."""
+def _skipped_pairs(collision: CollisionOptions) -> tuple[Finding, ...]:
+    """Finding on pairs of bodies that are not checked because they touch in nearly all poses."""
     if not collision.skipped:
         return ()
     pairs = "; ".join(f"{each.pair} ({100 * each.share:.0f} %)" for each in collision.skipped)
-    said = f"{len(collision.skipped)} pairs of bodies touch in nearly all poses and are not looked at: {pairs}"
-    return (Finding("pairs-touching-always", "info", "", said),)
+    evidence = f"{len(collision.skipped)} pairs of bodies touch in nearly all poses and are not checked: {pairs}"
+    return (Finding("pairs-touching-always", "info", "", evidence),)
 
 
 def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:
-    """A start pose inside its limits."""
+    """The start pose, checked against its size and limits."""
     start = np.asarray(given, dtype=np.float64)
     if start.shape != (robot.n,):
         raise ArmidError(

@@ -1,4 +1,4 @@
-"""Plans as files: the whole one of a `plan.json` with what is around, its series, and motions for controllers."""
+"""Reading of plan files: `plan.json` with its surroundings, its series, and motions for controllers."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ __all__ = ["PLAN_FILE", "is_plan", "motion_of_plan", "read_whole_plan", "series_
 
 
 def is_plan(name: str) -> bool:
-    """Tell whether a name is that of a built-in plan, of a `plan.json` or of a folder with one."""
+    """True for the name of a built-in plan, of a `plan.json` or of a folder with one."""
     return name in PLANS or name.endswith(".json") or (Path(name) / PLAN_FILE).is_file()
 
 
 def series_of(name: str) -> Excitation:
-    """The series of a built-in plan, a `plan.json`, a folder with one, or a motion that lies beside its `plan.json`.
+    """Series of a built-in plan, a `plan.json`, a folder with one, or a motion file next to its `plan.json`.
 
     Raises:
         ArmidError: There is none.
@@ -37,12 +37,12 @@ def series_of(name: str) -> Excitation:
         return builtin_plan(name)
     path = Path(name)
     written = any(path.name == f"{Path(PLAN_FILE).stem}{form.SUFFIX}" for form in FORMATS.values())
-    beside = path.with_name(PLAN_FILE)
-    return load_plan(beside if written and beside.is_file() else path)
+    neighbour = path.with_name(PLAN_FILE)
+    return load_plan(neighbour if written and neighbour.is_file() else path)
 
 
 def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
-    """The motion of a plan, or of a file that was written for a controller; nothing where it is neither.
+    """Motion of a plan or of a file that was written for a controller; `None` for anything else.
 
     Args:
         name: A built-in plan, a `plan.json`, a folder with one, or a motion in one of the formats of `armid excite`.
@@ -66,7 +66,7 @@ def motion_of_plan(name: str, robot: Robot, rate: float) -> Motion | None:
 
 
 def _motion_of_format(path: Path, robot: Robot) -> Motion | None:
-    """The motion in a file of a controller's format that has the robot's joints."""
+    """Motion in a file of a controller's format with the robot's joints; `None` if it is none."""
     for form in FORMATS.values():
         if path.name.endswith(form.SUFFIX) and path.is_file():
             try:
@@ -80,7 +80,7 @@ def _motion_of_format(path: Path, robot: Robot) -> Motion | None:
 
 
 def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
-    """The plan of a name, and what was around the arm when it was designed.
+    """Plan of a name, and the surroundings that it was designed for.
 
     Raises:
         ArmidError: There is none, or it lacks something.

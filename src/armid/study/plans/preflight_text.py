@@ -1,4 +1,4 @@
-"""The pre-flight report of a design, for people on a screen and for programs."""
+"""Preflight report of a design, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MARKS = {"pass": "✓", "fail": "✗", "not checked": "–"}
 
 
 def findings_of(designed: Designed) -> tuple[Finding, ...]:
-    """Return what was noticed in the description and in the design, each once."""
+    """Findings of the description and of the design, each once."""
     return tuple(dict.fromkeys((*designed.problem.goal.model.robot.findings, *designed.findings)))
 
 
@@ -66,16 +66,16 @@ def report_text(designed: Designed, *, findings: bool = True) -> str:
 
     Args:
         designed: The design.
-        findings: Whether they stand at its end; a screen has them apart.
+        findings: Whether findings are appended; on a screen they are printed separately.
     """
     report, goal, plan = designed.preflight, designed.problem.goal, designed.plan
     series, expected = plan.excitation, report.expected
     times = "once" if plan.repetitions == 1 else f"{plan.repetitions} times"
-    ways = f"; {plan.duration:.1f} s with the ways to and from it" if plan.lead_in + plan.lead_out else ""
+    leads_text = f"; {plan.duration:.1f} s with the leads_text to and from it" if plan.lead_in + plan.lead_out else ""
     lines = [
         f"{MARKS[report.verdict]} {report.sentence}",
         "",
-        f"{series.robot}: {series.harmonics} harmonics over {series.period:g} s, {times}{ways}",
+        f"{series.robot}: {series.harmonics} harmonics over {series.period:g} s, {times}{leads_text}",
         f"designed for {goal.criterion}; condition number {expected.condition:.2f}, "
         f"log-determinant of the Fisher information {expected.log_det:.2f}",
         "",
@@ -90,9 +90,9 @@ def report_text(designed: Designed, *, findings: bool = True) -> str:
         ]
         if len(report.approaches) > MOST_LINES:
             lines.append(f"  … {len(report.approaches) - MOST_LINES} more pairs are further apart")
-    left = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped]
-    if left:
-        lines += ["", f"not looked at, because they touch in nearly all poses (share of poses): {'; '.join(left)}"]
+    skipped = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped]
+    if skipped:
+        lines += ["", f"not looked at, because they touch in nearly all poses (share of poses): {'; '.join(skipped)}"]
     lines += _expected_lines(designed)
     if findings:
         lines += ["", *(_finding_line(finding) for finding in findings_of(designed))]
@@ -100,7 +100,7 @@ def report_text(designed: Designed, *, findings: bool = True) -> str:
 
 
 def _limit_line(margin: Margin, designed: Designed) -> str:
-    """One limit; of positions from where to where."""
+    """Line for one limit; for positions with the range."""
     when = "" if np.isnan(margin.time) else f" at {margin.time:6.2f} s"
     shares = f"{100 * margin.share:6.1f} %  {100 * margin.certified:6.1f} %{when}"
     spread = designed.spread(margin)
@@ -113,7 +113,7 @@ def _limit_line(margin: Margin, designed: Designed) -> str:
 
 
 def _expected_lines(designed: Designed) -> list[str]:
-    """Deviations that the recording will give."""
+    """Lines with the standard deviations that the recording will give."""
     goal, expected = designed.problem.goal, designed.preflight.expected
     noise = ", ".join(f"{x:g}" for x in goal.noise)
     lines = [
@@ -131,7 +131,7 @@ def _expected_lines(designed: Designed) -> list[str]:
 
 
 def _finding_line(finding: Finding) -> str:
-    """A finding and its remedy, apart from each other."""
+    """Line with a finding and its remedy."""
     where = f"{finding.channel}: " if finding.channel else ""
     stop = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
     return f"{finding.severity}: {stop.join(part for part in (where + finding.evidence, finding.remedy) if part)}"

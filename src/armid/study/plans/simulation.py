@@ -1,4 +1,4 @@
-"""A recording from the lab on disk, with the truth beside it."""
+"""Simulated recording on disk, with the true parameters."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class WrittenSimulation:
     Attributes:
         simulated: The simulation.
         recording: The log.
-        truth: What was simulated, as JSON.
-        noise_free: What truly happened, as NPZ, where it was asked for.
+        truth: True parameters and options, as JSON.
+        noise_free: Motion and torque without noise, as NPZ, where requested.
     """
 
     simulated: Simulated
@@ -42,13 +42,13 @@ class WrittenSimulation:
 
 
 def the_plan(name: str, period: float | None = None) -> Excitation:
-    """A built-in plan or one of `armid excite`, played over another period [s] where one is given."""
+    """Built-in plan or plan of `armid excite`, stretched to another period [s] if one is given."""
     plan = series_of(name)
     return plan if period is None else plan.stretched(period)
 
 
 def refuse_format(name: str) -> str:
-    """The suffix of a format.
+    """Suffix of a recording format.
 
     Raises:
         OutputError: It cannot be written.
@@ -70,16 +70,16 @@ def simulate_to(
     noise_free: bool = False,
     tell: Callable[[float], None] | None = None,
 ) -> WrittenSimulation:
-    """Simulate an arm and write `recording.*`, `truth.json` and, if asked for, `noise-free.npz` into a folder.
+    """Simulates an arm and writes `recording.*`, `truth.json` and, if requested, `noise-free.npz` into a folder.
 
     Args:
-        folder: Where to; other files there are left alone.
+        folder: Output folder; other files in it are not changed.
         robot: The arm.
         plan: The motion.
-        options: Of the simulation.
+        options: Options of the simulation.
         kind: Format of the recording.
-        seed: Of noise and faults.
-        noise_free: Whether to write what truly happened, too.
+        seed: Seed of noise and faults.
+        noise_free: Whether to write motion and torque without noise, too.
         tell: Told the share that is done.
     """
     suffix, folder = refuse_format(kind), Path(folder)
@@ -94,7 +94,7 @@ def simulate_to(
 
 
 def _archive(trace: TrueMotion, rate: float) -> bytes:
-    """Return what truly happened at the instants of the log's rows, before jitter and delays."""
+    """NPZ file with the true motion at the instants of the log's rows, before jitter and delays."""
     every = round(1.0 / (rate * (trace.time[1] - trace.time[0])))
     names = {name: getattr(trace, name) for name in trace.__slots__}
     buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Surroundings that an arm keeps away from: a floor, a cell from a file, and the floor that is assumed."""
+"""Surroundings of an arm: a given floor, an environment from a file, or an assumed floor."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from armid.robot.visual_bodies import missing_bodies
 __all__ = ["AssumedFloor", "assumed_floor", "meshes_are_missing", "surroundings_of"]
 
 UPRIGHT = 0.996
-"""Cosine of the angle, five degrees, that gravity may be off -z of the base of an arm that stands."""
+"""Cosine of the largest angle, five degrees, between gravity and -z of the base of a standing arm."""
 
 STANDS = (-0.05, 0.1)
-"""Height [m] of the lowest point of what is fixed to the base, over its origin, of an arm that stands there."""
+"""Range of the height of the lowest body that is fixed to the base, over the base's origin, for a standing arm
+[m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AssumedFloor:
-    """A floor where nobody says whether there is one.
+    """Assumed floor where none is given.
 
     Attributes:
-        shape: The floor; nothing where none is assumed.
-        why: Why none is; empty where one is.
+        shape: The floor; `None` where none is assumed.
+        why: Reason why none is assumed; empty where one is.
     """
 
     shape: Shape | None
@@ -39,16 +40,16 @@ class AssumedFloor:
 
 
 def surroundings_of(options: Mapping[str, Any], robot: Robot) -> tuple[Shape, ...]:
-    """Floor and environment of the options of a command."""
+    """Floor and environment from the options of a command."""
     shapes = () if options["environment"] is None else load_environment(options["environment"], robot)
     return shapes if options["floor"] is None else (*shapes, floor(options["floor"], robot.gravity))
 
 
 def assumed_floor(robot: Robot, options: Mapping[str, Any]) -> AssumedFloor | None:
-    """The plane through the base's origin, for an arm that stands on it; nothing where a floor is given.
+    """Assumes a floor through the base's origin for an arm that stands on it; `None` where a floor is given.
 
-    An arm stands there if gravity points along -z of its base and what is fixed to the base reaches down to about
-    the origin and no further. A humanoid's torso does not, nor the carriage of a gantry.
+    An arm stands on it if gravity points along -z of its base and the bodies that are fixed to the base reach down to
+    about the origin. A humanoid's torso and the carriage of a gantry do not.
     """
     if options["floor"] is not None:
         return None
@@ -65,18 +66,20 @@ def assumed_floor(robot: Robot, options: Mapping[str, Any]) -> AssumedFloor | No
     if lowest is None:
         return AssumedFloor(None, "the description has no body that is fixed to the base")
     if not STANDS[0] <= lowest <= STANDS[1]:
-        said = f"what is fixed to the base reaches down to {1000.0 * lowest:.0f} mm and does not stand on its origin"
-        return AssumedFloor(None, said)
+        reason = (
+            f"what is fixed to the base reaches down to {1000.0 * lowest:.0f} mm and does not stand on its origin"
+        )
+        return AssumedFloor(None, reason)
     return AssumedFloor(replace(floor(0.0, robot.gravity), name="assumed floor"))
 
 
 def meshes_are_missing(robot: Robot) -> bool:
-    """Tell whether the description has bodies that could not be read."""
+    """True if the description has bodies that could not be read."""
     return bool(missing_bodies(robot))
 
 
 def _lowest(shape: Shape) -> float:
-    """Height of the lowest point of a body that the base carries [m]."""
+    """Height of the lowest point of a body that is fixed to the base [m]."""
     turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
     if shape.kind in ("mesh", "box"):
         points = mesh_faces(shape)[0] if shape.kind == "mesh" else box_triangles(shape.size).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Torque that lags behind the positions, or runs ahead of them."""
+"""Delay between torque and positions."""
 
 from __future__ import annotations
 
@@ -26,72 +26,72 @@ __all__ = ["check", "delay_of", "explain"]
 CODE = "channel-delay"
 
 GAIN = 0.1
-"""Fall of the residual, as a logarithm, that a delay must bring: recorded arms have up to 0.04 for delays that
-their friction only feigns, logs delayed by 10 ms and more 0.3 and more."""
+"""Fall of the log residual that a delay must bring: on recorded arms friction that resembles a delay gives up to
+0.04, a true delay of 10 ms and more gives 0.3 and more."""
 
 HINT = 0.04
-"""Fall that the torque's slope as one more column must bring for a delay to be looked for at all:
-it finds half of what the delay itself does, and more."""
+"""Fall that the torque's slope as an extra column must bring for a delay to be searched: it gives at least half of
+the fall that the delay gives."""
 
 SHARE = 0.98
-"""What one delay of everything must explain of what lags of each joint's friction alone explain: on recorded arms,
-whose friction only feigns a delay, it is two thirds and less, on a light arm with much friction that gives way before
-it slides 0.96; of a true delay of 10 ms, with motion so slow that friction is most of what moves, the whole."""
+"""Smallest ratio of the fall by one common delay to the fall by lags of each joint's friction alone. Where friction
+only resembles a delay it is below 0.97 (recorded arms: two thirds; a light arm with presliding: 0.96); for a true
+delay of 10 ms it is 1, even in slow motion where friction dominates."""
 
 SURE = 6.0
-"""Standard deviations by which a delay must differ from none."""
+"""Standard deviations by which a delay must differ from zero."""
 
 STEPS, SETTLED = 8, 0.1
-"""Rounds of shifting the torque and estimating what is left, and the share of a deviation that ends them."""
+"""Largest number of Gauss-Newton steps, and step in standard deviations that ends them."""
 
 SHARP = 15.0
-"""Band in which a delay is measured once it is known that there is one [Hz]: reversals of friction say the more of it
-the wider the band, up to where noise of the positions takes over."""
+"""Cut-off with which a detected delay is measured [Hz]: friction at reversals determines it better in a wider band,
+up to where noise of the positions dominates."""
 
 SAME = 0.5
-"""Share of a delay by which it may differ between the two bands: true ones do by some percent, and what friction
-feigns by three to five times, in closed loop on light arms."""
+"""Relative difference of the delay that is allowed between the two bands: true delays differ by some percent, effects
+of friction by a factor of three to five (closed loop, light arms)."""
 
 RISE = 0.1
-"""Speed from which on friction is what it is in motion [rad/s]: what friction has more near rest must not look like
-a delay where friction is most of the torque."""
+"""Stribeck velocity of the model in the wider band [rad/s]: without that term, the rise of friction near rest could
+look like a delay."""
 
 DIGITS = 5
-"""Decimals of a delay that is told [s]: a twentieth of a sample at 5 kHz."""
+"""Decimals of a reported delay in seconds: a twentieth of a sample at 5 kHz."""
 
 PADDING = 0.25
-"""Seconds that a run is continued by at its ends before it is shifted."""
+"""Padding of a run at its ends before it is shifted [s]."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """The finding, if a delay explains the log; measured in a wider band where nothing else is wrong with it."""
+    """Reports a delay if it explains the log; it is measured in a wider band if it is the strongest fault."""
     found = evidence.explained(CODE)
-    sharp = _sharper(evidence) if found and evidence.explanations[0].code == CODE else None
+    sharp = _in_wider_band(evidence) if found and evidence.explanations[0].code == CODE else None
     if sharp is None:
         return found
     delay, deviation, _ = delay_of(sharp)
-    told = _told(delay, deviation, evidence.explanations[0].gain, sharp.log.rate)
+    text = _delay_text(delay, deviation, evidence.explanations[0].gain, sharp.log.rate)
     trial = found[0].evidence[len(evidence.explanations[0].evidence) :]
     return [
-        replace(each, evidence=told + trial, remedy=lines("s", delay=_besides(evidence, delay))) for each in found
+        replace(each, evidence=text + trial, remedy=lines("s", delay=_total_delay(evidence, delay))) for each in found
     ]
 
 
-def _sharper(evidence: LogEvidence) -> LogState | None:
-    """The log in a wider band, beside a model whose friction may rise near rest; `None` where it is too short."""
+def _in_wider_band(evidence: LogEvidence) -> LogState | None:
+    """The log in a wider band with a Stribeck term in the model; `None` where it is too short."""
     state, recording = evidence.state, evidence.recording
     assert state is not None and recording is not None  # it was compared with a model
     log = downsample(without_stuck(recording, evidence.stuck), SHARP)
     if not log.runs:
         return None
     names = {term.name for term in state.model.terms}
-    more = () if Stribeck.name in names else (Stribeck(velocity=RISE, width=WIDTH),)
-    model = DynamicsModel(state.model.robot, state.model.terms + more)
+    added = () if Stribeck.name in names else (Stribeck(velocity=RISE, width=WIDTH),)
+    model = DynamicsModel(state.model.robot, state.model.terms + added)
     return LogState(model, find_base_parameters(model), log)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """The delay that explains the log, or `None` if there is none worth a word."""
+    """Explanation by a delay; `None` if there is no significant one."""
     if state.log.band.is_open or not all(run.consecutive for run in state.log.runs):
         return None
     first = solve(state.rows, extra=state.torque_slope()[None])
@@ -106,39 +106,39 @@ def explain(state: LogState) -> Explanation | None:
         gain,
         "error",
         "effort",
-        _told(delay, deviation, gain, state.log.rate),
-        lambda evidence: lines("s", delay=_besides(evidence, delay)),
+        _delay_text(delay, deviation, gain, state.log.rate),
+        lambda evidence: lines("s", delay=_total_delay(evidence, delay)),
         after,
         lambda evidence: _is_in_every_band(evidence, delay),
     )
 
 
 def _is_in_every_band(evidence: LogEvidence, delay: float) -> bool:
-    """Tell whether a wider band has the same delay: friction that gives way before it slides lags by another one."""
-    sharp = _sharper(evidence)
+    """True if the delay is the same in a wider band; that of presliding friction is not."""
+    sharp = _in_wider_band(evidence)
     return sharp is None or abs(delay_of(sharp)[0] - delay) < SAME * abs(delay)
 
 
-def _told(delay: float, deviation: float, gain: float, rate: float) -> str:
-    """The delay in words."""
+def _delay_text(delay: float, deviation: float, gain: float, rate: float) -> str:
+    """Sentence on the delay."""
     word = "lags behind" if delay > 0 else "runs ahead of"
     return (
         f"Torque {word} the positions by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms "
-        f"({abs(delay) * rate:.1f} samples); without it {1 - np.exp(-gain):.0%} less of the torque is left."
+        f"({abs(delay) * rate:.1f} samples); without the delay the residual is {1 - np.exp(-gain):.0%} smaller."
     )
 
 
-def _besides(evidence: LogEvidence, delay: float) -> float | list[float]:
-    """The delay on top of those that the reading takes out already [s], one where all joints have the same."""
+def _total_delay(evidence: LogEvidence, delay: float) -> float | list[float]:
+    """Value of the key `delay`: the delay added to those of the log format, one number where all are equal [s]."""
     whole = [round(float(d) + delay, DIGITS) for d in np.asarray(evidence.reading.delay)]
     return whole[0] if len(set(whole)) == 1 else whole
 
 
 def delay_of(state: LogState) -> tuple[float, float, LogState]:
-    """Delay of the torque against the positions that fits best [s], its deviation, and the log without it.
+    """Estimates the delay of the torque against the positions [s], its standard deviation, and the corrected log.
 
-    The slope that a delay is seen by is the model's: that of the measured torque has its noise, too, by which every
-    round finds less than there is.
+    The derivative is that of the model's torque: noise in the derivative of the measured torque would bias each step
+    towards zero.
     """
     delay, deviation = 0.0, np.inf
     for _ in range(STEPS):
@@ -163,10 +163,9 @@ def _slopes(rows: QuickRows, values: Array) -> Array:
 
 
 def _friction_alone(state: LogState) -> float:
-    """Return what is left when each joint's dry friction may lag by itself, and nothing else does.
+    """Mean log residual when the dry friction of each joint may lag by itself.
 
-    Where a joint sticks or its gear has slack, friction does so; that is no delay of the log, and weights and
-    inertias do not take part in it.
+    Stiction and backlash make friction lag without a delay of the log; gravity and inertial torques do not lag then.
     """
     rows = state.rows
     extra = np.zeros((rows.n, *rows.torque.shape))
@@ -178,14 +177,14 @@ def _friction_alone(state: LogState) -> float:
 
 
 def _advanced(run: ObservedRun, seconds: float) -> ObservedRun:
-    """The run with its torque so much earlier, its ends continued by odd reflection."""
+    """The run with its torque advanced by some seconds, padded by odd reflection."""
     samples = seconds * run.rate
     pad = min(len(run.torque) - 1, int((PADDING + abs(seconds)) * run.rate) + 8)
     x: Array = run.torque
     before, behind = 2 * x[0] - x[pad:0:-1], 2 * x[-1] - x[-2 : -pad - 2 : -1]
     whole = np.concatenate([before, x, behind])
     line = np.linspace(0.0, 1.0, len(whole))[:, None]
-    trend = whole[0] + (whole[-1] - whole[0]) * line  # its ends meet then
+    trend = whole[0] + (whole[-1] - whole[0]) * line  # makes the ends equal
     turn = np.exp(2j * np.pi * frequencies(len(whole)) * samples)[:, None]
     moved = (
         inverse(spectrum(whole - trend) * turn, len(whole)) + trend + (whole[-1] - whole[0]) * samples / len(whole)

@@ -1,7 +1,7 @@
-"""Moments in which the arm touched something: bursts of what the model leaves.
+"""Contact of the arm with something, seen as bursts of the residual.
 
-A push moves the fit, too, and hides in what it makes of the rest. So the strongest bursts are left out one by one,
-and those count that a model of the other rows leaves standing out.
+A push also biases the fit, which hides a part of it. The strongest bursts are therefore left out one by one, and a
+burst is reported if it exceeds the residual of a model that was fitted to the other rows.
 """
 
 from __future__ import annotations
@@ -20,125 +20,127 @@ __all__ = ["check", "explain"]
 CODE = "contact"
 
 WINDOW = 0.5
-"""Seconds over which the residual is averaged: as long as a push lasts."""
+"""Seconds over which the squared residual is averaged, about as long as a push lasts."""
 
 BURST = 15.0
-"""Residual of two joints over its usual size that no friction explains: on recorded arms it comes to 8, with a push
-of a tenth of the joints' limits to 40."""
+"""Residual of two joints over its usual size from which it is a burst: recorded arms without contact reach 8, with a
+push of a tenth of the joints' limits 40."""
 
 USUAL = 85.0
-"""Percentile of the local residual that is its usual size: an arm that rests half of the time, or begins with
-another motion than it goes on with, is not in contact for the rest."""
+"""Percentile of the local residual that defines its usual size. It is high, so that an arm that rests half of the
+time is not reported as in contact during the other half."""
 
 MOST = 4
-"""Bursts that are looked for."""
+"""Largest number of bursts."""
 
 JOINTS = 2
-"""Joints that must feel it."""
+"""Smallest number of joints with a burst at the same time."""
 
 SLOW = 0.06
-"""Velocity below which dry friction is not what a smooth sign makes of it [rad/s or m/s]: three of its widths."""
+"""Velocity below which smoothed Coulomb friction differs from dry friction [rad/s or m/s]: three of its widths."""
 
 LONGEST = 0.25
-"""Share of a log in bursts from which they are no bursts but how the arm is."""
+"""Share of a log above which large residuals are unmodelled effects of the arm and not bursts."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """The finding, if a burst stands out."""
+    """Reports bursts of the residual."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """Bursts one after the other, the strongest first, and the log without them."""
+    """Explanation by contact: bursts found one after the other, the strongest first, and the log without them."""
     if state.log.band.is_open:
         return None
     time, run = state.rows.motion.time, state.rows.run
     left_out = np.zeros(len(time), dtype=np.bool_)
     after = state
     for _ in range(MOST):
-        size = _bursts(after, _residual(state, after.fit.values), _extrapolation(after) + _held(after))
+        size = _bursts(after, _residual(state, after.fit.values), _extrapolation(after) + _static_friction(after))
         level = np.where(left_out, 0.0, _level(size))
         peak = int(np.argmax(level))
-        more = left_out | ((np.abs(time - time[peak]) < 2 * WINDOW) & (run == run[peak]))
-        if more.mean() > LONGEST:
+        extended = left_out | ((np.abs(time - time[peak]) < 2 * WINDOW) & (run == run[peak]))
+        if extended.mean() > LONGEST:
             break
-        left_out, after = more, state.without(more)
-    size = _bursts(after, _residual(state, after.fit.values), _extrapolation(after) + _held(after))
+        left_out, after = extended, state.without(extended)
+    size = _bursts(after, _residual(state, after.fit.values), _extrapolation(after) + _static_friction(after))
     level = np.where(left_out, _level(size), 0.0)
     hit = level > BURST
     if not hit.any():
         return None
-    kept = _around(hit, time, run)
+    near_burst = _around(hit, time, run)
     peak = int(np.argmax(level))
     felt = np.flatnonzero(size[peak] > BURST / 2)
     names = state.model.robot.joint_names
-    after = state.without(kept)
+    after = state.without(near_burst)
     return Explanation(
         CODE,
         state.fit.cost - after.fit.cost,
         "warning",
         ", ".join(names[j] for j in felt),
-        f"At t = {time[peak]:.2f} s a model of the rest leaves {size[peak].max():.0f} times the usual, on "
+        f"At t = {time[peak]:.2f} s the residual is {size[peak].max():.0f} times its usual size, on "
         f"{len(felt)} joints together.",
-        lambda evidence: excluding(evidence.reading, _stretches(kept, time, run)),
+        lambda evidence: excluding(evidence.reading, _stretches(near_burst, time, run)),
         after,
     )
 
 
 def _around(hit: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Rows within a window of those that stand out, shape (M,)."""
+    """Flags of rows within a window of a burst, shape (M,)."""
     near = (np.abs(time[:, None] - time[None, hit]) <= WINDOW) & (run[:, None] == run[None, hit])
     return near.any(axis=1)
 
 
 def _stretches(rows: NDArray[np.bool_], time: Array, run: NDArray[np.int64]) -> list[tuple[float, float]]:
-    """Begin and end of each stretch of rows that follow each other [s]."""
+    """Begin and end of each stretch of consecutive rows [s]."""
     which = np.flatnonzero(rows)
     cuts = np.flatnonzero((np.diff(which) > 1) | (np.diff(run[which]) != 0)) + 1
     return [(float(time[part[0]]), float(time[part[-1]])) for part in np.split(which, cuts)]
 
 
 def _residual(state: LogState, values: Array) -> Array:
-    """Return what parameters leave of the torque in all rows that count, shape (M, n)."""
+    """Residual of given parameters, zero in rows that do not count, shape (M, n)."""
     rows = state.rows
-    told = [x.T @ values[own] for x, own in zip(rows.columns, rows.parameters, strict=True)]
-    return (rows.torque - np.column_stack(told)) * rows.mask
+    predicted = [x.T @ values[parameters] for x, parameters in zip(rows.columns, rows.parameters, strict=True)]
+    return (rows.torque - np.column_stack(predicted)) * rows.mask
 
 
 def _extrapolation(state: LogState) -> Array:
-    """Variance of the torque that follows from the parameters', shape (M, n).
+    """Variance of the predicted torque that follows from the parameters' covariance, shape (M, n).
 
-    What only the rows left out show of the arm is no burst.
+    It keeps rows that excite parameters as no others do from being taken for bursts.
     """
     rows, covariance = state.rows, state.fit.covariance
     return np.column_stack(
         [
-            np.sum(x * (covariance[np.ix_(own, own)] @ x), axis=0)
-            for x, own in zip(rows.columns, rows.parameters, strict=True)
+            np.sum(x * (covariance[np.ix_(parameters, parameters)] @ x), axis=0)
+            for x, parameters in zip(rows.columns, rows.parameters, strict=True)
         ]
     )
 
 
-def _held(state: LogState) -> Array:
-    """Square of the torque that dry friction may hold while a joint hardly moves, shape (M, n)."""
+def _static_friction(state: LogState) -> Array:
+    """Square of the torque that static friction may hold while a joint hardly moves, shape (M, n)."""
     rows = state.rows
     wide = np.ones(max(1, round(WINDOW * rows.rate)))
     slow = np.abs(rows.motion.dq) < SLOW
     result = np.empty_like(rows.torque)
     for j in range(rows.n):
-        own = rows.parameters[j]
-        dry = sum(float(state.fit.values[p]) ** 2 for p, s in zip(own, state.symbols(j), strict=True) if s == "FS")
+        parameters = rows.parameters[j]
+        dry = sum(
+            float(state.fit.values[p]) ** 2 for p, s in zip(parameters, state.symbols(j), strict=True) if s == "FS"
+        )
         result[:, j] = dry * np.convolve(slow[:, j], wide / len(wide), mode="same")
     return result
 
 
 def _level(size: Array) -> Array:
-    """Tell how far the joints together stand out, shape (M,): as far as the second of them."""
+    """Relative residual of the joint with the second largest one, shape (M,)."""
     return np.sort(size, axis=1)[:, -min(JOINTS, size.shape[1])]
 
 
 def _bursts(state: LogState, residual: Array, open_variance: Array | float = 0.0) -> Array:
-    """Local size of each joint's residual (M, n) over its usual one in the rows that count, shape (M, n)."""
+    """Local size of each joint's residual relative to its usual size, shape (M, n)."""
     rows = state.rows
     wide = max(1, round(WINDOW * rows.rate))
     power = np.empty_like(rows.torque)

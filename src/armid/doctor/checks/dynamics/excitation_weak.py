@@ -1,4 +1,4 @@
-"""A motion that hardly tells some parameters apart: which, and what to move."""
+"""Weak excitation: parameters that the motion cannot separate, and joints that should move more."""
 
 from __future__ import annotations
 
@@ -19,27 +19,28 @@ from armid.values import Array
 __all__ = ["WEAK_CONDITION", "check", "excitation_severity", "poorly_determined"]
 
 WEAK_CONDITION = 100.0
-"""Condition number with columns of unit length above which an estimate holds for the motion that it was made from
-and hardly for another: well recorded arms have 8 to 42, those whose estimates fail elsewhere 200 and more."""
+"""Condition number with columns of unit length above which an estimate may fail on other motion: well recorded arms
+have 8 to 42, those whose estimates fail elsewhere 200 and more."""
 
 POOR_CONDITION = 500.0
-"""The same from which it is a warning: motions drawn at random, joints all moving, have up to 400."""
+"""Condition number from which the finding is a warning: random motions of all joints have up to 400."""
 
 COMPUTED = 1e7
-"""Condition number beyond which it is rounding: products of columns lose it from the root of ε on."""
+"""Condition number above which its value is rounding error: products of columns square it."""
 
 TIMID = 0.25
-"""Share of its largest speed that no joint reaches in a motion too slow for inertias to show beside friction."""
+"""Share of the velocity limits; a motion in which no joint reaches it is too slow to separate inertia from
+friction."""
 
 NAMED = 4
 
 LITTLE = 0.35
-"""Share of a joint's range or speed below which there is room to move it more."""
+"""Share of a joint's range or speed below which it should move more."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """One finding with the parameters that are hardest to tell apart."""
-    state = evidence.understood
+    """Reports the parameters that are hardest to separate, in one finding."""
+    state = evidence.corrected
     if state is None:
         return _too_short(evidence)
     model = evidence.model
@@ -47,8 +48,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
         model = DynamicsModel(evidence.robot, tuple(t for t in state.model.terms if not isinstance(t, RotorInertia)))
     if model.nodes:
         return []
-    own = LogState(model, find_base_parameters(model), state.log)
-    names, rows = own.base.names, own.rows
+    study_state = LogState(model, find_base_parameters(model), state.log)
+    names, rows = study_state.base.names, study_state.rows
     G = np.zeros((rows.count, rows.count))
     for j, P in enumerate(products(rows)):
         G[np.ix_(rows.parameters[j], rows.parameters[j])] += P[:-1, :-1]
@@ -60,27 +61,27 @@ def check(evidence: LogEvidence) -> list[Finding]:
     return [
         Finding(
             "excitation-weak",
-            excitation_severity(condition, own.model.robot, np.abs(own.rows.motion.dq).max(axis=0)),
+            excitation_severity(condition, study_state.model.robot, np.abs(study_state.rows.motion.dq).max(axis=0)),
             "",
             poorly_determined(names, directions[:, 0], condition),
-            _advice(own),
+            _advice(study_state),
         )
     ]
 
 
 def poorly_determined(names: tuple[str, ...], direction: Array, condition: float) -> str:
-    """That a condition number is too large, with the parameters (b,) that its weakest direction is made of."""
+    """Sentence on a condition number, with the parameters that dominate its weakest direction (b,)."""
     worst = ", ".join(names[k] for k in np.argsort(-np.abs(direction))[:NAMED])
     if condition > COMPUTED:
-        return f"The motion does not tell {worst} apart at all, as far as numbers can show."
+        return f"The motion does not separate {worst} at all, to numerical precision."
     return (
-        f"The motion hardly tells {worst} apart (condition number {condition:.0f} with columns of unit length, where "
-        f"{WEAK_CONDITION:.0f} is much)."
+        f"The motion hardly separates {worst} (condition number {condition:.0f} with columns of unit length; above "
+        f"{WEAK_CONDITION:.0f} an estimate may fail on other motion)."
     )
 
 
 def _too_short(evidence: LogEvidence) -> list[Finding]:
-    """One finding where there is no model to look at, because there is too little of the log."""
+    """Finding for a log that is too short for a model."""
     recording = evidence.recording
     if recording is None or recording.effort is None:
         return []
@@ -89,15 +90,15 @@ def _too_short(evidence: LogEvidence) -> list[Finding]:
             "excitation-weak",
             "warning",
             "",
-            f"{recording.samples} samples, {recording.samples / evidence.rate:.3g} s, are too little to compare with "
-            "a model; signs, order, zeros, gravity and delays were not looked at.",
+            f"{recording.samples} samples, {recording.samples / evidence.rate:.3g} s, are too little to fit a "
+            "model; signs, order, zeros, gravity and delays were not checked.",
             "record longer, at 20 Hz or more",
         )
     ]
 
 
 def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Literal["warning", "info"]:
-    """Severity of a weak excitation: a warning where it is poor, or every joint stays slow.
+    """Severity of a weak excitation: a warning above `POOR_CONDITION` or where all joints are slow.
 
     Args:
         condition: Condition number with columns of unit length.
@@ -111,7 +112,7 @@ def excitation_severity(condition: float, robot: Robot, fastest: Array) -> Liter
 
 
 def _advice(state: LogState) -> str:
-    """Tell which joints have room to move more."""
+    """Remedy that names the joints that should move more."""
     motion, parts = state.rows.motion, []
     for j, joint in enumerate(state.model.robot.joints):
         low, high = joint.position_limits

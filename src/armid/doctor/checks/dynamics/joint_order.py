@@ -1,4 +1,4 @@
-"""Channels in another order than the joints: all of them, or those of the torque or of the positions alone."""
+"""Wrong order of channels: of all quantities, of the torque alone or of the positions alone."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ __all__ = ["check", "explain"]
 CODE = "joint-order"
 
 GAIN = 0.03
-"""Fall of the residual, as a logarithm, that another order must bring where one set of parameters explains all
-joints as well as one for each: logs in order rise by every exchange, by 0.02 and more. Below it the log does not say
-which of two orders it has."""
+"""Fall of the log residual that another order must bring where the joints agree. In logs of right order each exchange
+raises the residual by 0.02 and more. Two orders that differ by less cannot be distinguished."""
 
 SURE = 0.3
-"""Fall that is enough whatever the joints say of each other."""
+"""Fall that is always enough."""
 
 SHARE = 0.7
-"""Share of the conflict between the joints that must fall between the two. On an arm with more friction in the
-wrist than the model has, exchanging two wrist joints brings half of the conflict."""
+"""Fall as a share of the conflict between the joints that is enough between `GAIN` and `SURE`. On an arm with
+unmodelled wrist friction, exchanging two wrist joints brings half of the conflict."""
 
 CALM = 0.15
-"""Conflict up to which joints agree."""
+"""Conflict up to which the joints agree."""
 
 EXCHANGES = 3
-"""Pairs that are exchanged one after the other; a log that is worse mixed up is only said to be mixed up."""
+"""Largest number of pairs that are exchanged one after the other; of a log with more exchanges, the order that is
+reported is only an improvement."""
 
 LOOKED_AT, NEAR = 4, 0.05
-"""Exchanges that are looked at closely: the best of those that were tried quickly, if they leave no more than the
-order as it is by a margin."""
+"""Number of exchanges that are fitted to all rows, chosen by a quick fit, and margin by which the residual of that
+fit may exceed that of the logged order."""
 
 FEW = 7
-"""Joints up to which all orders are tried, in some milliseconds."""
+"""Joints up to which all orders are tried, which takes some milliseconds."""
 
 BEYOND = 0.1
-"""Share of the span of a joint's limits that positions may lie beyond them: limits are what a description says."""
+"""Share of the range of a joint by which positions may exceed it: limits of descriptions are approximate."""
 
 
 Flags = NDArray[np.bool_]
@@ -57,7 +57,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Order:
-    """Channels of each joint's motion and torque, and what is left then."""
+    """Channels of each joint's motion and torque, and the mean log residual."""
 
     motion: NDArray[np.intp]
     torque: NDArray[np.intp]
@@ -65,52 +65,52 @@ class _Order:
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """The finding, if another order explains the log."""
+    """Reports another order of channels if it explains the log."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """The order that explains the log, or `None` if it is the one that it has."""
+    """Explanation by another order of channels; `None` if the order is right."""
     n, coarse = state.rows.n, state.log.coarse()
     same = np.arange(n)
     best = begin = _Order(same, same, cost_of(state.rows, products(state.rows)))
-    near = _tried(state, coarse, same, same).cost + NEAR
+    near = _evaluated(state, coarse, same, same).cost + NEAR
     others: list[_Order] = []
-    takes = _takes(state)
+    takes = _allowed(state)
     for step in range(EXCHANGES):
         rows = make_rows(state.source, coarse.reordered(best.motion, same))
         trials = [
             t for pair in combinations(range(n), 2) for t in _exchanged(state, coarse, best, rows, takes, *pair)
         ]
         if step == 0:
-            more = [(same, _assigned(state)), (same[::-1], same[::-1]), (same[::-1], same)]
-            trials += [_tried(state, coarse, *order) for order in more if _possible(takes, *order)]
+            guesses = [(same, _assigned(state)), (same[::-1], same[::-1]), (same[::-1], same)]
+            trials += [_evaluated(state, coarse, *order) for order in guesses if _possible(takes, *order)]
         trials = sorted((t for t in _distinct(trials) if t.cost < near), key=lambda order: order.cost)[:LOOKED_AT]
-        close = [_tried(state, state.log, t.motion, t.torque) for t in trials]
-        found = min(close, key=lambda order: order.cost, default=best)
-        if found.cost > best.cost - GAIN:
+        close = [_evaluated(state, state.log, t.motion, t.torque) for t in trials]
+        better = min(close, key=lambda order: order.cost, default=best)
+        if better.cost > best.cost - GAIN:
             break
-        best, others = found, [order for order in close if order is not found]
+        best, others = better, [order for order in close if order is not better]
     gain = begin.cost - best.cost
     if gain < (GAIN if state.conflict < CALM else min(SURE, SHARE * state.conflict)):
         return None
     names = state.model.robot.joint_names
     moved = np.flatnonzero((best.torque != same) | (best.motion != same))
-    doubt = [_told(order) for order in others if order.cost < best.cost + GAIN]
+    doubt = [_order_text(order) for order in others if order.cost < best.cost + GAIN]
     return Explanation(
         CODE,
         gain,
         "info" if doubt else "error",
         ", ".join(names[j] for j in moved),
-        f"With {_told(best)} one set of parameters leaves {1 - np.exp(-gain):.0%} less of the torque"
+        f"With {_order_text(best)} one set of parameters leaves {1 - np.exp(-gain):.0%} less of the torque"
         + (f"; with {' or '.join(doubt)} it leaves as little, and the log does not say which." if doubt else "."),
         lambda evidence: _remedy(evidence, best),
         state.on(state.log.reordered(best.motion, best.torque)),
     )
 
 
-def _told(order: _Order) -> str:
-    """The order in words, channels counted from 1."""
+def _order_text(order: _Order) -> str:
+    """The order as text, channels counted from 1."""
     same = np.arange(len(order.motion))
     if (order.motion == order.torque).all():
         return f"the position and torque channels in the order {_listed(order.motion)}"
@@ -127,7 +127,7 @@ def _listed(order: NDArray[np.intp]) -> str:
 
 
 def _remedy(evidence: LogEvidence, order: _Order) -> str:
-    """The order as a study says it: whose the channels are, or which columns hold a quantity."""
+    """Lines of a study that correct the order: joints of the channels, or columns of a quantity."""
     channels = channels_of_joints(evidence.raw, evidence.reading, evidence.robot)
     if (order.motion == order.torque).all():
         return _renamed(evidence, channels, order.motion)
@@ -140,7 +140,7 @@ def _remedy(evidence: LogEvidence, order: _Order) -> str:
         if (which == np.arange(len(which))).all() or getattr(evidence.raw, name) is None:
             continue
         if len(columns) != evidence.raw.n:
-            return f"rewrite the log with {_told(order)}"
+            return f"rewrite the log with {_order_text(order)}"
         now = list(columns)
         for j, k in enumerate(which):
             now[channels[j]] = columns[channels[k]]
@@ -149,7 +149,7 @@ def _remedy(evidence: LogEvidence, order: _Order) -> str:
 
 
 def _renamed(evidence: LogEvidence, channels: list[int], order: NDArray[np.intp]) -> str:
-    """All quantities of a channel given to another joint."""
+    """Line of a study that assigns all quantities of the channels to other joints."""
     names = evidence.robot.joint_names
     owner = [""] * evidence.raw.n
     for j, k in enumerate(order):
@@ -159,18 +159,18 @@ def _renamed(evidence: LogEvidence, channels: list[int], order: NDArray[np.intp]
     return lines(joints=dict(zip(evidence.raw.joint_names, owner, strict=True)))
 
 
-def _tried(state: LogState, log: DownsampledLog, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
+def _evaluated(state: LogState, log: DownsampledLog, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
     same = np.arange(len(motion))
     return _with_torque(make_rows(state.source, log.reordered(motion, same)), log, motion, torque)
 
 
 def _distinct(orders: Iterable[_Order]) -> list[_Order]:
-    """Each order once: an exchange may also be what the joints' own columns say."""
+    """Each order once."""
     return list({(*order.motion, *order.torque): order for order in orders}.values())
 
 
 def _with_torque(rows: QuickRows, log: DownsampledLog, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
-    """Another order of the torque of a log beside columns that are made already."""
+    """Order of motion and torque with its cost, from columns that are computed already."""
     mask = log.mask[:, motion] & log.mask[:, torque]
     changed = replace(rows, torque=rows.torque[:, torque], mask=mask)
     return _Order(motion, torque, cost_of(changed, products(changed)))
@@ -179,7 +179,7 @@ def _with_torque(rows: QuickRows, log: DownsampledLog, motion: NDArray[np.intp],
 def _exchanged(
     state: LogState, log: DownsampledLog, order: _Order, rows: QuickRows, takes: tuple[Flags, Flags], i: int, j: int
 ) -> Iterator[_Order]:
-    """Two more channels exchanged: of all quantities, of the positions alone, of the torque alone."""
+    """Orders with two more channels exchanged: of the positions alone, of all quantities, of the torque alone."""
     motion, torque = order.motion.copy(), order.torque.copy()
     for each in (motion, torque):
         each[[i, j]] = each[[j, i]]
@@ -192,11 +192,11 @@ def _exchanged(
         yield _with_torque(rows, log, order.motion, torque)
 
 
-def _takes(state: LogState) -> tuple[Flags, Flags]:
-    """Tell which joint could have which channel's positions, and which its torque, (n, n) each.
+def _allowed(state: LogState) -> tuple[Flags, Flags]:
+    """Flags of the channels whose positions and whose torque each joint may have, (n, n) each.
 
-    No joint has a channel of the other kind, in metres or in radians, nor positions far beyond its limits, unless
-    those that it has are as far beyond.
+    Prismatic and revolute joints do not exchange channels. A joint gets no positions far beyond its limits unless its
+    logged ones are as far beyond.
     """
     joints = state.model.robot.joints
     slides = np.array([joint.is_prismatic for joint in joints])
@@ -209,23 +209,23 @@ def _takes(state: LogState) -> tuple[Flags, Flags]:
 
 
 def _possible(takes: tuple[Flags, Flags], motion: NDArray[np.intp], torque: NDArray[np.intp]) -> bool:
-    """Tell whether every joint could have the channels of an order."""
+    """True if every joint may have its channels of an order."""
     joints = np.arange(len(motion))
     return bool(takes[0][joints, motion].all() and takes[1][joints, torque].all())
 
 
 def _assigned(state: LogState) -> NDArray[np.intp]:
-    """Tell which torque channel each joint's own columns explain best."""
+    """Assignment of torque channels to joints with the smallest residual of separate fits of the joints."""
     rows, n = state.rows, state.rows.n
-    left: Array = np.zeros((n, n))
+    residual: Array = np.zeros((n, n))
     tau = rows.torque - rows.torque.mean(axis=0)
     for j in range(n):
         Q = np.linalg.qr(rows.columns[j].T)[0]
         rest = np.linalg.norm(rows.torque - Q @ (Q.T @ rows.torque), axis=0)
-        left[j] = np.log(np.maximum(rest, 1e-12) / np.maximum(np.linalg.norm(tau, axis=0), 1e-12))
+        residual[j] = np.log(np.maximum(rest, 1e-12) / np.maximum(np.linalg.norm(tau, axis=0), 1e-12))
     if n <= FEW:
         orders = np.array(list(permutations(range(n))))
-        return orders[left[np.arange(n), orders].sum(axis=1).argmin()]
-    from scipy.optimize import linear_sum_assignment  # a seventh of a second to import
+        return orders[residual[np.arange(n), orders].sum(axis=1).argmin()]
+    from scipy.optimize import linear_sum_assignment  # slow to import
 
-    return np.asarray(linear_sum_assignment(left)[1], dtype=np.intp)
+    return np.asarray(linear_sum_assignment(residual)[1], dtype=np.intp)

@@ -1,8 +1,8 @@
-"""Positions with another zero than the description's.
+"""Offset of positions against the description's zeros.
 
-A zero shows by the geometry alone, and more clearly where the description's inertias are taken for a guess: the
-weight of a forearm points down, whatever it is. The zero of a vertical first joint shows in no torque, those of
-light wrists in few.
+A wrong zero changes the geometry and so the torque. It shows more clearly with the description's inertias as a prior:
+the gravity torque of a forearm has a known phase whatever its mass. The torque does not depend on the zero of a
+vertical first joint, and hardly on those of light wrists.
 """
 
 from __future__ import annotations
@@ -22,56 +22,56 @@ __all__ = ["check", "explain", "offsets_of"]
 CODE = "position-offset"
 
 STEP = 1e-4
-"""Displacement by which the torque's derivative is taken [rad or m]: rounding and curvature both stay below
-1e-7."""
+"""Step of the finite difference of the torque [rad or m]: errors by rounding and curvature both stay below 1e-7."""
 
 LONGEST = 0.4
-"""Largest change of a zero in one Gauss-Newton step [rad]."""
+"""Largest change of an offset in one Gauss-Newton step [rad]."""
 
 KNOWN = 0.15
-"""Deviation from which on the torques say nothing about a joint's zero [rad]; it is left where it is."""
+"""Standard deviation from which a joint's offset is undetermined [rad] and not changed."""
 
 STEPS = 4
-"""Rounds of moving zeros; three are enough where the description has weights."""
+"""Largest number of Gauss-Newton steps; three suffice where the description has masses."""
 
 LEAST = 0.08
-"""Smallest offset worth a word [rad]. Fits of recorded arms, whose zeros are right, find up to 0.06."""
+"""Smallest offset that is reported [rad]. On recorded arms with right zeros the fit gives up to 0.06."""
 
 SURE = 4.5
-"""Standard deviations by which an offset must differ from none."""
+"""Standard deviations by which an offset must differ from zero."""
 
 SURER, SUREST = 5.5, 8.0
-"""The same where the torque says little: then they are the description's weights against the arm's, which differ. A
-sound log came to 4.9; up to the second it is a warning."""
+"""The same where the residual hardly falls, so that the offset rests on the description's masses, which may be wrong;
+a log without offset reached 4.9. Below the second the finding is a warning."""
 
 ALONE = 0.015
-"""Fall of the residual, as a logarithm, from which the torque says enough by itself."""
+"""Fall of the log residual from which the torque alone is enough evidence."""
 
 LOSS = 0.005
-"""Rise of the residual, as a logarithm, that zeros nearer to the description's weights may bring."""
+"""Largest rise of the log residual for offsets that agree better with the description's masses."""
 
 USUAL = 0.1
-"""Conflict between the joints that noise makes; where more remains, deviations grow with it, since what conflicts
-is then none of noise."""
+"""Conflict between the joints that noise causes; standard deviations are enlarged in proportion to what exceeds it,
+since that is model error."""
 
 MASS, SPREAD, INERTIA = 0.3, 0.03, 0.5
-"""How far the description is trusted: share of mass and first moment, centre of mass [m], share of inertia."""
+"""Standard deviations of the description's values: share of mass and first moment, centre of mass [m], share of
+inertia."""
 
 UNSEEN = 1e-10
-"""Added to what is known of columns of unit length: where nothing is, as of the last joint's zero without a
-description, the deviation is then huge."""
+"""Added to the precision of unit columns, so that undetermined values, such as the last joint's zero without a
+description, get a huge standard deviation."""
 
 FREE = 1e3
-"""Deviation of parameters that the description does not have, in SI units."""
+"""Standard deviation of parameters that the description does not have, in SI units."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """The finding, if other zeros explain the log."""
+    """Reports offsets of the positions if they explain the log."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """The zeros that explain the log, or `None` if they are those that it has."""
+    """Explanation by offsets of the positions; `None` if there are none."""
     offset, deviation, after = offsets_of(state)
     if not _are_sure(offset, deviation).any():
         return None
@@ -91,14 +91,14 @@ def explain(state: LogState) -> Explanation | None:
         "error" if gain >= ALONE or least > SUREST else "warning",
         ", ".join(names[j] for j in np.flatnonzero(sure)),
         f"Positions that are off by {listed} rad would leave {1 - np.exp(-max(gain, 0.0)):.0%} less of the torque"
-        + (", with weights nearer to the description's." if known else "."),
+        + (", and masses are nearer to the description's." if known else "."),
         lambda evidence: lines(joint_offset=np.round(_given(evidence, state.rows.n) + only, 3) + 0.0),
         after,
     )
 
 
 def _given(evidence: LogEvidence, n: int) -> Array:
-    """Offsets (n,) that the reading has already."""
+    """Offsets (n,) of the log format."""
     given = evidence.reading.joint_offset
     return np.zeros(n) if given is None else np.asarray(given)
 
@@ -108,23 +108,23 @@ def _are_sure(offset: Array, deviation: Array) -> NDArray[np.bool_]:
 
 
 def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
-    """Fit what must be added to the positions (n,) for the torques, its deviation, and the log then."""
+    """Estimates the offsets to add to the positions (n,), their standard deviations (n,), and the corrected log."""
     n, b = state.rows.n, state.base.count
     precision, expected = _prior(state)
     offset, deviation = np.zeros(n), np.full(n, np.inf)
     now = state
     for _ in range(STEPS):
-        weight = 1.0 / (now.fit.sigma**2 * now.fit.memory)
+        weight = 1.0 / (now.fit.sigma**2 * now.fit.autocorrelation)
         values = _posterior(now, weight, precision, expected, np.zeros((0, *now.rows.torque.shape)))[0]
         theta = now.standard(values)
         slopes = now.rigid_slopes(theta, STEP)
-        found, spread = _posterior(now, weight, precision, expected, slopes)
-        step, deviation = found[b:], spread[b:]
+        extended, spread = _posterior(now, weight, precision, expected, slopes)
+        step, deviation = extended[b:], spread[b:]
         seen = (deviation > 0.0) & (deviation < KNOWN)
         step = np.where(seen, np.clip(step, -LONGEST, LONGEST), 0.0)
         deviation = np.where(seen, deviation, np.inf)
         if not _are_sure(2.0 * (offset + step), deviation).any():
-            break  # nor would they be after more steps
+            break  # further steps would not make them significant
         moved = state.on(state.log.moved(offset + step))
         if moved.fit.cost > now.fit.cost + LOSS or not step.any():
             break
@@ -133,18 +133,18 @@ def offsets_of(state: LogState) -> tuple[Array, Array, LogState]:
 
 
 def _prior(state: LogState) -> tuple[Array, Array]:
-    """Precision (b, b) of the description's base parameters, and these; zeros where it has no inertias."""
+    """Prior from the description: precision (b, b) and base parameters (b,); zeros where it has no inertias."""
     b, model = state.base.count, state.model
     theta = model.nominal_parameters()
     if theta is None:
         return np.zeros((b, b)), np.zeros(b)
     deviation = np.full(len(theta), FREE)
-    for own in model.inertial_columns.reshape(-1, 10):
-        body = theta[own]
-        deviation[own[0]] = MASS * body[0]
-        deviation[own[1:4]] = MASS * np.abs(body[1:4]) + SPREAD * body[0]
-        moved = SPREAD * (2.0 * float(np.linalg.norm(body[1:4])) + SPREAD * body[0])  # by the centre of mass
-        deviation[own[4:]] = INERTIA * np.abs(body[4:]).max() + moved
+    for columns in model.inertial_columns.reshape(-1, 10):
+        body = theta[columns]
+        deviation[columns[0]] = MASS * body[0]
+        deviation[columns[1:4]] = MASS * np.abs(body[1:4]) + SPREAD * body[0]
+        shift = SPREAD * (2.0 * float(np.linalg.norm(body[1:4])) + SPREAD * body[0])  # shift of the centre
+        deviation[columns[4:]] = INERTIA * np.abs(body[4:]).max() + shift
     deviation = np.maximum(deviation, 1e-6)
     spread = state.base.regrouping * deviation
     covariance = spread @ spread.T
@@ -155,15 +155,15 @@ def _prior(state: LogState) -> tuple[Array, Array]:
 def _posterior(
     state: LogState, weight: Array, precision: Array, expected: Array, extra: Array
 ) -> tuple[Array, Array]:
-    """Base parameters and factors of the extra columns with their deviations, given data and prior."""
-    rows, b, more = state.rows, state.base.count, len(extra)
-    H, side = np.zeros((b + more, b + more)), np.zeros(b + more)
+    """Posterior mean and standard deviations of base parameters and coefficients of the extra columns."""
+    rows, b, extras = state.rows, state.base.count, len(extra)
+    H, side = np.zeros((b + extras, b + extras)), np.zeros(b + extras)
     H[:b, :b], side[:b] = precision, precision @ expected
     for j, P in enumerate(products(rows, extra=extra)):
-        own = np.concatenate([rows.parameters[j], np.arange(b, b + more)])
-        H[np.ix_(own, own)] += weight[j] * P[:-1, :-1]
-        side[own] += weight[j] * P[:-1, -1]
+        indices = np.concatenate([rows.parameters[j], np.arange(b, b + extras)])
+        H[np.ix_(indices, indices)] += weight[j] * P[:-1, :-1]
+        side[indices] += weight[j] * P[:-1, -1]
     unit = np.sqrt(np.diag(H))
     unit = np.where(unit > 0.0, unit, 1.0)
-    inverse = np.linalg.inv(H / np.outer(unit, unit) + UNSEEN * np.eye(b + more)) / np.outer(unit, unit)
+    inverse = np.linalg.inv(H / np.outer(unit, unit) + UNSEEN * np.eye(b + extras)) / np.outer(unit, unit)
     return inverse @ side, np.sqrt(np.maximum(np.diag(inverse), 0.0))

@@ -1,4 +1,4 @@
-"""Friction that changes from the beginning of a log to its end, as it does while gears warm up."""
+"""Friction that changes over a log, as it does while gears warm up."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from armid.errors import Finding
 __all__ = ["check"]
 
 CHANGE = 0.15
-"""Relative change of friction over the log worth a word."""
+"""Smallest relative change of friction over the log that is reported."""
 
 SURE = 8.0
-"""Standard deviations by which it must differ from none."""
+"""Standard deviations by which the change must differ from zero."""
 
 GAIN = 0.02
-"""Fall of the residual, as a logarithm, that a change must bring."""
+"""Fall of the log residual that the change must bring."""
 
 JOINTS = 0.4
-"""Share of the joints that must change in the same sense: gears warm up together."""
+"""Share of the joints whose friction must change in the same direction: gears warm up together."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """One finding for all joints whose friction changes."""
-    state = evidence.understood
+    """Reports the joints whose friction changes, in one finding."""
+    state = evidence.corrected
     if state is None or state.log.band.is_open:
         return []
     rows, fit = state.rows, state.fit
@@ -40,10 +40,10 @@ def check(evidence: LogEvidence) -> list[Finding]:
             if symbol in ("FV", "FS"):
                 friction += fit.values[p] * column
         extra[j, :, j] = friction * share
-    found = solve(rows, extra=extra)
-    change, deviation = found.values[rows.count :], found.deviation[rows.count :]
+    drift_fit = solve(rows, extra=extra)
+    change, deviation = drift_fit.values[rows.count :], drift_fit.deviation[rows.count :]
     sure = (np.abs(change) > SURE * deviation) & (np.abs(change) > CHANGE) & (deviation > 0.0)
-    gain = fit.cost - found.cost
+    gain = fit.cost - drift_fit.cost
     sense = np.sign(np.median(change[sure])) if sure.any() else 0.0
     together = sure & (np.sign(change) == sense)
     if gain < GAIN or together.sum() < JOINTS * rows.n:
@@ -55,8 +55,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "temperature-drift",
             "warning",
             ", ".join(names[j] for j in np.flatnonzero(together)),
-            f"Friction changes over {np.ptp(time):.0f} s: {listed}; with it {1 - np.exp(-gain):.0%} less of the "
-            "torque is left.",
+            f"Friction changes over {np.ptp(time):.0f} s: {listed}; with this change the residual is "
+            f"{1 - np.exp(-gain):.0%} smaller.",
             "record again with warm gears, or a log for each state of warmth with friction_per_recording = true",
         )
     ]

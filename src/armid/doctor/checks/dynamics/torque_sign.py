@@ -1,4 +1,4 @@
-"""Torque measured against the description's convention, on all joints or on some."""
+"""Torque with the opposite sign of the description's convention, on all or some joints."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from armid.errors import Finding
 from armid.measurement.remedy import lines
 from armid.values import Array
 
-__all__ = ["FLIP", "check", "explain", "left_by", "relative", "signs"]
+__all__ = ["FLIP", "check", "cost_with_signs", "explain", "relative_signs", "signs_value"]
 
 FLIP = 0.05
-"""Fall of the residual, as a logarithm, from which another sign of one joint is taken: clean logs show none, and a
-wrong sign of a joint that carries others costs a multiple of it."""
+"""Fall of the log residual from which another sign of one joint is accepted. Clean logs show none; a wrong sign of a
+joint that carries others costs several times as much."""
 
 CLEAR = 0.2
-"""Fall from which signs are believed whatever friction and inertia say of them: of wrong signs it is 0.4 and more, on
-a recorded arm with more friction in the wrist than the model has another sign brings 0.06."""
+"""Fall from which signs are accepted without support by friction and inertia. Wrong signs give 0.4 and more; on a
+recorded arm with unmodelled wrist friction another sign gave 0.06."""
 
 CALM, MOST_TOGETHER = 0.15, 8
-"""Conflict from which signs are tried all together, and joints up to which there are few enough of them; where joints
-agree, no two of them are wrong."""
+"""Conflict from which all combinations of signs are tried, and largest number of joints for it. Where joints agree,
+no two signs are wrong relative to each other."""
 
 SURE = 8.0
-"""Standard deviations from which friction that drives, instead of braking, is believed on real logs, whose
-friction is none of the model's; controllers that compensate it come to 6."""
+"""Standard deviations from which negative friction is significant on real logs, whose friction differs from the
+model's; under controllers that compensate friction it reaches 6."""
 
 ALSO = 0.03
-"""Difference of what two signs leave, as a logarithm, below which the log does not say which of them is wrong."""
+"""Difference of the log residuals of two signs below which the log does not say which of them is wrong."""
 
 MOST = 10.0
-"""Standard deviations beyond which one joint's friction counts no more than another's."""
+"""Largest number of standard deviations with which the friction of one joint counts."""
 
 ALIKE = 0.8
-"""Correlation with the description's torque from which that is a witness."""
+"""Correlation with the description's torque from which the description counts as evidence."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """The finding, if a sign is wrong."""
+    """Reports wrong signs of the torque."""
     return evidence.explained(CODE)
 
 
@@ -52,17 +52,17 @@ CODE = "torque-sign"
 
 
 def explain(state: LogState) -> Explanation | None:
-    """The signs that explain the log, or `None` if they are those that it has."""
+    """Explanation by other signs of the torque; `None` if the signs are right."""
     rows = state.rows
-    sign, gain, indifferent = relative(state)
+    sign, gain, indifferent = relative_signs(state)
     votes = _votes(state if (sign > 0.0).all() else state.with_torque(sign))
     if votes.sum() < 0.0:
         sign, votes = -sign, -votes
     most = -1.0 if sign[~indifferent].sum() < 0.0 else 1.0
     for j in np.flatnonzero(indifferent):
-        kept = sign[j]
-        sign[j] = -kept if votes[j] <= -1.0 else kept if votes[j] >= 1.0 else most
-        votes[j] *= sign[j] * kept
+        before = sign[j]
+        sign[j] = -before if votes[j] <= -1.0 else before if votes[j] >= 1.0 else most
+        votes[j] *= sign[j] * before
     wrong = np.flatnonzero(sign < 0.0)
     if not len(wrong) or (gain < CLEAR and votes[wrong].sum() < (1.0 if gain < FLIP else 0.0)):
         return None
@@ -74,13 +74,13 @@ def explain(state: LogState) -> Explanation | None:
         "error",
         "" if everywhere else ", ".join(names[j] for j in wrong),
         _evidence(state, wrong, gain) + _doubt(state, sign),
-        lambda evidence: lines(torque_sign=signs(np.asarray(evidence.reading.torque_sign) * sign)),
+        lambda evidence: lines(torque_sign=signs_value(np.asarray(evidence.reading.torque_sign) * sign)),
         state.with_torque(sign),
     )
 
 
-def signs(sign: Array) -> int | list[int]:
-    """Signs (n,) as a study has them: one where all are alike."""
+def signs_value(sign: Array) -> int | list[int]:
+    """Value of a study's key for signs (n,): a single number where all are equal."""
     whole = [int(s) for s in sign]
     return whole[0] if len(set(whole)) == 1 else whole
 
@@ -100,31 +100,31 @@ def _evidence(state: LogState, wrong: NDArray[np.intp], gain: float) -> str:
     return f"{text}."
 
 
-def relative(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
-    """Signs that let one set of parameters fit all joints best, up to one for all, and what they gain.
+def relative_signs(state: LogState) -> tuple[Array, float, NDArray[np.bool_]]:
+    """Relative signs with which one set of parameters fits all joints best, and the fall of the log residual.
 
-    The third are the joints whose sign the others say nothing about, shape (n,).
+    The common sign is open. The third value flags the joints whose sign the others do not determine, shape (n,).
     """
     rows = state.rows
     pairs = products(rows)
-    first = cost_of(rows, pairs)
-    sign, cost = np.ones(rows.n), first
+    begin = cost_of(rows, pairs)
+    sign, cost = np.ones(rows.n), begin
     if CALM < state.conflict and rows.n <= MOST_TOGETHER:
-        together, less = _best_of_all(rows, pairs, first)
-        if less < first - FLIP:
+        together, less = _best_of_all(rows, pairs, begin)
+        if less < begin - FLIP:
             sign, cost = together, less
     while True:
         trials = np.array([cost_of(rows, pairs, _flipped(sign, j)) for j in range(rows.n)])
         best = int(np.argmin(trials))
         if trials[best] > cost - FLIP:
-            return sign, first - cost, np.abs(trials - cost) < FLIP
+            return sign, begin - cost, np.abs(trials - cost) < FLIP
         sign[best], cost = -sign[best], trials[best]
 
 
 def _best_of_all(rows: QuickRows, pairs: Sequence[Array], first: float) -> tuple[Array, float]:
-    """Signs, the first joint's kept, that leave least, and what they leave.
+    """Signs with the smallest residual and that residual; the first joint's sign is fixed.
 
-    One after the other does not find them: where several are wrong, the second may only pay with the third.
+    All combinations are tried: where several signs are wrong, changing one alone may not lower the residual.
     """
     best = np.ones(rows.n), first
     for others in product((1.0, -1.0), repeat=rows.n - 1):
@@ -135,17 +135,17 @@ def _best_of_all(rows: QuickRows, pairs: Sequence[Array], first: float) -> tuple
     return best
 
 
-def left_by(state: LogState, sign: Array) -> float:
-    """Return what is left of the torque with positions of these signs (n,)."""
+def cost_with_signs(state: LogState, sign: Array) -> float:
+    """Mean log residual with the motion multiplied by signs (n,)."""
     rows = make_rows(state.source, state.log.scaled(sign))
     return cost_of(rows, products(rows))
 
 
 def _doubt(state: LogState, sign: Array) -> str:
-    """That positions of the other sign would explain as much, where they would."""
-    if (sign < 0.0).all() or left_by(state, sign) > cost_of(state.rows, products(state.rows), sign) + ALSO:
+    """Sentence that other signs of the positions explain the log as well; empty where they do not."""
+    if (sign < 0.0).all() or cost_with_signs(state, sign) > cost_of(state.rows, products(state.rows), sign) + ALSO:
         return ""
-    return f" Positions of the other sign, position_sign = {signs(sign)}, would explain as much."
+    return f" Positions of the other sign, position_sign = {signs_value(sign)}, would explain as much."
 
 
 def _flipped(sign: Array, j: int) -> Array:
@@ -155,7 +155,7 @@ def _flipped(sign: Array, j: int) -> Array:
 
 
 def _votes(state: LogState) -> Array:
-    """For each joint how friction, inertia and the description speak for its sign; 1 is sure, -1 against it."""
+    """Support for each joint's sign by friction, inertia and the description; beyond ±1 it is sure."""
     votes = (np.clip(state.dissipation, -MOST, MOST) + np.clip(state.inertia, -MOST, MOST) / 2) / SURE
     if state.nominal is not None:
         r = state.nominal.correlation

@@ -1,4 +1,4 @@
-"""Channels that stick for a while, and the arm standing still."""
+"""Channels that are stuck for a while, and standstill of the arm."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from armid.measurement.remedy import excluding
 __all__ = ["check"]
 
 STANDSTILL = 1.0
-"""Seconds of the same positions on all joints that are worth a word."""
+"""Shortest standstill of all joints that is reported [s]."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Stuck channels as errors, standstill as information."""
+    """Reports stuck channels as errors and standstill as information."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -36,18 +36,18 @@ def check(evidence: LogEvidence) -> list[Finding]:
                 excluding(
                     evidence.reading,
                     [_times(evidence, *still)],
-                    "such rows tell gravity and friction at rest apart from nothing",
+                    "at standstill, static friction and gravity cannot be separated",
                 ),
             )
         )
-    for j, what, a, b in evidence.stuck:
-        value = getattr(recording, what)[a, j]
+    for j, quantity, a, b in evidence.stuck:
+        value = getattr(recording, quantity)[a, j]
         findings.append(
             Finding(
                 "channel-dead",
                 "error",
                 names[j],
-                f"{what} stays at {value:.6g} for {(b - a) / rate:.2f} s, rows {a} to {b}, while the arm moves.",
+                f"{quantity} stays at {value:.6g} for {(b - a) / rate:.2f} s, rows {a} to {b}, while the arm moves.",
                 excluding(evidence.reading, [_times(evidence, a, b)], "or record it again"),
             )
         )
@@ -55,7 +55,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _times(evidence: LogEvidence, first: int, last: int) -> tuple[float, float]:
-    """Times of two rows on the recording's clock [s]."""
+    """Times of a first and a last row on the recording's clock [s]."""
     recording = evidence.recording
     assert recording is not None
     time = np.arange(recording.samples) / evidence.rate if recording.time is None else recording.time

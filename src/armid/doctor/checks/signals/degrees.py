@@ -1,4 +1,4 @@
-"""Angles in another unit than the study says, all or some of them, where no limit gives it away."""
+"""Angles in another unit than the study says, on all or some joints, where no joint limit shows it."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ CODE = "degrees"
 DEGREES = 180.0 / np.pi
 
 WIDEST, NARROWEST = 7.0, 0.1
-"""Largest angle of an arm whose joints turn about once at most, and the largest of one that moves at all [rad]."""
+"""Largest plausible angle of a joint, about one turn, and smallest plausible range of a motion [rad]."""
 
 GAIN = 0.3
-"""Fall of the residual, as a logarithm, that the other unit must bring: weights change their course with it, and so
-do inertias, by a factor 57."""
+"""Fall of the log residual that the other unit must bring. The unit changes the course of gravity torques, and
+inertias by a factor of 57."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """The finding, if the other unit explains the log."""
+    """Reports another unit if it explains the log."""
     return evidence.explained(CODE)
 
 
 def explain(state: LogState) -> Explanation | None:
-    """The units that explain the log, or `None` if they are those that it is read with."""
+    """Explanation by other units; `None` if the log is explained by those that it is read with."""
     best: tuple[float, LogState, NDArray[np.bool_], str] | None = None
-    for which, factor, said in _suspects(state):
+    for which, factor, unit in _suspects(state):
         after = state.on(state.log.scaled(np.where(which, factor, 1.0)))
         gain = state.fit.cost - after.fit.cost
         if gain > GAIN and (best is None or gain > best[0]):
-            best = gain, after, which, said
+            best = gain, after, which, unit
     if best is None:
         return None
-    gain, after, turned, said = best
+    gain, after, turned, unit = best
     largest = float(np.abs(state.rows.motion.q[:, turned]).max())
     joints = state.model.robot.joints
     everywhere = all(one or joint.is_prismatic for one, joint in zip(turned, joints, strict=True))
@@ -51,7 +51,7 @@ def explain(state: LogState) -> Explanation | None:
         gain,
         "error",
         "q" if everywhere else names,
-        f"Read as {said}, {'no joint' if everywhere else names} turns beyond {largest:.3g} rad; in the other unit "
+        f"Read as {unit}, {'no joint' if everywhere else names} turns beyond {largest:.3g} rad; in the other unit "
         f"{1 - np.exp(-gain):.0%} less of the torque is left.",
         lambda evidence: lines(units=_units(evidence.reading, turned, everywhere=everywhere)),
         after,
@@ -59,9 +59,9 @@ def explain(state: LogState) -> Explanation | None:
 
 
 def _suspects(state: LogState) -> list[tuple[NDArray[np.bool_], float, str]]:
-    """Joints that may be in the other unit, what their angles would be multiplied by, and what they are read as.
+    """Joints that may be in the other unit, factor of their angles, and unit that they are read in.
 
-    All that turn, or those alone that leave their limits or hardly move.
+    Candidates are all revolute joints, or only those that leave their limits or hardly move.
     """
     joints = state.model.robot.joints
     turns = np.array([not joint.is_prismatic for joint in joints])
@@ -69,24 +69,24 @@ def _suspects(state: LogState) -> list[tuple[NDArray[np.bool_], float, str]]:
         return []
     size: Array = np.abs(state.rows.motion.q).max(axis=0)
     largest = float(size[turns].max())
-    found: list[tuple[NDArray[np.bool_], float, str]] = []
+    suspects: list[tuple[NDArray[np.bool_], float, str]] = []
     if largest * DEGREES <= WIDEST:
-        found.append((turns, DEGREES, "degrees"))
+        suspects.append((turns, DEGREES, "degrees"))
     elif largest > WIDEST and largest / DEGREES >= NARROWEST:
-        found.append((turns, 1.0 / DEGREES, "radians"))
+        suspects.append((turns, 1.0 / DEGREES, "radians"))
     limits = np.array([joint.position_limits for joint in joints])
     widest = np.where(np.isfinite(limits).all(axis=1), np.abs(limits).max(axis=1), WIDEST)
     beyond = turns & (size > widest)
     moves: Array = np.ptp(state.rows.motion.q, axis=0)
-    little = turns & (size * DEGREES <= np.minimum(widest, WIDEST)) & (moves > 0.0)
-    for which, factor, said in ((beyond, 1.0 / DEGREES, "radians"), (little, DEGREES, "degrees")):
+    hardly_moving = turns & (size * DEGREES <= np.minimum(widest, WIDEST)) & (moves > 0.0)
+    for which, factor, unit in ((beyond, 1.0 / DEGREES, "radians"), (hardly_moving, DEGREES, "degrees")):
         if which.any() and (which != turns).any():
-            found.append((which, factor, said))
-    return found
+            suspects.append((which, factor, unit))
+    return suspects
 
 
 def _units(reading: LogFormat, turned: NDArray[np.bool_], *, everywhere: bool) -> str | list[str]:
-    """The units as they must be said."""
+    """Value of the key `units` that corrects the log format."""
     degrees = reading.degrees(len(turned)) != turned
     if everywhere and (reading.units is None or isinstance(reading.units, str)):
         return "rad" if reading.units == "deg" else "deg"

@@ -1,4 +1,4 @@
-"""Torque that has passed a low-pass before it was logged: no noise is left above it."""
+"""Torque that was low-pass filtered before logging, seen by a missing noise floor."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from armid.values import Array
 __all__ = ["check"]
 
 SEGMENT = 512
-"""Samples of one spectrum: some 0.2 Hz at 100 Hz, and enough of them in a log to average."""
+"""Samples of a segment: a resolution of 0.2 Hz at 100 Hz, and enough segments in a log to average."""
 
 DECADE = 10.0
-"""Power within which a spectrum counts as flat: noise that is filtered falls by far more."""
+"""Ratio of powers within which a spectrum counts as flat; that of filtered noise falls by far more."""
 
 FLAT = 0.7
-"""Share of the frequencies above the motion over which a noise floor is flat: logs with white noise have 0.92 and
-more, those filtered at a tenth of the rate 0.5 and less."""
+"""Share of the frequencies above the motion that a noise floor must cover: it is 0.92 and more in logs with white
+noise, 0.5 and less in those filtered at a tenth of the rate."""
 
 ENDS = 0.9
-"""Share of the band by which a filtered spectrum has come down to a thousandth. Steps of dry friction fall over all
-of it, but no faster than noise lets them."""
+"""Share of the Nyquist frequency by which a filtered spectrum has fallen to a thousandth. The spectrum of dry
+friction's steps falls, too, but not below the noise."""
 
 MOTION = 8.0
-"""Frequency up to which motion and friction fill the spectrum of any arm [Hz], or a fifth of the rate if less."""
+"""Frequency up to which motion and friction dominate the spectrum of any arm [Hz]; a fifth of the rate if less."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """One finding for all joints whose spectrum has no floor."""
+    """Reports the joints whose spectrum has no noise floor, in one finding."""
     recording = evidence.recording
     if recording is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -58,8 +58,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "filtered-before-logging",
             "info",
             "effort",
-            f"The torque of {len(ends)} joints has no noise floor: its spectrum falls on and on, and is a thousandth "
-            f"of what lies above the motion from {np.median(ends):.3g} Hz on.",
+            f"The torque of {len(ends)} joints has no noise floor: its spectrum keeps falling, and from "
+            f"{np.median(ends):.3g} Hz on it is a thousandth of its value just above the motion.",
             'log the unfiltered torque; where positions have passed the same filter, family = "none" will do',
         )
     ]
@@ -68,8 +68,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
 def _spectrum(x: Array, rate: float) -> tuple[Array, Array]:
     """Frequencies (F,) above zero [Hz] and power (F, n).
 
-    Second differences are looked at and weighed out again: the motion is a million times stronger than a sensor's
-    noise, and would leak over all frequencies.
+    The spectrum is that of second differences, divided by their transfer function: the motion is a million times
+    stronger than a sensor's noise and would otherwise leak into all frequencies.
     """
     frequency, power = power_spectrum(np.diff(x, n=2, axis=0), rate, SEGMENT)
     weight = (2.0 * np.sin(np.pi * frequency[1:] / rate)) ** 4

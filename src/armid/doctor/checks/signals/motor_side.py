@@ -1,4 +1,4 @@
-"""Torque in another unit than the joints': of the motors, or a current."""
+"""Torque of the motors, or a motor current, in the place of joint torque."""
 
 from __future__ import annotations
 
@@ -14,34 +14,37 @@ __all__ = ["check", "explain"]
 MOTOR, CURRENT = "motor-side", "current-without-gain"
 
 SMALL = 0.3
-"""Share of the described torque below which it is none of the joints': descriptions and arms differ by a factor
-2."""
+"""Share of the described torque below which a torque is not that of the joints: descriptions and arms differ by up to
+a factor of 2."""
 
 MOTOR_SCALE = 0.04
-"""Share from which down a torque is a motor's, before gears of 32 and more; currents of arm drives make 5 to 20
-N·m an ampere at the joint."""
+"""Share below which the effort is a motor torque: then the gear ratio is 25 or more. Drives of arms give 5 to 20 N·m
+at the joint for an ampere."""
 
 ALIKE = 0.85
 """Correlation of a joint with the description from which its scale is known."""
 
 MOST_OF = 0.5
-"""Share of the joints that count whose scale must be known: of channels in another order one may look alike."""
+"""Share of the loaded joints whose scale must be known: with channels in a wrong order one may correlate by
+chance."""
 
 HEAVY = 0.05
 """Described torque, over that of the most loaded joint, below which a joint does not count."""
 
 
-MOTOR_NOTE = "gear ratios, as the description's weight asks for them: positions are the joints'; take the maker's"
-CURRENT_NOTE = "N·m/A, as the description's weight asks for them; take the maker's"
+MOTOR_NOTE = (
+    "gear ratios that fit the description's gravity torque; positions are the joints'; use the maker's values"
+)
+CURRENT_NOTE = "N·m/A that fit the description's gravity torque; use the maker's values"
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """The finding, if the scale is another."""
+    """Reports motor torques or currents."""
     return [*evidence.explained(MOTOR), *evidence.explained(CURRENT)]
 
 
 def explain(state: LogState) -> Explanation | None:
-    """The scale that explains the log, or `None` if it is that of the description."""
+    """Explanation by another scale; `None` if the scale is that of the description."""
     nominal = state.nominal
     if nominal is None:
         return None
@@ -60,17 +63,17 @@ def explain(state: LogState) -> Explanation | None:
     gains = [float(f"{1 / s:.3g}") for s in scale]
     return Explanation(
         MOTOR if motor else CURRENT,
-        10.0,  # before anything else: all other numbers are in a wrong unit until then
+        10.0,  # corrected first, since all other numbers depend on the unit
         "error",
         "effort",
-        f"The effort is a small share of the torque that the description asks for, in the same shape: {listed}.",
+        f"The effort has the shape of the description's torque, but is only a small share of it: {listed}.",
         lambda evidence: _gains(evidence, gains, MOTOR_NOTE if motor else CURRENT_NOTE),
         after,
     )
 
 
 def _gains(evidence: LogEvidence, gains: list[float], note: str) -> str:
-    """Torque at the joint over what is logged, on top of the gains that the reading has."""
+    """Drive gains that correct the log format: joint torque over logged effort, times the gains that it has."""
     given = evidence.reading.drive_gain
-    told = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
-    return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in told])
+    total = np.asarray(gains) * (1.0 if given is None else np.asarray(given))
+    return lines(note, drive_gain=[float(f"{gain:.3g}") for gain in total])

@@ -1,4 +1,4 @@
-"""Repetitions of one motion that do not lie where the period says."""
+"""Repetitions of a motion that do not begin at multiples of the stated period."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from armid.values import Array
 __all__ = ["check"]
 
 LATE_SAMPLES, LATE_SECONDS = 1.5, 0.005
-"""Delay of a repetition worth a word: more than the sample by which two may differ that begin at whole ones, and what
-moves a fast joint by half a degree."""
+"""Smallest shift of a repetition that is reported: above the one sample of rounding, and above the time in which a
+fast joint moves by half a degree."""
 
 STEPS = 25
-"""Rounds of moving one repetition over the other; each finds what a straight line through the motion does."""
+"""Gauss-Newton steps of aligning one repetition with another."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """One finding for the repetition that lies worst."""
+    """Reports the repetition with the largest shift."""
     recording, period = evidence.recording, evidence.reading.stated_period
     if recording is None or period is None or recording.effort is None or recording.consecutive is False:
         return []
@@ -57,7 +57,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _lag(q: Array, first: int, begin: int, samples: int) -> float:
-    """By how many samples the window from `begin` lies behind that from `first`."""
+    """Lag of the repetition from `begin` behind that from `first` [samples]."""
     margin = samples // 8
     inside = np.arange(margin, samples - margin)
     reference = q[first + inside]
@@ -69,9 +69,9 @@ def _lag(q: Array, first: int, begin: int, samples: int) -> float:
             break
         low = at.astype(np.intp)
         share = (at - low)[:, None]
-        now = (1 - share) * q[low] + share * q[low + 1]
-        turn = (1 - share) * slope[low] + share * slope[low + 1]
-        change = float(((reference - now) * turn).sum() / max(float((turn**2).sum()), 1e-300))
+        shifted = (1 - share) * q[low] + share * q[low + 1]
+        gradient = (1 - share) * slope[low] + share * slope[low + 1]
+        change = float(((reference - shifted) * gradient).sum() / max(float((gradient**2).sum()), 1e-300))
         change = float(np.clip(change, -margin / 4, margin / 4))
         lag += change
         if abs(change) < 1e-3:

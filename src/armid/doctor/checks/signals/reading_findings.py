@@ -1,4 +1,4 @@
-"""Findings that reading, clock and robot have noticed already, under the codes of the doctor."""
+"""Findings that the readers of recording and description have made already."""
 
 from __future__ import annotations
 
@@ -34,10 +34,9 @@ CODES = (
     "units-of-header",
     "value-missing",
 )
-"""Codes that reading a log may already give; others are about processing, which the doctor does in its own way."""
+"""Codes of these findings; others are about processing, which the doctor checks in its own way."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """Findings of these codes, each once."""
-    found = [finding for finding in evidence.noted if finding.code in CODES]
-    return list(dict.fromkeys(found))
+    """Reports the findings of these codes, each once."""
+    return list(dict.fromkeys(finding for finding in evidence.noted if finding.code in CODES))

@@ -1,4 +1,4 @@
-"""Torque that is cut off: at a value of its own, or at the description's limit."""
+"""Saturated torque: at a plateau, or at the description's limit."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from armid.values import Array
 __all__ = ["check"]
 
 FEWEST, SHARE = 10, 0.002
-"""Samples at the very same extreme value that make a plateau, and the share of all that they must be."""
+"""Smallest number of samples at the same extreme value that make a plateau, and their smallest share of all."""
 
 DENSER = 5.0
-"""How much more often the extreme value must occur than its neighbours; coarse converters repeat all of them."""
+"""Ratio by which the extreme value must be more frequent than its neighbours; coarse converters repeat all values."""
 
 NEIGHBOURS = 12
 
 APART = 0.25
-"""Seconds between two stretches at the extreme from which they are two: noise cuts one into many."""
+"""Shortest time between two saturated stretches [s]: noise cuts one stretch into many."""
 
 LIMIT = 0.98
 """Share of the description's limit that counts as reaching it."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """One finding for each joint whose torque is cut off."""
+    """Reports each joint whose torque saturates."""
     recording = evidence.recording
     if recording is None or recording.effort is None:
         return []
@@ -43,7 +43,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
         count, level = max((_plateau(tau), _plateau(-tau)), key=lambda found: found[0])
         at_limit = int((np.abs(tau) >= LIMIT * joint.effort_limit).sum()) if joint.effort_limit > 0.0 else 0
         if count:
-            text = f"{count} of {len(tau)} samples stand at the same extreme, {level:.4g} {joint.effort_unit}."
+            text = f"{count} of {len(tau)} samples stand at the same extreme value, {level:.4g} {joint.effort_unit}."
             flat = counted & (np.abs(np.abs(recording.effort[:, j]) - level) <= 1e-9 * max(level, float(np.ptp(tau))))
             remedy = excluding(evidence.reading, _stretches(flat, evidence))
         elif at_limit >= max(FEWEST, SHARE * len(tau)):
@@ -59,7 +59,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
 
 
 def _stretches(flat: NDArray[np.bool_], evidence: LogEvidence) -> list[tuple[float, float]]:
-    """Times in which a torque is cut off, those that nearly meet taken together [s]."""
+    """Saturated intervals of time, merged where they nearly meet [s]."""
     recording = evidence.recording
     assert recording is not None
     rows = np.flatnonzero(flat)
@@ -69,7 +69,7 @@ def _stretches(flat: NDArray[np.bool_], evidence: LogEvidence) -> list[tuple[flo
 
 
 def _plateau(tau: Array) -> tuple[int, float]:
-    """Samples at the largest value, and that value, if they are too many for a peak."""
+    """Number of samples at the largest value, 0 if a peak can have as many, and that value."""
     top = float(tau.max())
     tolerance = 1e-9 * max(abs(top), float(np.ptp(tau)))
     values, counts = np.unique(tau, return_counts=True)

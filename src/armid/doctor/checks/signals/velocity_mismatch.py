@@ -1,4 +1,4 @@
-"""Velocities that are not the derivatives of the positions: scale, sign, delay, or another joint's."""
+"""Velocities that are not the derivatives of the positions: wrong scale, sign, delay or joint."""
 
 from __future__ import annotations
 
@@ -18,76 +18,78 @@ from armid.values import Array
 __all__ = ["check"]
 
 CUTOFF = 4.0
-"""Band in which both are compared [Hz]."""
+"""Cut-off of the low-pass before both are compared [Hz]."""
 
 SCALE = 0.05
-"""Relative error of a scale worth a word; a derivative at ten samples a period errs by less than this."""
+"""Smallest relative error of a scale that is reported; a derivative at ten samples a period has less."""
 
 LATE = 0.008
-"""Delay worth a word [s]: a controller's velocity filter has some milliseconds, which its own positions share."""
+"""Smallest delay that is reported [s]: a controller's velocity filter delays by some milliseconds."""
 
 SAMPLES = 1.2
-"""The same in samples; backward differences are half a sample late."""
+"""The same in samples; backward differences are late by half a sample."""
 
 ALIKE, UNLIKE = 0.97, 0.9
-"""Correlations from which two signals are one, and below which they are not."""
+"""Correlation from which two signals are taken as the same, and below which as different."""
 
 MOVING = 0.02
-"""Speed below which a joint says nothing [rad/s]."""
+"""RMS speed below which a joint is not checked [rad/s]."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
-    """One finding for each joint whose velocity is not its own, one for a common delay."""
+    """Reports each joint whose velocity does not match, or else a common delay."""
     recording = evidence.recording
     if recording is None or recording.dq is None or recording.effort is None or recording.consecutive is False:
         return []
-    told, derived, slope, rate = _in_band(recording)
-    if not len(told):
+    logged, derived, slope, rate = _in_band(recording)
+    if not len(logged):
         return []
     findings: list[Finding] = []
     late = np.zeros(recording.n)
     moving = np.sqrt(np.mean(derived**2, axis=0)) > MOVING
     for j in np.flatnonzero(moving):
         A = np.column_stack([derived[:, j], slope[:, j]])
-        scale, turn = np.linalg.lstsq(A, told[:, j], rcond=None)[0]
-        left = float(np.linalg.norm(told[:, j] - A @ [scale, turn]))
-        size = float(np.linalg.norm(told[:, j]))
-        own = np.sqrt(max(0.0, 1.0 - (left / size) ** 2)) if size > 0.0 else 0.0
+        scale, turn = np.linalg.lstsq(A, logged[:, j], rcond=None)[0]
+        residual = float(np.linalg.norm(logged[:, j] - A @ [scale, turn]))
+        size = float(np.linalg.norm(logged[:, j]))
+        correlation = np.sqrt(max(0.0, 1.0 - (residual / size) ** 2)) if size > 0.0 else 0.0
         late[j] = -turn / scale if scale else 0.0
-        if own >= ALIKE and abs(scale - 1.0) < SCALE:
+        if correlation >= ALIKE and abs(scale - 1.0) < SCALE:
             continue
-        findings.append(_of_joint(evidence, told, derived, int(j), float(scale), float(own)))
+        findings.append(_of_joint(evidence, logged, derived, int(j), float(scale), float(correlation)))
     typical = float(np.median(late[moving])) if moving.any() else 0.0
     if not findings and abs(typical) > max(LATE, SAMPLES / rate):
         evidence_text = f"Velocities lag {1e3 * typical:.1f} ms ({typical * rate:.1f} samples) behind the positions."
-        findings.append(Finding("velocity-mismatch", _grave(typical), "dq", evidence_text, _left_out(evidence)))
+        findings.append(Finding("velocity-mismatch", _severity(typical), "dq", evidence_text, _remedy(evidence)))
     return findings
 
 
-def _left_out(evidence: LogEvidence) -> str:
+def _remedy(evidence: LogEvidence) -> str:
     return naming(evidence.reading, {"dq": ""}, "or the right columns; positions are differentiated then")
 
 
-def _grave(late: float) -> Literal["warning", "info"]:
+def _severity(late: float) -> Literal["warning", "info"]:
     return "warning" if abs(late) > 2 * LATE else "info"
 
 
-def _of_joint(evidence: LogEvidence, told: Array, derived: Array, j: int, scale: float, own: float) -> Finding:
-    """Return what the velocity of one joint is instead."""
+def _of_joint(
+    evidence: LogEvidence, logged: Array, derived: Array, j: int, scale: float, correlation: float
+) -> Finding:
+    """Finding that says what the logged velocity of one joint is instead."""
     names = evidence.robot.joint_names
-    others = [abs(_correlation(told[:, j], derived[:, k])) if k != j else 0.0 for k in range(len(names))]
+    others = [abs(_correlation(logged[:, j], derived[:, k])) if k != j else 0.0 for k in range(len(names))]
     best = int(np.argmax(others))
-    remedy = _left_out(evidence)
-    if own < UNLIKE and others[best] > ALIKE:
+    remedy = _remedy(evidence)
+    if correlation < UNLIKE and others[best] > ALIKE:
         text = f"It is the derivative of {names[best]}'s position (correlation {others[best]:.3f})."
-    elif own >= UNLIKE and scale < 0.0:
-        text = f"It runs against the derivative of the position (factor {scale:.3f})."
-    elif own >= UNLIKE:
+    elif correlation >= UNLIKE and scale < 0.0:
+        text = f"Its sign is against that of the position's derivative (factor {scale:.3f})."
+    elif correlation >= UNLIKE:
         text = f"It is {scale:.3f} times the derivative of the position."
         if abs(np.degrees(1.0) / scale - 1.0) < SCALE:
-            text += " It counts degrees."
+            text += " It is in degrees per second."
     else:
-        text = f"It is not the derivative of the position (correlation {own:.2f})."
+        text = f"It is not the derivative of the position (correlation {correlation:.2f})."
     return Finding("velocity-mismatch", "error", names[j], text, remedy)
 
 
@@ -97,8 +99,8 @@ def _correlation(x: Array, y: Array) -> float:
 
 
 def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
-    """Velocities told and derived and the derivative of the latter, shape (M, n) each, and the rate [Hz]."""
-    told: list[Array] = []
+    """Logged and derived velocity and the derivative of the latter, (M, n) each, and the sample rate [Hz]."""
+    logged: list[Array] = []
     derived: list[Array] = []
     slope: list[Array] = []
     rate = 1.0
@@ -114,10 +116,10 @@ def _in_band(recording: Recording) -> tuple[Array, Array, Array, float]:
         inside = np.arange(margin, even.samples - margin)
         inside = inside[~spoilt[inside]]
         q, dq = zero_phase(low, even.q), zero_phase(low, even.dq)
-        told.append(dq[inside])
+        logged.append(dq[inside])
         derived.append(central_difference(q, rate)[inside])
         slope.append(central_difference(q, rate, 2)[inside])
-    if not told:
+    if not logged:
         nothing = np.zeros((0, recording.n))
         return nothing, nothing, nothing, rate
-    return np.concatenate(told), np.concatenate(derived), np.concatenate(slope), rate
+    return np.concatenate(logged), np.concatenate(derived), np.concatenate(slope), rate
