@@ -38,7 +38,7 @@ def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: 
     if trained is None:
         return None
     beyond = [
-        f"{joint.name} was trained up to {known:.3g} {joint.unit}/s and is requested for {speed:.3g} {joint.unit}/s"
+        f"{joint.name} was trained up to {known:.3g} {joint.unit}/s and is asked for {speed:.3g} {joint.unit}/s"
         for joint, known, speed in zip(robot.joints, trained, requested, strict=True)
         if speed > max(FAR * known, known + LEAST)
     ]
@@ -49,5 +49,5 @@ def speed_finding(robot: Robot, trained: Array | None, requested: Array, where: 
         "warning",
         "",
         f"{where}: {'; '.join(beyond)}. Friction there is extrapolated, not measured.",
-        "train on a motion as fast as what is requested for.",
+        "train on a motion as fast as what is asked for.",
     )
