@@ -71,7 +71,7 @@ def report_text(designed: Designed, *, findings: bool = True) -> str:
     report, goal, plan = designed.preflight, designed.problem.goal, designed.plan
     series, expected = plan.excitation, report.expected
     times = "once" if plan.repetitions == 1 else f"{plan.repetitions} times"
-    leads_text = f"; {plan.duration:.1f} s with the leads_text to and from it" if plan.lead_in + plan.lead_out else ""
+    leads_text = f"; {plan.duration:.1f} s with the ways to and from it" if plan.lead_in + plan.lead_out else ""
     lines = [
         f"{MARKS[report.verdict]} {report.sentence}",
         "",

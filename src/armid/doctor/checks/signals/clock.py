@@ -35,7 +35,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
         offset = max(jitter(piece.time, piece.number) for piece in uneven)
         steps_text = (
             f"Steps from {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
-            f"{1e3 * np.median(steps):.3g} ms; samples lie {offset:.2g} steps offset an even clock."
+            f"{1e3 * np.median(steps):.3g} ms; samples lie {offset:.2g} steps off an even clock."
         )
         rate = _round_rate(pieces[0], offset)
         trial = None if gaps else _trial(evidence, rate)
