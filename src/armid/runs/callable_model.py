@@ -1,10 +1,10 @@
-"""A run as something to call: torque, gravity, friction and mass matrix of one sample, in microseconds.
+"""Callable model of a run: torque, gravity, friction and mass matrix of one sample, in microseconds.
 
     model = Model.of(load_run("runs/iiwa"))
     tau = model.torque(q, dq, ddq)
 
-The functions are those that code is generated for, run by the kernel. A model is never changed by a call, so several
-threads may share it; what a motion leaves behind stands in a `CallableMemory` of its own.
+The functions are those of the generated code, run by the kernel. A call never changes a model, so several threads may
+share it; the hysteresis states of a motion are in a `CallableMemory` of their own.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ __all__ = ["CallableMemory", "CallableModel"]
 
 
 class CallableModel:
-    """A model with its parameters, called for one sample at a time.
+    """Model with its parameters, called for one sample at a time.
 
-    Vectors have shape (n,); arrays of float64 in C order are taken as they are, anything else costs a conversion.
+    Vectors have shape (n,); arrays of float64 in C order are used as they are, anything else is converted.
 
     Args:
         model: Arm and torque terms.
@@ -46,7 +46,7 @@ class CallableModel:
     """Names of the joints."""
 
     memories: int
-    """Number of states that the model remembers of a motion; 0 where it needs no `CallableMemory`."""
+    """Number of hysteresis states; 0 where the model needs no `CallableMemory`."""
 
     def __init__(self, model: DynamicsModel, base: BaseParameters, values: ArrayLike) -> None:
         given = {"parameters": array(values, (base.count,), "base parameters")}
@@ -68,16 +68,16 @@ class CallableModel:
             q: Joint positions [rad or m].
             dq: Joint velocities [rad/s or m/s].
             ddq: Joint accelerations [rad/s² or m/s²].
-            memory: What the motion left behind, updated with this q; needed where the model has a memory.
+            memory: Hysteresis states, updated with this q; needed where the model has hysteresis.
 
         Raises:
-            ArmidError: Another shape, something that is not finite, or no memory where one is needed.
+            ArmidError: A wrong shape, values that are not finite, or a missing memory.
         """
         call = self._calls["inverse_dynamics"].run
         return call(q, dq, ddq) if not self.memories else call(q, dq, ddq, self._state(memory))
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Torque that holds the links still, friction aside, shape (n,) [N·m or N]."""
+        """Gravity torque, shape (n,) [N·m or N]."""
         return self._calls["gravity_torque"].run(q)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -87,12 +87,12 @@ class CallableModel:
     def friction(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike | None = None, memory: CallableMemory | None = None
     ) -> Array:
-        """Torque of all terms but links and rotors, shape (n,) [N·m or N].
+        """Torque of all terms except links and rotors, shape (n,) [N·m or N].
 
         Args:
             q: Joint positions.
             dq: Joint velocities.
-            ddq: Joint accelerations, on which only friction under load depends; zero where none are given.
+            ddq: Joint accelerations, on which only load-dependent friction depends; zero if not given.
             memory: As for `torque`.
         """
         call, inputs = self._calls["friction"], [q, dq]
@@ -101,7 +101,7 @@ class CallableModel:
         return call.run(*inputs, *([self._state(memory)] if self.memories else []))
 
     def memory(self, q: ArrayLike) -> CallableMemory:
-        """Return what a motion that begins at positions q has left behind so far."""
+        """Hysteresis states of a motion that begins at positions q (n,)."""
         if not self.memories:
             return CallableMemory(np.zeros(0), None)
         return CallableMemory(self._calls["state_start"].run(q), self._calls["state_update"])
@@ -109,17 +109,17 @@ class CallableModel:
     def _state(self, memory: CallableMemory | None) -> Array:
         if memory is None:
             raise ArmidError(
-                "The model remembers the motion, and no memory was given.",
+                "The model has hysteresis, and no memory was given.",
                 remedy="make one with model.memory(q) where the motion begins, and update it at every sample.",
             )
         return memory.state
 
 
 class CallableMemory:
-    """Memory of a motion. It belongs to one motion, and to one thread at a time.
+    """Hysteresis states of one motion, to be used by one thread at a time.
 
     Attributes:
-        state: States of the memory nodes, shape (m,).
+        state: Hysteresis states, shape (m,).
     """
 
     __slots__ = ("_update", "state")
@@ -129,19 +129,19 @@ class CallableMemory:
         self._update = update
 
     def update(self, q: ArrayLike) -> None:
-        """Go on to the next sample, at positions q (n,). A refused q leaves the memory as it was."""
+        """Updates the states with the next sample, at positions q (n,). A refused q leaves them unchanged."""
         if self._update is not None:
             self.state = self._update.run(q, self.state)
 
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)
 class _Call:
-    """One function on the kernel.
+    """One generated function, run by the kernel.
 
     Attributes:
         inputs: Names of its inputs.
         lengths: Their lengths.
-        run: Gives the result for as many vectors.
+        run: Computes the result from one vector for each input.
     """
 
     inputs: tuple[str, ...]
@@ -170,7 +170,7 @@ class _Call:
         object.__setattr__(self, "run", run)
 
     def _in_numpy(self, program: Program, given: dict[str, Array]) -> Callable[..., Array]:
-        """The same without the compiled kernel."""
+        """The function evaluated without the compiled kernel."""
 
         def run(*vectors: ArrayLike) -> Array:
             inputs = dict(zip(self.inputs, self._converted(vectors), strict=True))
@@ -179,16 +179,16 @@ class _Call:
         return run
 
     def _converted(self, vectors: tuple[ArrayLike, ...]) -> list[Array]:
-        """Vectors as the kernel takes them.
+        """Vectors converted for the kernel.
 
         Raises:
-            ArmidError: Another shape, or no numbers.
+            ArmidError: A wrong shape, or values that are no numbers.
         """
         wanted = zip(vectors, self.lengths, self.inputs, strict=True)
         return [array(x, (length,), name) for x, length, name in wanted]
 
     def _error(self, wrong: int, vectors: tuple[ArrayLike, ...]) -> ArmidError:
-        """Return what the kernel found: k where vector k has another length, -k where it is not finite, k from 1."""
+        """Error for the kernel's code: k if vector k, from 1, has another length, -k if it is not finite."""
         k = abs(wrong) - 1
         name, length = self.inputs[k], self.lengths[k]
         if wrong < 0:

@@ -1,4 +1,4 @@
-"""A certificate for parameters of an arm, whatever names they come under: base, standard or physical."""
+"""Certification of an arm's parameters: base, standard or physical ones, or those of a run."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ __all__ = [
 ]
 
 HEAVIEST = 10.0
-"""Mass of a link above which a nearest body is no answer about a robot arm of this size [kg]."""
+"""Default largest mass of a link of the nearest consistent body [kg]."""
 
 HEAVIER = 2.0
-"""The same over the heaviest link of a description that has heavier ones."""
+"""The same as a multiple of the heaviest link, for descriptions with heavier links."""
 
 TERM_OF_SYMBOL: Mapping[str, type[Term]] = {"FV": Viscous, "FS": Coulomb, "FO": Offset, "IA": RotorInertia}
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -60,11 +60,11 @@ class Verdict(Displayed):
         kind: `base`, `standard` or `physical`.
         certificate: Distance to the nearest real body.
         limited: The same with no link heavier than `heaviest`.
-        heaviest: That mass [kg].
+        heaviest: Largest mass of a link [kg].
         pose: Worst pose of the mass matrix within the joint limits.
-        along: Worst pose along a motion, where one was given.
-        constraints: The thesis's constraints, where the parameters determine them.
-        findings: What it means.
+        along: Worst pose along a motion, if one was given.
+        constraints: Constraints of the thesis, where the parameters determine them.
+        findings: Findings on consistency and gravity.
     """
 
     kind: str
@@ -77,7 +77,7 @@ class Verdict(Displayed):
     findings: tuple[Finding, ...]
 
     def summary(self) -> Summary:
-        """Physical consistency, and how far the nearest consistent parameters are."""
+        """Physical consistency, and distance to the nearest consistent parameters."""
         nearest = self.certificate
         rows = (
             (
@@ -87,16 +87,16 @@ class Verdict(Displayed):
             ("masses of links that have these", ", ".join(f"{mass:.4g}" for mass in nearest.masses) + " kg"),
             ("mass matrix, smallest eigenvalue", f"{self.pose.min_eigenvalue:.5g} {self.pose.unit}"),
         )
-        said = "physically consistent" if nearest.feasible else "not physically consistent"
+        result = "physically consistent" if nearest.feasible else "not physically consistent"
         note = " ".join(part for each in self.findings for part in (each.evidence, each.remedy) if part)
-        return Summary(f"{self.kind} parameters: {said}", ("", ""), rows, note)
+        return Summary(f"{self.kind} parameters: {result}", ("", ""), rows, note)
 
 
 def described_values(robot: Robot) -> dict[str, float]:
-    """The bodies of a description as standard parameters by name.
+    """Standard parameters of a description's links, by name.
 
     Raises:
-        ModelError: It has none.
+        ModelError: The description has no inertias.
     """
     model = DynamicsModel(robot, (RigidBody(),))
     theta = model.nominal_parameters()
@@ -109,16 +109,16 @@ def described_values(robot: Robot) -> dict[str, float]:
 
 
 def usual_heaviest(robot: Robot) -> float:
-    """Mass [kg] that no link of such an arm exceeds: of a description with heavy links, twice the heaviest."""
+    """Default largest mass of a link [kg]; twice the heaviest link of a description with heavy links."""
     heaviest = max((link.inertial.mass for link in robot.links if link.inertial is not None), default=0.0)
     return HEAVIEST if heaviest <= HEAVIEST else HEAVIER * heaviest
 
 
 def read_values(path: Path | str) -> dict[str, float]:
-    """Parameters by name from a JSON object.
+    """Reads parameters by name from a JSON object.
 
     Raises:
-        ArmidError: No such file, no JSON object of numbers.
+        ArmidError: The file is missing or is no JSON object of numbers.
     """
     try:
         values = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -140,16 +140,16 @@ def read_plan(name: str) -> Motion:
 def certify_named(
     robot: Robot, values: Mapping[str, float], *, motion: Motion | None = None, heaviest: float | None = None
 ) -> Verdict:
-    """Certify parameters by name; the torque terms follow from the names.
+    """Certifies parameters by name; the torque terms follow from the names.
 
     Args:
         robot: The arm.
         values: Base parameters (`ZZR_1`), standard ones (`ZZ_1`) or physical ones (`m_1`, `rx_1`, `Ixx_1`, …).
-        motion: Along which the mass matrix is looked at too.
-        heaviest: Largest mass of a link in the second of the two certificates [kg]; `usual_heaviest` where left out.
+        motion: Motion along which the mass matrix is checked, too.
+        heaviest: Largest mass of a link in the second of the two certificates [kg]; `usual_heaviest` if not given.
 
     Raises:
-        ModelError: Names that are of none of these sets, or a set that is not complete.
+        ModelError: The names belong to none of these sets, or the set is incomplete.
     """
     if any(name.split("_")[0] in PHYSICAL for name in values):
         return _physical(robot, values, motion, heaviest)
@@ -170,13 +170,13 @@ def certify_named(
 def _incomplete(
     robot: Robot, values: Mapping[str, float], base: Sequence[str], standard: Sequence[str]
 ) -> ModelError:
-    """Return what to say of names that are no whole set: of which set they are, and what it lacks."""
+    """Error for an incomplete set of names: the set that they belong to, and the missing names."""
     known = {*base, *standard}
     if unknown := [name for name in values if name not in known]:
         fault = f"{', '.join(unknown[:8])} not known."
         named = f"The names are neither {robot.name}'s {len(base)} base parameters nor its standard ones"
     else:
-        alone = set(values) - set(base)  # what is standard alone tells which set was begun
+        alone = set(values) - set(base)  # names that only the standard set has
         wanted, kind = (standard, "standard") if alone else (base, "base")
         named = f"The names are not all of {robot.name}'s {len(wanted)} {kind} parameters"
         lacking = [name for name in wanted if name not in values]
@@ -191,20 +191,20 @@ def _incomplete(
 
 
 def certify_run(run: Run, *, motion: Motion | None = None, heaviest: float | None = None) -> Verdict:
-    """Certify the base parameters of a run; where no real body has them, a finding says what that means here."""
+    """Certifies the base parameters of a run; a finding explains inconsistent ones."""
     base = run.estimate.base
     values = collapse(base.names, run.estimate.fit)
     theta = np.zeros(len(base.standard_names))
     theta[base.kept] = values
     found = _verdict("base", run.model, base.names, values, base.regrouping, theta, motion, heaviest)
-    said = [] if found.certificate.feasible else [_meaning(run, found)]
+    findings = [] if found.certificate.feasible else [_meaning(run, found)]
     if run.estimate.fit.standard is not None and run.model.has_rigid_bodies:
-        said.append(_own_bodies(run, run.estimate.fit.standard))
-    return replace(found, findings=(*found.findings, *said))
+        findings.append(_own_bodies(run, run.estimate.fit.standard))
+    return replace(found, findings=(*found.findings, *findings))
 
 
 def _own_bodies(run: Run, standard: StandardFit) -> Finding:
-    """The bodies that a run has estimated: one answer of the many with its base parameters."""
+    """Finding on the links that a run has estimated, one of many sets with the same base parameters."""
     places = [standard.names.index(f"M_{link + 1}") for link in range(run.model.n)]
     masses = ", ".join(f"{standard.values[k]:.4g}" for k in places)
     evidence = (
@@ -216,7 +216,7 @@ def _own_bodies(run: Run, standard: StandardFit) -> Finding:
 
 
 def _meaning(run: Run, verdict: Verdict) -> Finding:
-    """Return what it means that a run's values belong to no real body, and what to do."""
+    """Finding that explains why a run's values are inconsistent, and what to do."""
     fit = run.estimate.fit
     half = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
@@ -277,14 +277,14 @@ def verdict_record(verdict: Verdict) -> dict[str, Any]:
 
 
 def _model_of(robot: Robot, values: Mapping[str, float]) -> DynamicsModel:
-    """The model whose terms the names tell."""
+    """Model with the terms that the names of parameters imply."""
     symbols = {name.rsplit("_", 1)[0].removesuffix("R") for name in values}
     terms: list[Term] = [RigidBody(), *(term() for symbol, term in TERM_OF_SYMBOL.items() if symbol in symbols)]
     return DynamicsModel(robot, tuple(terms))
 
 
 def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, heaviest: float | None) -> Verdict:
-    """Physical parameters become standard ones about the link frames."""
+    """Certifies physical parameters, converted to standard ones about the link frames."""
     friction = {name.upper(): value for name, value in values.items() if name.split("_")[0] not in PHYSICAL}
     wanted = [f"{symbol}_{k + 1}" for k in range(robot.n) for symbol in PHYSICAL]
     missing = [name for name in wanted if name not in values]
@@ -350,7 +350,7 @@ def _findings(
     pose: Pose,
     theta: Array,
 ) -> tuple[Finding, ...]:
-    """Findings of a certificate; torques leave the mass of the nearest body open, so it is not stated."""
+    """Findings of a certificate. The mass of the nearest body is not stated, since torques do not determine it."""
     findings: list[Finding] = []
     if not certificate.feasible:
         worst = ", ".join(f"{each.name} by {each.change:+.3g}" for each in certificate.blame[:4])

@@ -1,4 +1,4 @@
-"""The recordings that a run was made from, found again wherever they lie now: known by what they hold."""
+"""Search for the recordings that a run was made from, by name and sha256."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ __all__ = ["find_recording", "read_recording_of"]
 def read_recording_of(
     run: Run, choice: RecordingChoice, sha256: str, folder: Path | str, data: Path | str | None = None
 ) -> Recording:
-    """The recording that a run was made from, and no other of the same name; a demo's is simulated once more.
+    """Reads the recording that a run was made from; one of a demo is simulated again.
 
     Args:
         run: The run.
-        choice: The recording as the run's study has it.
-        sha256: Of its bytes when the run was made.
-        folder: That the study's paths are relative to.
-        data: Folder in which it is looked for first.
+        choice: The recording in the run's study.
+        sha256: Digest of its bytes when the run was made.
+        folder: Folder that the study's paths are relative to.
+        data: Folder that is searched first.
 
     Raises:
-        ArmidError: It is gone, or has changed.
+        ArmidError: It is missing or has changed.
     """
     if choice.path in MOTIONS:
         recording, _ = read_recording(choice, ".", run.robot, demo_recordings(run.folder))
@@ -46,24 +46,24 @@ def read_recording_of(
 
 
 def find_recording(path: str, sha256: str, folder: Path | str, data: Path | str | None = None) -> Path:
-    """Tell where a recording of a study lies now: the file of that name that holds the same bytes.
+    """Finds a recording of a study: the file of that name with the same bytes.
 
     Args:
-        path: As the study has it.
-        sha256: Of its bytes when the run was made.
-        folder: That the study's paths are relative to.
-        data: Folder in which it is looked for first, by its path and then by its name, as deep as the folder goes.
+        path: Path in the study.
+        sha256: Digest of its bytes when the run was made.
+        folder: Folder that the study's paths are relative to.
+        data: Folder that is searched first, by path and then by name in all its sub-folders.
 
     Raises:
-        ArmidError: There is none; the message says where files of its name lie that hold other bytes.
+        ArmidError: There is none; the message lists files of its name with other bytes.
     """
     others: list[Path] = []
     for place in dict.fromkeys(_places(Path(path), Path(folder), None if data is None else Path(data))):
         if sha256_of_recording(place) == sha256:
             return place
         others.append(place)
-    own = "the working folder" if folder in (Path(), ".", "") else f"{folder}"
-    where = own if data is None else f"{data} or {own}"
+    study_folder = "the working folder" if folder in (Path(), ".", "") else f"{folder}"
+    where = study_folder if data is None else f"{data} or {study_folder}"
     if others:
         listed = ", ".join(str(place) for place in others)
         raise ArmidError(
@@ -75,7 +75,7 @@ def find_recording(path: str, sha256: str, folder: Path | str, data: Path | str 
 
 
 def _places(path: Path, folder: Path, data: Path | None) -> Iterator[Path]:
-    """Files or folders that it may be, the likeliest first."""
+    """Candidate files or folders, the likeliest first."""
     likely = [] if data is None else [data / path, data / path.name]
     yield from (place for place in likely if place.exists())
     if data is not None and data.is_dir():

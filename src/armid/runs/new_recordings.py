@@ -1,4 +1,4 @@
-"""New recordings put beside a run: read, processed and compressed as the run's own were."""
+"""New recordings of a run's arm: read, processed and reduced to information as the run's own were."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NewRecordings:
-    """New recordings and the run that they are put beside.
+    """New recordings with the run that they extend.
 
     Attributes:
         run: The run.
         base: Its base parameters.
-        earlier: What the run's training recordings say.
-        new: What the new recordings say about the same base parameters.
-        samples: The same with its samples.
+        earlier: Information of the run's training recordings.
+        new: Information of the new recordings about the same base parameters.
+        samples: Estimation problem of the new recordings, with their samples.
         recordings: The new recordings, processed.
-        findings: What was noticed on the way.
+        findings: Findings of run, reading and processing.
     """
 
     run: Run
@@ -58,23 +58,23 @@ class NewRecordings:
 
     @property
     def changing(self) -> NDArray[np.bool_]:
-        """Base parameters that differ from day to day: friction and offsets, shape (b,)."""
+        """Flags of base parameters that may change over time: friction and offsets, shape (b,)."""
         return changing_parameters(self.run.model)[self.base.kept]
 
 
 def load_new_recordings(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any], *, gain_deviation: float | None = None
 ) -> NewRecordings:
-    """Read new recordings of a run's arm.
+    """Reads and processes new recordings of a run's arm.
 
     Args:
         run: The run.
         paths: Recordings.
-        reading: Fields of a reading that differ from how the run's first recording was read.
-        gain_deviation: Relative standard deviation of every drive gain, in place of what the run says.
+        reading: Fields of the log format that differ from that of the run's first recording.
+        gain_deviation: Relative standard deviation of every drive gain, in the place of the run's.
 
     Raises:
-        StudyError: A recording has trained the run, or stands there twice; gains that are none.
+        StudyError: A recording has trained the run or is given twice, or the run has no drive gains.
         RecordingError: A recording cannot be read or has other joints.
     """
     if gain_deviation is not None and run.reading.drive_gain is None:
@@ -101,15 +101,15 @@ def load_new_recordings(
 def read_new_recordings(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
 ) -> tuple[tuple[tuple[RecordingChoice, Recording], ...], tuple[Finding, ...]]:
-    """Recordings that a run has not seen, read as its own were, and what was noticed on the way.
+    """Reads recordings that did not train a run, with the run's log format; with findings.
 
     Args:
         run: The run.
         paths: Recordings.
-        reading: Fields of a reading that differ from how the run's first recording was read.
+        reading: Fields of the log format that differ from that of the run's first recording.
 
     Raises:
-        StudyError: A recording has trained the run, or stands there twice.
+        StudyError: A recording has trained the run or is given twice.
         RecordingError: A recording cannot be read or has other joints.
     """
     how = replace(run.reading, exclude=(), start=None, **reading)
@@ -132,7 +132,7 @@ def read_new_recordings(
 
 
 def new_recording_findings(run: Run) -> list[Finding]:
-    """Return what speaks against building on a run."""
+    """Findings that question a run as a basis."""
     if run.verdict != "fail":
         return []
     return [
@@ -140,8 +140,8 @@ def new_recording_findings(run: Run) -> list[Finding]:
             "earlier-run-failed",
             "warning",
             "",
-            f"{run.folder} did not pass its own validation (verdict fail), and what is built on it inherits that.",
-            "look at its report, and identify the arm on motion that says more before relying on this.",
+            f"{run.folder} did not pass its own validation (verdict fail), so results from it are doubtful.",
+            "look at its report, and identify the arm on a better motion before relying on this.",
         )
     ]
 
@@ -153,10 +153,10 @@ def _deviation(reading: LogFormat, n: int) -> Array:
 
 
 def load_columns(run: Run) -> tuple[Array, Array]:
-    """Map ten parameters of a load at the tip frame to the base parameters (b, 10) and to the link's (10, 10).
+    """Maps from ten payload parameters in the tip frame to the base parameters (b, 10) and to the link's (10, 10).
 
     Raises:
-        RobotError: The tip stands on the base, or its link carries further joints.
+        RobotError: The tip is fixed to the base, or its link carries further joints.
         StudyError: The run's model has no rigid bodies.
     """
     _, columns = link_columns(run)
@@ -166,10 +166,10 @@ def load_columns(run: Run) -> tuple[Array, Array]:
 
 
 def link_columns(run: Run) -> tuple[int, Array]:
-    """The link that carries the tip, and what its ten parameters add to the base parameters, shape (b, 10).
+    """The link that carries the tip, and the map of its ten parameters to the base parameters, shape (b, 10).
 
     Raises:
-        RobotError: The tip stands on the base, or the link carries further joints.
+        RobotError: The tip is fixed to the base, or the link carries further joints.
         StudyError: The run's model has no rigid bodies.
     """
     robot = run.robot

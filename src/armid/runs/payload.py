@@ -1,4 +1,4 @@
-"""Load or tool on a known arm, and drive gains from a load that is known."""
+"""Payload of an identified arm, and drive gains from a known payload."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ from armid.values import Array
 __all__ = ["Payload", "find_payload", "payload_record"]
 
 FAR = 3.0
-"""Distance of the estimate from the nearest real body, in standard deviations, from which on the two disagree."""
+"""Distance of the estimate from the nearest real body, in standard deviations, from which it is reported."""
 
 NOTHING = 1e-5
-"""Mass that the lower end of an interval has where the data allow none [kg]: the speck of dust of a real body."""
+"""Lower end of the mass interval up to which the data allow no payload [kg]; consistency requires a positive mass."""
 
 INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
 """Entries of an inertia in parameter order."""
 
 PRINTED = (0, 1, 2, 3, 4, 5, 7, 6, 8, 9)
-"""The load's parameters as the field lists them: XX XY XZ YY YZ ZZ."""
+"""Usual order of the payload's parameters: XX XY XZ YY YZ ZZ."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Payload:
-    """Load as a recording shows it.
+    """Estimated payload.
 
     Attributes:
-        beside: The recordings and the run.
-        link: Name of the link that carries the load.
-        frame: Name of the frame that the load is given in, the tip.
-        load: The load.
+        new_recordings: The recordings and the run.
+        link: Name of the link that carries the payload.
+        frame: Name of the frame of the payload's parameters, the tip.
+        load: The payload.
         in_link: The same ten parameters in the frame of the link, shape (10,).
-        known: Which of the load's parameters were given, shape (10,).
-        gains: Corrections of the drive gains, where the load was known.
-        findings: What was noticed on the way.
+        known: Flags of the parameters that were given, shape (10,).
+        gains: Corrections of the drive gains, where the payload was known.
+        findings: Findings of recordings and estimate.
     """
 
-    beside: NewRecordings
+    new_recordings: NewRecordings
     link: str
     frame: str
     load: PayloadEstimate
@@ -69,42 +69,44 @@ def find_payload(
     gain_deviation: float | None = None,
     same_friction: bool = False,
 ) -> Payload:
-    """The load of recordings, or with a known mass the drive gains.
+    """Estimates the payload of recordings, or with a known mass the drive gains.
 
-    Friction and offsets of the loaded recordings are their own unless said otherwise: they change with temperature
-    and under load, and what does not fit would be taken for a load.
+    The loaded recordings have their own friction and offsets by default. These change with temperature and load, and
+    the change would otherwise be attributed to the payload.
 
     Args:
-        run: The arm as it was identified without the load.
-        paths: Recordings with the load.
-        reading: Fields of a reading that differ from how the run's first recording was read.
+        run: Run of the arm without the payload.
+        paths: Recordings with the payload.
+        reading: Fields of the log format that differ from that of the run's first recording.
         mass: Known mass [kg]; the drive gains are then unknowns.
         com: Known centre of mass in the tip frame [m].
-        gain_deviation: Relative standard deviation of the drive gains, in place of what the run says.
-        same_friction: The loaded recordings have the friction of the run.
+        gain_deviation: Relative standard deviation of the drive gains, in the place of the run's.
+        same_friction: Whether the loaded recordings have the friction of the run.
 
     Raises:
-        ArmidError: Recordings that do not fit the run, or say nothing of the load.
+        ArmidError: The recordings do not fit the run, or do not determine the payload.
     """
     known = _known(run, mass, com)
     link, _ = link_columns(run)
     added, to_link = load_columns(run)
-    beside = load_new_recordings(run, paths, reading, gain_deviation=gain_deviation)
-    own = beside.changing & (not same_friction)
-    joined = stack_problems(beside.earlier, run.estimate.fit, beside.new, own, added, beside.samples)
+    new_recordings = load_new_recordings(run, paths, reading, gain_deviation=gain_deviation)
+    own = new_recordings.changing & (not same_friction)
+    joined = stack_problems(
+        new_recordings.earlier, run.estimate.fit, new_recordings.new, own, added, new_recordings.samples
+    )
     if known is None:
         load, gains = estimate_payload(joined), None
     else:
-        deviation = beside.new.scale_deviation
+        deviation = new_recordings.new.scale_deviation
         load, gains = estimate_gains(joined, known, np.where(deviation > 0.0, deviation, np.inf))
-    findings = (*beside.findings, *_doubts(beside, load, gains))
+    findings = (*new_recordings.findings, *_payload_findings(new_recordings, load, gains))
     name = run.robot.links[link].name
     given = np.zeros(10, dtype=np.bool_) if known is None else ~np.isnan(known)
-    return Payload(beside, name, run.robot.tip.name, load, to_link @ load.values, given, gains, findings)
+    return Payload(new_recordings, name, run.robot.tip.name, load, to_link @ load.values, given, gains, findings)
 
 
 def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None) -> Array | None:
-    """Return what is known of the load, NaN where nothing is; `None` where the load is all unknown."""
+    """Known parameters of the payload (10,), NaN where unknown; `None` if all are unknown."""
     if mass is None:
         if com is not None:
             raise StudyError("A centre of mass is given without a mass.", remedy="give --mass, too.")
@@ -124,8 +126,10 @@ def _known(run: Run, mass: float | None, com: tuple[float, float, float] | None)
     return known
 
 
-def _doubts(beside: NewRecordings, load: PayloadEstimate, gains: DriveGains | None) -> list[Finding]:
-    """Return what speaks against taking the result at its word."""
+def _payload_findings(
+    new_recordings: NewRecordings, load: PayloadEstimate, gains: DriveGains | None
+) -> list[Finding]:
+    """Findings that question the result."""
     found: list[Finding] = []
     unclear = [f"{LOAD_NAMES[k]} ({load.status[k]})" for k in PRINTED if load.status[k] != "identified"]
     if unclear:
@@ -134,9 +138,9 @@ def _doubts(beside: NewRecordings, load: PayloadEstimate, gains: DriveGains | No
                 "load-weakly-excited",
                 "warning",
                 "",
-                f"The recording does not determine {', '.join(unclear)}: what is given for them follows from the "
-                "others and from being a real body.",
-                "turn the load through wide angles, and for its inertia quickly.",
+                f"The recording does not determine {', '.join(unclear)}: their values follow from the "
+                "others and from physical consistency.",
+                "turn the load through wide angles, and quickly for its inertia.",
             )
         )
     if load.moved > FAR:
@@ -145,7 +149,7 @@ def _doubts(beside: NewRecordings, load: PayloadEstimate, gains: DriveGains | No
                 "load-not-real",
                 "warning",
                 "",
-                f"The nearest real body is {load.moved:.1f} standard deviations from what the torques say.",
+                f"The nearest real body is {load.moved:.1f} standard deviations from the best fit to the torques.",
                 "look for contact, for a load that was not on the arm all the time, or for other drive gains.",
             )
         )
@@ -154,11 +158,11 @@ def _doubts(beside: NewRecordings, load: PayloadEstimate, gains: DriveGains | No
             Finding("load-missing", "warning", "", "The load's mass cannot be told from zero.", "is it on the arm?")
         )
     if gains is not None and not gains.determined.all():
-        names = ", ".join(beside.run.robot.joint_names[j] for j in np.flatnonzero(~gains.determined))
+        names = ", ".join(new_recordings.run.robot.joint_names[j] for j in np.flatnonzero(~gains.determined))
         found.append(
             Finding("gain-unseen", "warning", names, "Nothing determines the drive gain.", "move the joint.")
         )
-    exact = beside.run.reading.drive_gain is not None and not beside.new.scale_deviation.any()
+    exact = new_recordings.run.reading.drive_gain is not None and not new_recordings.new.scale_deviation.any()
     if gains is None and exact:
         found.append(
             Finding(
@@ -175,7 +179,7 @@ def _doubts(beside: NewRecordings, load: PayloadEstimate, gains: DriveGains | No
 
 def payload_record(payload: Payload) -> dict[str, Any]:
     """The contents of `payload.json`."""
-    load, run = payload.load, payload.beside.run
+    load, run = payload.load, payload.new_recordings.run
     units = rigid_body_units()
     parameters = [
         {
@@ -206,17 +210,17 @@ def payload_record(payload: Payload) -> dict[str, Any]:
         "residual": {"rms": load.solved.fit.residual_rms},
         "covariance": {"kind": load.solved.fit.covariance_kind, "why": load.solved.fit.report.why},
         "recordings": [
-            {"path": each.choice.path, "sha256": each.recording.sha256} for each in payload.beside.recordings
+            {"path": each.choice.path, "sha256": each.recording.sha256} for each in payload.new_recordings.recordings
         ],
         "warnings": [finding_record(finding) for finding in payload.findings],
     }
 
 
 def _gains_record(payload: Payload) -> list[dict[str, Any]]:
-    """Each joint's drive gain as it was given, and what it is."""
-    gains, reading = payload.gains, payload.beside.run.reading
+    """Given and estimated drive gain of each joint."""
+    gains, reading = payload.gains, payload.new_recordings.run.reading
     assert gains is not None and reading.drive_gain is not None  # as `find_payload` made sure
-    names = payload.beside.run.robot.joint_names
+    names = payload.new_recordings.run.robot.joint_names
     return [
         {
             "joint": name,

@@ -1,4 +1,4 @@
-"""A finished run applied to more data: validation on unseen recordings, prediction of torque."""
+"""Validation of a run on new recordings, and prediction of torque."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ __all__ = ["band", "motion_of", "predict", "validate_run", "write_torque"]
 def validate_run(
     run: Run, paths: Sequence[str], reading: Mapping[str, Any]
 ) -> tuple[Validation, tuple[Finding, ...]]:
-    """Torque error of a run on recordings that did not train it, and what was noticed on the way.
+    """Validates a run on recordings that did not train it, with findings.
 
     Args:
         run: The run.
         paths: Recordings.
-        reading: Fields of a reading that differ from how the run's first recording was read.
+        reading: Fields of the log format that differ from that of the run's first recording.
 
     Raises:
         StudyError: A recording has trained the run.
         RecordingError: A recording cannot be read or does not fit.
     """
     recordings: list[tuple[RecordingChoice, Recording]] = []
-    told: list[tuple[Finding, ...]] = []
+    read_findings: list[tuple[Finding, ...]] = []
     for path in paths:
         choice = RecordingChoice(path, "validate", _like(run, reading))
         recording, found = read_recording(choice, ".", run.robot)
-        told.append(found)
+        read_findings.append(found)
         if recording.sha256 in run.trained_on:
             raise StudyError(
                 f"{path} is to validate, but the same data trained {run.folder} (sha256 {recording.sha256[:12]}…).",
@@ -58,23 +58,23 @@ def validate_run(
             )
         recordings.append((choice, recording))
     scores, found = score_recordings(run.model, run.estimate, process_each(recordings, run.processing, run.robot))
-    findings = findings_on(run.model, recordings, told)
+    findings = findings_on(run.model, recordings, read_findings)
     return validate(run.robot.joint_names, scores, run.estimate), (*findings, *found)
 
 
 def _like(run: Run, changes: Mapping[str, Any]) -> LogFormat:
-    """The run's reading for another recording: what was cut out of the run's own is no matter of its."""
+    """The run's log format for another recording, without the excluded intervals of the run's own."""
     return replace(run.reading, exclude=(), start=None, **changes)
 
 
 def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -> Motion:
-    """The motion of a plan or a file written for a controller, or of a recording as the run processes it.
+    """Reads the motion of a plan, of a file for a controller, or of a recording as the run processes it.
 
     Args:
         run: The run.
         path: Plan or recording.
-        rate: Samples a second of a plan [Hz].
-        reading: Fields of a reading that differ from the run's.
+        rate: Sample rate of a plan [Hz].
+        reading: Fields of the log format that differ from the run's.
 
     Raises:
         ArmidError: It cannot be read, or has other joints than the run's arm.
@@ -84,14 +84,14 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
         return planned
     how = _like(run, reading)
     raw = load_recording(path, how, run.robot)
-    if raw.effort is None:  # only the motion is asked for
+    if raw.effort is None:  # only the motion is needed
         how = replace(how, drive_gain=None, drive_gain_deviation=None)
     recording, _ = read_recording(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
     if recording.effort is None:
         recording = replace(recording, effort=np.zeros_like(recording.q))
     every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")
     observations, _ = process_recordings([recording], every_row, periods=[how.stated_period], starts=[how.start])
-    # What the model remembers begins anew in each run.
+    # Hysteresis states begin anew in each run.
     motions = [
         with_hysteresis_states(run.model, observed, observations.band).motion for observed in observations.runs
     ]
@@ -101,22 +101,22 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
 
 
 def predict(run: Run, motion: Motion) -> Array:
-    """Joint torque (N, n) [N·m or N] that the run's model says for a motion."""
+    """Predicts the joint torque (N, n) of a motion [N·m or N]."""
     return run.model.torque(motion, torque_parameters(run.estimate.base, run.estimate.fit))
 
 
 def band(run: Run, motion: Motion) -> Array:
-    """Half of the width of the 95 % band about that torque, in the study's band of frequencies, (N, n) [N·m or N]."""
+    """Half width of the 95 % prediction interval of that torque, in the study's band, (N, n) [N·m or N]."""
     return torque_band(run.model, run.estimate, motion)
 
 
 def write_torque(
     path: Path | str, motion: Motion, torque: Array, joints: Sequence[str], *, band: Array | None = None
 ) -> Path:
-    """Write time and torque, and the band's half-widths where given, as CSV or, by the suffix, as NPZ.
+    """Writes time and torque, and half widths of intervals if given, as CSV or, by the suffix, as NPZ.
 
     Raises:
-        ArmidError: Another suffix.
+        ArmidError: The suffix is another one.
     """
     path = Path(path)
     if path.suffix == ".npz":

@@ -1,4 +1,4 @@
-"""A run brought up to date by new recordings, and what has changed since."""
+"""Recalibration of a run by new recordings, and the changes of its parameters."""
 
 from __future__ import annotations
 
@@ -29,25 +29,26 @@ from armid.values import digest, sha256_of_file
 __all__ = ["Changed", "Recalibration", "changes_record", "recalibrate"]
 
 Changed = Literal["friction", "tool", "all"]
-"""What may have changed: friction and offsets, these and the last link, or everything."""
+"""Parameters that may have changed: friction and offsets, these and the last link, or all."""
 
-AGAIN = ", recalibrated"
-"""Added to the name of the method: what it promised of the earlier values does not hold for the new ones."""
+RECALIBRATED = ", recalibrated"
+"""Suffix of the method's name, since the method's properties do not hold for the new values."""
 
-STILL_THE_SAME = 1.5
-"""Torque error on the new recordings, over that of the earlier training, above which more has changed than asked."""
+SAME_ERROR = 1.5
+"""Ratio of the torque error on the new recordings to that of the earlier training from which more has changed than
+was estimated."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Recalibration:
-    """A run brought up to date.
+    """Recalibrated run.
 
     Attributes:
-        result: As an identification gives it, ready to be saved as a run.
+        result: Result in the form of an identification, which can be saved as a run.
         earlier: The earlier run's folder.
-        changed: What was let change.
+        changed: Parameters that were estimated anew.
         changes: Every base parameter before and after.
-        before: Torque errors of the earlier run on the recordings that judge: held out, or else the new ones.
+        before: Torque errors of the earlier run on the held-out recordings, or else on the new ones.
     """
 
     result: Result
@@ -66,66 +67,68 @@ def recalibrate(
     changed: Changed = "friction",
     held_out: Sequence[str] = (),
 ) -> Recalibration:
-    """Estimate anew what may have changed, with the earlier run for the rest.
+    """Estimates the parameters that may have changed, with the earlier run for the others.
 
     Args:
         run: The earlier run.
         paths: New recordings.
-        reading: Fields of a reading that differ from how the run's first recording was read.
-        changed: What may have changed.
-        held_out: Recordings to check the result on.
+        reading: Fields of the log format that differ from that of the run's first recording.
+        changed: Parameters that may have changed.
+        held_out: Recordings for validation.
 
     Raises:
-        ArmidError: Recordings that do not fit the run, or do not show what has changed.
+        ArmidError: The recordings do not fit the run, or do not determine the parameters.
     """
     began = time.perf_counter()
-    beside = load_new_recordings(run, paths, reading)
+    new_recordings = load_new_recordings(run, paths, reading)
     tool = link_columns(run)[1] if changed == "tool" else None
-    own = np.ones(beside.base.count, dtype=np.bool_) if changed == "all" else beside.changing
+    own = np.ones(new_recordings.base.count, dtype=np.bool_) if changed == "all" else new_recordings.changing
     if not own.any() and tool is None:
         raise StudyError(
             f"The model of {run.folder} has no friction that could have changed.", remedy="use --tool or --all."
         )
-    found = recalibrate_fit(beside.earlier, run.estimate.fit, beside.new, own, tool, beside.samples)
+    found = recalibrate_fit(
+        new_recordings.earlier, run.estimate.fit, new_recordings.new, own, tool, new_recordings.samples
+    )
     estimate = replace(
         run.estimate,
-        method=f"{run.estimate.method.removesuffix(AGAIN)}{AGAIN}",
+        method=f"{run.estimate.method.removesuffix(RECALIBRATED)}{RECALIBRATED}",
         fit=found.fit,
-        findings=beside.findings,
+        findings=new_recordings.findings,
         made_from=(
             f"robot {run.robot.sha256}",
             f"earlier run {sha256_of_file(Path(run.folder) / 'estimate.npz')}",
-            *(f"train {each.recording.sha256}" for each in beside.recordings),
+            *(f"train {each.recording.sha256}" for each in new_recordings.recordings),
             f"options {digest(changed)}",
         ),
-        made_by=beside.new.made_by,
+        made_by=new_recordings.new.made_by,
     )
-    unseen = process_each([_held_out(beside, path) for path in held_out], run.processing, run.robot)
-    result = _result(beside, estimate, found.information, unseen)
-    before, _ = score_recordings(run.model, run.estimate, unseen or beside.recordings)
+    unseen = process_each([_held_out(new_recordings, path) for path in held_out], run.processing, run.robot)
+    result = _result(new_recordings, estimate, found.information, unseen)
+    before, _ = score_recordings(run.model, run.estimate, unseen or new_recordings.recordings)
     findings = (
         *result.estimate.findings,
-        *_doubts(beside, result, changed),
-        *_worse(beside, result, before, changed),
+        *_assumption_findings(new_recordings, result, changed),
+        *_regression_findings(new_recordings, result, before, changed),
     )
     estimate = replace(result.estimate, findings=findings, seconds=time.perf_counter() - began)
     return Recalibration(replace(result, estimate=estimate), run.folder, changed, found.changes, before)
 
 
 def _result(
-    beside: NewRecordings,
+    new_recordings: NewRecordings,
     estimate: Estimate,
     information: Information,
     unseen: Sequence[ProcessedRecording],
 ) -> Result:
-    """The new run: scores of the new and of held-out recordings, and the study that stands for it."""
-    run = beside.run
-    training, _ = score_recordings(run.model, estimate, beside.recordings)
+    """The new run: scores of the new and of held-out recordings, and its study."""
+    run = new_recordings.run
+    training, _ = score_recordings(run.model, estimate, new_recordings.recordings)
     scores, found = score_recordings(run.model, estimate, unseen)
     validation = validate(run.robot.joint_names, scores, estimate)
-    recordings = tuple(each.choice for each in (*beside.recordings, *unseen))
+    recordings = tuple(each.choice for each in (*new_recordings.recordings, *unseen))
     study = replace(_study(run), recordings=recordings)
-    # The earlier training recordings are in the estimate, too, and must not judge it; their files may be gone.
+    # The earlier training recordings took part in the estimate and must not validate it; their files may be missing.
     nothing = np.full(run.robot.n, np.nan)
     known = tuple(
         Score(run.folder, sha256, nothing, nothing, nothing, nothing, nothing, None) for sha256 in run.trained_on
@@ -134,11 +137,14 @@ def _result(
     return Result(study, run.robot, run.model, information, estimate, validation, (*training, *known))
 
 
-def _held_out(beside: NewRecordings, path: str) -> tuple[RecordingChoice, Recording]:
-    """A recording to check on, which nothing has been estimated from."""
-    choice = replace(beside.recordings[0].choice, path=str(Path(path).absolute()), role="validate")
-    recording, _ = read_recording(choice, ".", beside.run.robot)
-    if recording.sha256 in {*beside.run.trained_on, *(each.recording.sha256 for each in beside.recordings)}:
+def _held_out(new_recordings: NewRecordings, path: str) -> tuple[RecordingChoice, Recording]:
+    """Reads a recording for validation that took part in no estimate."""
+    choice = replace(new_recordings.recordings[0].choice, path=str(Path(path).absolute()), role="validate")
+    recording, _ = read_recording(choice, ".", new_recordings.run.robot)
+    if recording.sha256 in {
+        *new_recordings.run.trained_on,
+        *(each.recording.sha256 for each in new_recordings.recordings),
+    }:
         raise StudyError(
             f"{path} is to validate, but the same data are trained on (sha256 {recording.sha256[:12]}…).",
             remedy="give a recording that neither the run nor the recalibration has seen.",
@@ -150,14 +156,14 @@ def _study(run: Run) -> Study:
     """The earlier run's study: arm, model, processing and estimation."""
     path = Path(run.folder) / "study.json"
     try:
-        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         return Study(
-            parse_robot(kept["robot"]),
+            parse_robot(record["robot"]),
             resolve_model(run.model),
             (RecordingChoice(run.folder),),
             run.processing,
-            EstimationChoice(**kept["estimation"]),
-            kept["folder"],
+            EstimationChoice(**record["estimation"]),
+            record["folder"],
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ArmidError(
@@ -165,14 +171,14 @@ def _study(run: Run) -> Study:
         ) from error
 
 
-def _doubts(beside: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
-    """Return what speaks against the assumption that nothing else has changed."""
+def _assumption_findings(new_recordings: NewRecordings, result: Result, changed: Changed) -> list[Finding]:
+    """Findings that question the assumption that nothing else has changed."""
     found: list[Finding] = []
-    new = np.sqrt(np.mean([score.rms**2 for score in result.training[: len(beside.recordings)]], axis=0))
+    new = np.sqrt(np.mean([score.rms**2 for score in result.training[: len(new_recordings.recordings)]], axis=0))
     seen = np.isfinite(new)
-    before = float(np.linalg.norm(beside.run.estimate.fit.residual_rms[seen]))
+    before = float(np.linalg.norm(new_recordings.run.estimate.fit.residual_rms[seen]))
     error = float(np.linalg.norm(new[seen]))
-    if changed != "all" and error > STILL_THE_SAME * before:
+    if changed != "all" and error > SAME_ERROR * before:
         further = "--tool or --all" if changed == "friction" else "--all"
         found.append(
             Finding(
@@ -180,28 +186,30 @@ def _doubts(beside: NewRecordings, result: Result, changed: Changed) -> list[Fin
                 "warning",
                 "",
                 f"The torque error on the new recordings is {error:.3g}, the earlier run had {before:.3g}: more "
-                "seems to have changed than was let change.",
+                "seems to have changed than was estimated anew.",
                 f"try {further}.",
             )
         )
     fit = result.estimate.fit
-    further = (negative_finding(beside.run.model, fit), few_blocks_finding(fit))
+    further = (negative_finding(new_recordings.run.model, fit), few_blocks_finding(fit))
     return [*found, *(finding for finding in further if finding is not None)]
 
 
-def _worse(beside: NewRecordings, result: Result, before: Sequence[Score], changed: Changed) -> list[Finding]:
-    """Held-out motion on which the earlier run is the better one, because it is of before the change or by itself."""
+def _regression_findings(
+    new_recordings: NewRecordings, result: Result, before: Sequence[Score], changed: Changed
+) -> list[Finding]:
+    """Findings where the earlier run is better on held-out motion."""
     scores = result.validation.recordings
     if not scores:
         return []
     error, earlier = _error(scores), _error(before)
     if not error > earlier:
         return []
-    run = beside.run
+    run = new_recordings.run
     trained = float(np.sqrt(np.nansum(run.estimate.fit.residual_rms**2)))
-    new = _error(score_recordings(run.model, run.estimate, beside.recordings)[0])
-    if earlier <= STILL_THE_SAME * trained < new:
-        return [_of_before(error, earlier, new)]
+    new = _error(score_recordings(run.model, run.estimate, new_recordings.recordings)[0])
+    if earlier <= SAME_ERROR * trained < new:
+        return [_older_validation(error, earlier, new)]
     return [
         Finding(
             "recalibration-worse",
@@ -221,8 +229,8 @@ def _error(scores: Sequence[Score]) -> float:
     return float(np.sqrt(np.nansum(np.mean([score.rms**2 for score in scores], axis=0))))
 
 
-def _of_before(error: float, earlier: float, new: float) -> Finding:
-    """A check on the arm as it was: what was recalibrated cannot hold there."""
+def _older_validation(error: float, earlier: float, new: float) -> Finding:
+    """Finding for a validation recording that was made before the change."""
     return Finding(
         "recalibration-worse",
         "warning",
@@ -235,7 +243,7 @@ def _of_before(error: float, earlier: float, new: float) -> Finding:
 
 
 def changes_record(recalibration: Recalibration) -> dict[str, Any]:
-    """Return what has changed, as JSON."""
+    """The contents of `changes.json`: every base parameter before and after."""
     base = recalibration.result.estimate.base
     units = dict(zip(base.names, base.units, strict=True))
     return {

@@ -1,4 +1,4 @@
-"""A finished run set free on recordings: the motion that its model says, beside the one that was recorded."""
+"""Rollout of a run's model over recordings: simulated motion compared with the recorded one."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from armid.validation.rollout_score import MotionScore, score_motion
 __all__ = ["judged_by_motion", "load_feedback", "motion_record", "roll_out_run"]
 
 MOST_LOST = 0.5
-"""Share of rolled-out windows that a model may lose: of one that loses more there is no median error."""
+"""Largest share of windows that may be lost: beyond it there is no median error."""
 
 GAINS = ("proportional", "derivative", "integral")
 
 
 def load_feedback(path: Path | str) -> Feedback:
-    """Gains of the controller from a JSON file: `{"controller": {"proportional", "derivative", "integral"}}`.
+    """Reads gains of the controller from a JSON file: `{"controller": {"proportional", "derivative", "integral"}}`.
 
-    A `truth.json` of the lab is one.
+    A `truth.json` of the lab has them.
 
     Raises:
         ArmidError: The file is missing, no JSON, or has no gains.
@@ -62,19 +62,19 @@ def roll_out_run(
     tolerance: float = 0.01,
     feedback: Feedback | None = None,
 ) -> tuple[tuple[MotionScore, ...], tuple[Finding, ...]]:
-    """Roll a run's model out over recordings.
+    """Simulates a run's model over windows of recordings.
 
     Args:
         run: The run.
         paths: Recordings.
-        reading: Fields of a reading that differ from how the run's first recording was read.
+        reading: Fields of the log format that differ from that of the run's first recording.
         seconds: Length of a window [s].
         tolerance: Position error that counts as lost [rad or m].
-        feedback: Of the controller that was running; without one the recorded torque acts alone.
+        feedback: Feedback of the recorded controller; without one the recorded torque acts alone.
 
     Raises:
         RecordingError: A recording cannot be read or does not fit.
-        StudyError: The feedback is that of another arm.
+        StudyError: The feedback has another number of joints.
     """
     if feedback is not None and len(feedback.proportional) != run.robot.n:
         raise StudyError(
@@ -108,12 +108,12 @@ def roll_out_run(
 
 
 def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, closed: bool) -> Validation:
-    """The validation with a check more: that the rolled-out model stays in half of the windows at least.
+    """Adds a check to a validation: that at most half of the rolled-out windows are lost.
 
     Args:
-        validation: By torque.
-        scores: By motion.
-        closed: Whether the recorded controller held the model; if not, the recorded torque alone.
+        validation: Validation of the torque.
+        scores: Scores of the rollout.
+        closed: Whether the feedback of the recorded controller acted, or the recorded torque alone.
     """
     lost = sum(score.lost for score in scores) / max(sum(score.windows for score in scores), 1)
     how = "the same controller" if closed else "the recorded torque alone"
@@ -124,8 +124,8 @@ def judged_by_motion(validation: Validation, scores: Sequence[MotionScore], *, c
 
 
 def _lost(score: MotionScore) -> list[Finding]:
-    """Return what to say of windows that did not stay."""
-    of = f"of {score.windows} windows of {score.seconds:g} s of {score.path}"
+    """Findings on lost windows."""
+    windows_text = f"of {score.windows} windows of {score.seconds:g} s of {score.path}"
     found: list[Finding] = []
     if score.losses.ran_away:
         found.append(
@@ -133,8 +133,8 @@ def _lost(score: MotionScore) -> list[Finding]:
                 "roll-out-lost",
                 "warning",
                 "",
-                f"{score.losses.ran_away} {of} ran away: a joint became faster than any arm.",
-                "choose shorter windows, or give the controller's gains: under torque alone every model drifts away.",
+                f"{score.losses.ran_away} {windows_text} diverged: a joint became faster than any arm.",
+                "choose shorter windows, or give the controller's gains: with torque alone every model diverges.",
             )
         )
     if score.losses.indefinite:
@@ -143,15 +143,15 @@ def _lost(score: MotionScore) -> list[Finding]:
                 "roll-out-indefinite",
                 "warning",
                 "",
-                f"{score.losses.indefinite} {of} met a mass matrix of the estimate that is not positive definite.",
-                'estimate with a method that keeps to real bodies: method = "physical".',
+                f"{score.losses.indefinite} {windows_text} met a mass matrix that is not positive definite.",
+                'estimate with physically consistent links: method = "physical".',
             )
         )
     return found
 
 
 def motion_record(scores: Sequence[MotionScore], *, closed: bool) -> dict[str, Any]:
-    """The scores as a JSON object."""
+    """Scores as a JSON object."""
     return {
         "closed_loop": closed,
         "recordings": [

@@ -1,8 +1,8 @@
-"""A run: the folder that an identification leaves behind, and what is read back from it.
+"""Run: the folder that an identification writes, and its reader.
 
     study.json  robot.npz  model.json  information.npz  estimate.npz  estimate.json  validation.json
 
-The folder is made under another name and renamed when it is complete, so that a run is there whole or not at all.
+The folder is written under a temporary name and renamed when it is complete, so no run is incomplete.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ MARKER = "estimate.json"
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Run(Displayed):
-    """Content of a run's folder, as far as prediction needs it.
+    """Contents of a run's folder that prediction needs.
 
     Attributes:
         folder: The folder.
         robot: The arm.
         model: Arm and torque terms.
         estimate: The parameters.
-        processing: How recordings were processed.
-        reading: How the first training recording was read.
+        processing: Processing options.
+        reading: Log format of the first training recording.
         trained_on: Digests of the training recordings (sha256).
-        verdict: Of its validation: `pass`, `fail` or `not judged`.
-        made: When, where and by which version.
+        verdict: Verdict of its validation: `pass`, `fail` or `not judged`.
+        made: Time, place and version.
     """
 
     folder: str
@@ -61,7 +61,7 @@ class Run(Displayed):
     made: RunOrigin = field(default_factory=RunOrigin)
 
     def summary(self) -> Summary:
-        """Return what was identified, how, and what came of it."""
+        """Arm, model, method and verdict."""
         fit = self.estimate.fit
         rows = (
             ("arm", self.estimate.robot),
@@ -79,35 +79,35 @@ class Run(Displayed):
         return link_table(self.model, self.estimate)
 
 
-def save_run(result: Result, folder: Path | str, *, beside: Mapping[str, Any] | None = None) -> Path:
-    """Write a run's folder. An existing run there is replaced; anything else is left alone.
+def save_run(result: Result, folder: Path | str, *, further_records: Mapping[str, Any] | None = None) -> Path:
+    """Writes a run's folder. An existing run is replaced; anything else is refused.
 
     Args:
-        result: What an identification gave.
-        folder: Where to.
-        beside: Further records to write as JSON, by the name of their file.
+        result: Result of an identification.
+        folder: Output folder.
+        further_records: Further records to write as JSON, by the name of their file.
 
     Raises:
         OutputError: The folder cannot be written, or holds something that is no run.
     """
     with whole_folder(folder, MARKER, "run") as draft:
         _write(result, draft)
-        for name, record in (beside or {}).items():
+        for name, record in (further_records or {}).items():
             replace_file(draft / name, to_json(record) + "\n")
     return Path(folder)
 
 
 def refuse_folder(folder: Path | str) -> None:
-    """Refuse a folder that a run cannot or must not replace, before any work is done for it.
+    """Refuses a folder that a run cannot or must not replace, before any work is done.
 
     Raises:
-        OutputError: It holds something that is no run, is the working folder, or lies where nothing can be written.
+        OutputError: It holds something that is no run, is the working folder, or is not writable.
     """
     refuse(folder, MARKER, "run")
 
 
 def load_run(folder: Path | str) -> Run:
-    """Read a run back.
+    """Reads a run.
 
     Raises:
         ArmidError: The folder is no run.
@@ -117,7 +117,7 @@ def load_run(folder: Path | str) -> Run:
         raise ArmidError(f"{folder} is no run of armid.", remedy="give the folder that armid identify made.")
     try:
         robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
-    except (KeyError, TypeError) as error:  # fields that this version has and the other had not
+    except (KeyError, TypeError) as error:  # fields that another version did not have
         raise ArmidError(
             f"{folder} was made by another version of armid: its robot.npz or estimate.npz has other fields "
             f"({type(error).__name__}: {error}).",
@@ -145,19 +145,19 @@ def load_run(folder: Path | str) -> Run:
 
 
 def _verdict(folder: Path) -> str:
-    """Return what the validation of a run came to."""
+    """Verdict of a run's validation."""
     return str(json.loads((folder / "validation.json").read_text(encoding="utf-8"))["verdict"])
 
 
-def _model(robot: Robot, kept: Mapping[str, Any]) -> DynamicsModel:
-    """The model as it was used, with the bodies that make its load, where it has one."""
-    model = build_model(robot, ModelChoice(tuple(kept["terms"]), kept["shapes"]))
-    return dataclasses.replace(model, load_parameters=kept.get("load_parameters"))
+def _model(robot: Robot, record: Mapping[str, Any]) -> DynamicsModel:
+    """The model as it was used, with the link parameters of its load torque, if it has one."""
+    model = build_model(robot, ModelChoice(tuple(record["terms"]), record["shapes"]))
+    return dataclasses.replace(model, load_parameters=record.get("load_parameters"))
 
 
 def _write(result: Result, draft: Path) -> None:
     study = result.study
-    # Other recordings of the arm have columns of their own, so what was guessed of these is not asked of them.
+    # Guessed columns are not stored, since other recordings of the arm may have other columns.
     asked = result.asked or next(r.reading for r in study.recordings if r.role == "train")
     model = {
         "terms": study.model.terms,
@@ -183,14 +183,14 @@ def _write(result: Result, draft: Path) -> None:
 
 
 def _study_record(study: Study) -> dict[str, Any]:
-    """The study as it was resolved, without what stands at its default in a recording."""
+    """The resolved study, without default values of log formats."""
     record: dict[str, Any] = dataclasses.asdict(study)
-    record["folder"] = str(Path(study.folder).resolve())  # found from anywhere
+    record["folder"] = str(Path(study.folder).resolve())  # independent of the working folder
     for recording, choice in zip(record["recordings"], study.recordings, strict=True):
         recording["reading"] = _given(choice.reading)
     return record
 
 
 def _given(reading: LogFormat) -> dict[str, Any]:
-    """Return what a reading says beyond its defaults."""
+    """Fields of a log format that are given."""
     return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}

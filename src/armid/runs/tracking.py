@@ -1,4 +1,4 @@
-"""A run followed through further recordings: parameters over time, forgetting what is old."""
+"""Tracking of a run's parameters through further recordings, with forgetting."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from armid.values import Array, load
 __all__ = ["SURPRISE", "Event", "TrackedRun", "track", "track_record", "track_table"]
 
 SURPRISE = 3.0
-"""Torque error over the usual one from which on something has changed: chance makes it so with ten independent rows
-once in 1e14 blocks, and further motion of the same arm hardly doubles it."""
+"""Normalized innovation from which a change is reported: with ten independent rows chance exceeds it once in 1e14
+blocks, and other motion of the same arm gives hardly two."""
 
 LOOSE = np.array([100.0, 50.0, 50.0, 50.0, 25.0, 25.0, 25.0, 25.0, 25.0, 25.0])
-"""Standard deviations of a load that nothing is known of yet [kg, kg·m, kg·m²]: ten times what such arms carry."""
+"""Prior standard deviations of an unknown payload [kg, kg·m, kg·m²]: ten times what such arms carry."""
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that changed at once.
+    """Sudden change.
 
     Attributes:
         time: End of the block that showed it [s].
-        joint: The joint with the largest surprise.
-        surprise: Its torque error over the usual one.
+        joint: The joint with the largest normalized innovation.
+        surprise: Its normalized innovation.
     """
 
     time: float
@@ -57,16 +57,16 @@ class TrackedRun:
     """Parameters over time, one row a block.
 
     Attributes:
-        names: Names of the m parameters: the base parameters and, where it was looked for, those of the load.
+        names: Names of the m parameters: the base parameters and, with `tool`, those of the payload.
         units: Their units.
         time: End of each block on the recordings' clock, which goes on from one to the next, shape (K,) [s].
         values: Shape (K, m).
         deviation: Standard deviations, shape (K, m).
         error: RMS torque error of each block by the estimate before it, shape (K, n) [N·m or N].
         before: The same by the run, shape (K, n).
-        surprise: Torque error over the usual one, shape (K, n).
-        events: When it exceeded `SURPRISE`.
-        findings: What was noticed on the way.
+        surprise: Normalized innovation, shape (K, n).
+        events: Blocks in which it exceeded `SURPRISE`.
+        findings: Findings of run, reading and processing.
     """
 
     names: tuple[str, ...]
@@ -92,16 +92,16 @@ def track(
     changed: Changed = "friction",
     progress: Progress | None = None,
 ) -> TrackedRun:
-    """Follow what may change through recordings that come after a run.
+    """Tracks parameters that may change through recordings that come after a run.
 
     Args:
         run: The run; the estimate begins with its values and intervals.
         paths: Recordings, in the order of time.
-        reading: Fields of a reading that differ from how the run's first recording was read.
+        reading: Fields of the log format that differ from that of the run's first recording.
         memory: Time constant of forgetting [s]; infinite for none.
         block: Time from one estimate to the next [s].
-        changed: What may change: friction and offsets, these and a load at the tip, or every parameter.
-        progress: Told of stages.
+        changed: Parameters that may change: friction and offsets, these and a payload at the tip, or all.
+        progress: Called with each stage.
 
     Raises:
         ArmidError: Recordings that do not fit the run, or times that are none.
@@ -138,10 +138,10 @@ def track(
     factors = load(Information, Path(run.folder) / "information.npz")
     state = resume(new, earlier, ForgettingOptions(memory, own, SURPRISE, jump), further=further, factors=factors)
     units = (*base.units, *(rigid_body_units() if changed == "tool" else ()))
-    return _followed(run, state, new, ends, lengths, units, (*new_recording_findings(run), *findings, *found), tell)
+    return _update_all(run, state, new, ends, lengths, units, (*new_recording_findings(run), *findings, *found), tell)
 
 
-def _followed(
+def _update_all(
     run: Run,
     state: RecursiveState,
     new: Information,
@@ -151,7 +151,7 @@ def _followed(
     findings: tuple[Finding, ...],
     tell: Progress,
 ) -> TrackedRun:
-    """The state taken through all blocks."""
+    """Updates the state with all blocks."""
     start = state.values
     shape = (new.blocks, new.n)
     error, before, surprise = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -173,14 +173,14 @@ def _followed(
 
 
 def _cut(run: ObservedRun, seconds: float) -> ObservedRun:
-    """The run in blocks of so many seconds."""
+    """The run divided into blocks of some seconds."""
     time = run.motion.time[run.rows]
     block = np.floor((time - time[0]) / seconds + 1e-9).astype(np.int64)
     return replace(run, block=np.unique(block, return_inverse=True)[1])
 
 
 def _times(observations: Observations) -> tuple[Array, Array]:
-    """End of each block, and time since the end of the one before it [s]; recordings follow one another at once."""
+    """End of each block and time since the previous end [s]; recordings follow each other without a gap."""
     ends: list[float] = []
     lengths: list[float] = []
     recording, shift = -1, 0.0
@@ -205,7 +205,7 @@ def _errors(part: Information, values: Array) -> Array:
 
 
 def track_record(found: TrackedRun) -> dict[str, Any]:
-    """The track as a JSON object."""
+    """Tracked parameters as a JSON object."""
     return {
         "time": found.time,
         "parameters": [
@@ -220,7 +220,7 @@ def track_record(found: TrackedRun) -> dict[str, Any]:
 
 
 def track_table(found: TrackedRun) -> str:
-    """The track as CSV: time, each parameter with its deviation, and the surprise of each joint."""
+    """Tracked parameters as CSV: time, each parameter with its deviation, normalized innovation of each joint."""
     names = ["t"]
     for name in found.names:
         names += [name, f"{name}_deviation"]

@@ -1,9 +1,9 @@
-"""All methods on one data set: what each leaves of the torque, what it makes of unseen motion, whether bodies exist.
+"""Comparison of all estimation methods on one data set: training error, held-out error, physical consistency.
 
-Recordings are read, processed and informed once. The error on unseen motion is that on the recordings kept for
-validation; without any, each method that is quick estimates again with each of some stretches of the training data
-left out, at the prior's weight that it found on all of them. Where friction was itself chosen on the training data
-there is nothing unseen, and no such error.
+Recordings are read and processed once, and their information is shared. The held-out error is that on the validation
+recordings. Without any, quick methods are cross-validated on blocks of the training data, with the prior's weight
+that they found on all of it. If friction was selected on the training data, no motion is held out and there is no
+such error.
 """
 
 from __future__ import annotations
@@ -40,25 +40,25 @@ NOTES = {
     "cross-validation": "on stretches of the training data left out in turn, a prior's weight as found on all of it",
     "none": "not known, since friction and the prior's weight were chosen on all training data: " + VALIDATE[:-1],
 }
-"""What unseen motion is, in words."""
+"""Description of the held-out motion, by kind."""
 
 UnseenError = Callable[[Estimator, Fit], Array]
-"""Root mean square error (n,) of a method on motion that the estimate has not seen."""
+"""Function that gives the RMS error (n,) of a method on held-out motion."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodScore:
-    """One method's row. Where it fails only the reason is known.
+    """Scores of one method; only the reason where it fails.
 
     Attributes:
         method: Name of the method.
-        training: Root mean square of each joint's residual in the band, shape (n,) [N·m or N].
-        unseen: The same on unseen motion, shape (n,); NaN where that could not be had.
-        certificate: Whether bodies with these base parameters exist, and how far the nearest are.
-        eigenvalue: Smallest of all links' pseudo-inertias, where the method estimates bodies.
+        training: RMS residual of each joint in the band, shape (n,) [N·m or N].
+        unseen: RMS error on held-out motion, shape (n,); NaN where there is none.
+        certificate: Physical consistency of the base parameters, with the distance to the nearest consistent ones.
+        eigenvalue: Smallest eigenvalue of the links' pseudo-inertias, where the method estimates links.
         dropped: Number of parameters that the method holds at zero.
         seconds: Time for the estimate [s].
-        failure: Why there is no estimate, or none without a part of the data; empty where all went well.
+        failure: Reason why the estimate or its cross-validation failed; empty without failure.
     """
 
     method: str
@@ -73,13 +73,13 @@ class MethodScore:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MethodTable:
-    """All methods.
+    """Scores of all methods.
 
     Attributes:
         joints: Names of the joints.
-        unseen: What the unseen motion is: `validation` recordings, `cross-validation` on the training ones, `none`.
-        scores: A row for each method.
-        seconds: Time for all of it, beyond the run's own estimate [s].
+        unseen: Held-out motion: `validation` recordings, `cross-validation` on the training ones, or `none`.
+        scores: Scores of each method.
+        seconds: Time for the comparison, without the run's own estimate [s].
     """
 
     joints: tuple[str, ...]
@@ -89,19 +89,19 @@ class MethodTable:
 
     @property
     def note(self) -> str:
-        """Return what the unseen motion is, in words."""
+        """Description of the held-out motion."""
         return NOTES[self.unseen]
 
 
 def compare_methods(
     prepared: Prepared, methods: Sequence[str] = tuple(ESTIMATORS), *, progress: Progress | None = None
 ) -> MethodTable:
-    """Every method with the study's options for it, on the study's training data.
+    """Estimates with every method, with the study's options for it, on the study's training data.
 
     Args:
-        prepared: The study as far as all methods share it.
+        prepared: Data and model of the study, which all methods share.
         methods: Names of the methods.
-        progress: Told of methods done.
+        progress: Called before each method.
 
     Raises:
         ArmidError: No row of the validation recordings counts.
@@ -116,7 +116,7 @@ def compare_methods(
             _on_recordings(prepared, total(accumulate_information(prepared.model, prepared.base, observations))),
         )
     elif prepared.ladder is not None and prepared.ladder.evidence:
-        kind, unseen = "none", _on_nothing  # terms, load and prior know every stretch already
+        kind, unseen = "none", _no_error  # terms, load and prior depend on all training data already
     else:
         kind, unseen = "cross-validation", _on_folds(problem)
     scores: list[MethodScore] = []
@@ -154,7 +154,7 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
 
 
 def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: UnseenError) -> MethodScore:
-    """One method's row; a failure is a row too."""
+    """Scores of one method; a failure is recorded, too."""
     model, base = prepared.model, prepared.base
     nothing = np.full(model.n, np.nan)
     began = time.perf_counter()
@@ -177,17 +177,17 @@ def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: Un
 
 
 def _quick(method: Estimator) -> Estimator:
-    """The method with one search where it makes several: a table tells methods apart, and none is kept."""
+    """The method with a single start where it uses several, since its estimate is only compared."""
     return replace(method, starts=1) if isinstance(method, LogCholesky | ThesisNLP) else method
 
 
 def _reason(error: Exception) -> str:
-    """Tell why a method failed."""
+    """Reason why a method failed."""
     return error.problem if isinstance(error, ArmidError) else str(error)
 
 
 def _on_recordings(prepared: Prepared, unseen: Information) -> UnseenError:
-    """Error on recordings that are kept for validation."""
+    """Function for the error on validation recordings."""
 
     def error(method: Estimator, fit: Fit) -> Array:
         del method
@@ -196,14 +196,14 @@ def _on_recordings(prepared: Prepared, unseen: Information) -> UnseenError:
     return error
 
 
-def _on_nothing(method: Estimator, fit: Fit) -> Array:
-    """No error where no motion is unseen."""
+def _no_error(method: Estimator, fit: Fit) -> Array:
+    """NaN errors, where no motion is held out."""
     del method
     return np.full(len(fit.rows), np.nan)
 
 
 def _on_folds(problem: EstimationProblem) -> UnseenError:
-    """Error on each of some stretches of the training data, from an estimate without it."""
+    """Function for the cross-validation error on folds of the training data."""
     information = problem.information
 
     def error(method: Estimator, fit: Fit) -> Array:
@@ -213,19 +213,19 @@ def _on_folds(problem: EstimationProblem) -> UnseenError:
         numbers = np.unique(fold)
         if len(numbers) < 2:
             raise EstimationError("The recording is too short to leave a part of it out.", remedy=VALIDATE)
-        settled = _settled(method, problem, fit)
+        fixed_method = _with_fixed_prior(method, problem, fit)
         squares = np.zeros(information.n)
         for k in numbers:
             out = fold == k
-            found = settled.estimate(_without(problem, out | training_information(information, out)))
-            squares += held_out_squares(select(information, out), found.values)
+            fit_without = fixed_method.estimate(_without(problem, out | training_information(information, out)))
+            squares += held_out_squares(select(information, out), fit_without.values)
         return _rms(squares, information.rows.sum(axis=0))
 
     return error
 
 
-def _settled(method: Estimator, problem: EstimationProblem, fit: Fit) -> Estimator:
-    """The method with the prior's weight that it found on all of the data, so that no fold searches for it again."""
+def _with_fixed_prior(method: Estimator, problem: EstimationProblem, fit: Fit) -> Estimator:
+    """The method with the prior's weight fixed to the one found on all of the data."""
     if isinstance(method, Ridge):
         return method.settled(problem)
     if isinstance(method, PhysicallyConsistent) and fit.standard is not None and fit.standard.prior.weight > 0.0:
@@ -234,18 +234,18 @@ def _settled(method: Estimator, problem: EstimationProblem, fit: Fit) -> Estimat
 
 
 def _without(problem: EstimationProblem, left_out: NDArray[np.bool_]) -> EstimationProblem:
-    """The problem without some blocks, in the factors and in the samples."""
+    """The problem without some blocks, in factors and samples."""
     information = problem.information
     observations = problem.observations
     if observations is not None:
         runs = list(observations.runs)
         for k, run in enumerate(runs):
-            gone = np.unique(run.block)[left_out[information.run == k]]
-            runs[k] = replace(run, mask=run.mask & ~np.isin(run.block, gone)[:, None])
+            removed_blocks = np.unique(run.block)[left_out[information.run == k]]
+            runs[k] = replace(run, mask=run.mask & ~np.isin(run.block, removed_blocks)[:, None])
         observations = Observations(tuple(runs), observations.band)
     return replace(problem, information=select(information, ~left_out), observations=observations)
 
 
 def _rms(squares: Array, rows: NDArray[np.int64]) -> Array:
-    """Root mean square (n,); NaN for a joint of which no row counts."""
+    """Root mean square (n,); NaN for a joint without rows."""
     return np.sqrt(np.where(rows > 0, squares / np.maximum(rows, 1), np.nan))

@@ -45,15 +45,14 @@ Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 """Options of a term, or of several of one name."""
 
 IDENTIFY_TERMS = (RigidBody.name, Viscous.name, Coulomb.name, Offset.name)
-"""Terms where a study names none; rotor inertia joins them where the effort is that of the motors, and where friction
-is chosen."""
+"""Default terms. Rotor inertia is added where the effort is that of the motors, and where friction is selected."""
 
 IDENTIFY_WIDTH = 0.02
-"""Width of Coulomb friction where a study gives none [rad/s]: a sign flips with the encoder's noise at rest."""
+"""Default width of Coulomb friction [rad/s]: with zero width, encoder noise would switch its sign at rest."""
 
 PLAIN_METHOD = "wls"
 AUTOMATIC_METHOD = "ridge"
-"""Method of a study that names none; friction that was chosen under a prior is estimated with one."""
+"""Default methods; friction that was selected under a prior is estimated with one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +94,7 @@ class ModelChoice:
         terms: Their names; chosen by the kind of effort where none are given. A name may stand here several times.
         shapes: Options of terms, by the term's name: one table, or a list of tables where a term has other shapes on
             other joints.
-        automatic: The friction ladder adds to these terms, joint by joint; `terms = "auto"` in a study.
+        automatic: Whether friction is selected and added joint by joint; `terms = "auto"` in a study.
     """
 
     terms: tuple[str, ...] = ()
@@ -114,8 +113,9 @@ class RecordingChoice:
     Attributes:
         path: The file.
         role: `train` or `validate`.
-        reading: How to read it.
-        part: Which share of it, from and to, 0 to 1. One file may train with one part and validate with another.
+        reading: Log format.
+        part: Begin and end of the used part, as shares from 0 to 1. One file may train with one part and validate
+            with another.
     """
 
     path: str
@@ -166,15 +166,15 @@ class EstimationChoice:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Study(Outlined):
-    """Everything that an identification is made from.
+    """Inputs and options of an identification.
 
     Attributes:
         robot: The arm.
         model: Its torque terms.
         recordings: Recordings, at least one of which trains.
-        processing: What is done to them.
-        estimation: How the parameters are estimated.
-        folder: What paths are relative to.
+        processing: Processing options.
+        estimation: Estimation options.
+        folder: Folder that paths are relative to.
     """
 
     robot: RobotChoice
@@ -191,7 +191,7 @@ class Study(Outlined):
 
 
 def load_study(path: Path | str) -> Study:
-    """Read a `study.toml`.
+    """Reads a `study.toml`.
 
     Raises:
         StudyError: It is missing, no TOML, has an unknown key or contradicts itself.
@@ -209,7 +209,7 @@ def load_study(path: Path | str) -> Study:
 
 
 def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
-    """A study from the tables of a `study.toml`.
+    """Makes a study from the tables of a `study.toml`.
 
     Raises:
         StudyError: An unknown key, a missing one, or a contradiction.
@@ -235,37 +235,37 @@ def parse_study(table: Mapping[str, Any], folder: str = ".") -> Study:
 
 
 def load_choice(choice: RobotChoice, folder: Path | str = ".") -> Robot:
-    """The arm that a study or a command line names; a description that is a file is looked for in `folder`."""
+    """Loads the arm that a study or a command line names; a path is relative to `folder`."""
     name = choice.description if choice.description in builtin_arms() else Path(folder) / choice.description
     return load_robot(name, gravity=choice.gravity, lock=choice.lock, only=choice.only, tip=choice.tip)
 
 
 def parse_robot(table: Any) -> RobotChoice:
-    """The arm of a `[robot]` table; `locked` is the former name of `lock`."""
+    """Makes the arm's options from a `[robot]` table; `locked` is the former name of `lock`."""
     if isinstance(table, Mapping) and "locked" in table and "lock" not in table:
         table = {"lock" if key == "locked" else key: value for key, value in table.items()}
     return _make(RobotChoice, table, "[robot]")
 
 
 def default_estimation(model: ModelChoice) -> EstimationChoice:
-    """Tell how a study estimates that does not say it."""
+    """Default estimation options for a model."""
     return EstimationChoice(AUTOMATIC_METHOD if model.automatic else PLAIN_METHOD)
 
 
 def build_estimator(choice: EstimationChoice) -> Estimator:
-    """The estimator that a study chooses, with its options."""
+    """Makes the estimator that a study chooses, with its options."""
     return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
 
 
 def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
-    """The model that a study chooses.
+    """Makes the model that a study chooses.
 
     Args:
         robot: The arm.
         choice: Terms and shapes.
         motor_side: Whether the recorded effort is that of the motors, which adds rotor inertia by default. Where
-            friction is chosen it is there in any case: a torque that a log calls the joint's is often the motor's,
-            converted, and beside a prior the inertia does no harm where it is not.
+            friction is selected, rotor inertia is always added: joint torques in logs are often converted motor
+            torques, and under a prior a superfluous rotor inertia does no harm.
     """
     names = choice.terms or (*IDENTIFY_TERMS, *((RotorInertia.name,) if motor_side or choice.automatic else ()))
     for name in choice.shapes:
@@ -280,7 +280,7 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
             raise StudyError(
                 f"Unknown torque term {name!r}.", possible=", ".join(TERMS), remedy=did_you_mean(name, TERMS)
             )
-        # A name that stands several times takes its tables one by one, where it stands last all that are left.
+        # A repeated name takes one of its tables at each occurrence, and all remaining ones at the last.
         taken = tables[name] if name not in names[k + 1 :] else tables[name][:1]
         tables[name] = tables[name][len(taken) :]
         for options in taken or [{}]:
@@ -296,7 +296,7 @@ def _tables(shapes: Shapes) -> list[dict[str, Any]]:
 
 
 def resolve_model(model: DynamicsModel) -> ModelChoice:
-    """The choice of a model's terms with nothing left to defaults, so that `build_model` makes it again."""
+    """Options with all defaults of a model's terms resolved, from which `build_model` makes the same model."""
     shapes: dict[str, list[dict[str, Any]]] = {}
     for term in model.terms:
         options = dataclasses.asdict(term)  # pyright: ignore[reportArgumentType]
@@ -333,12 +333,12 @@ def _estimation_choice(table: Mapping[str, Any], method: str) -> EstimationChoic
     own = {name: value for name, value in table.items() if name not in ESTIMATORS}
     choice = _make(EstimationChoice, {"method": method, **own, "options": options}, "[estimation]")
     for name in options:
-        build_estimator(dataclasses.replace(choice, method=name))  # wrong options are refused where they stand
+        build_estimator(dataclasses.replace(choice, method=name))  # refuses wrong options
     return choice
 
 
 def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
-    """A recording with its reading; their keys stand together in one table."""
+    """A recording with its log format, from the keys of one table."""
     own = [f.name for f in dataclasses.fields(RecordingChoice) if f.name != "reading"]
     _known(table, (*own, *(f.name for f in dataclasses.fields(LogFormat))), "[[recording]]")
     if "path" not in table:
@@ -350,7 +350,7 @@ def _recording_choice(table: Mapping[str, Any]) -> RecordingChoice:
 
 
 def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
-    """A dataclass from a table with its fields as keys; lists become tuples."""
+    """Makes a dataclass from a table with its fields as keys; lists become tuples."""
     fields = [f for f in dataclasses.fields(kind) if f.init]  # pyright: ignore[reportArgumentType]
     _known(table, [f.name for f in fields], where)
     missing = [
@@ -371,7 +371,7 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
 
 
 def _known(table: object, known: Iterable[str], where: str) -> None:
-    """Refuse what is no table, and unknown keys."""
+    """Refuses anything but a table, and unknown keys."""
     known = list(known)
     if not isinstance(table, Mapping):
         raise StudyError(f"{where} must be a table; found {table!r}.", possible=", ".join(known))
@@ -383,7 +383,7 @@ def _known(table: object, known: Iterable[str], where: str) -> None:
 
 
 def _require(good: bool, name: str, wanted: str, found: object) -> None:
-    """Refuse a value of the wrong kind."""
+    """Refuses a value of the wrong kind."""
     if not good:
         raise StudyError(f"{name} must be {wanted}; found {found!r}.")
 
@@ -393,7 +393,7 @@ def _are_texts(values: object) -> bool:
 
 
 def _are_numbers(values: object, count: int) -> bool:
-    """Tell whether these are so many finite numbers."""
+    """True for a list of `count` finite numbers."""
     if not isinstance(values, tuple | list) or len(values) != count:
         return False
     return all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in values)

@@ -1,4 +1,4 @@
-"""The whole job on a simulated arm: the virtual iiwa, hanging, on the motions of the thesis."""
+"""Demonstration: identification of a simulated, hanging iiwa on the motions of the thesis."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ TRAIN, UNSEEN = "virtual A.1", "virtual A.2"
 MOTIONS = {TRAIN: "thesis-a1", UNSEEN: "thesis-a2"}
 SEED = 1
 RECORD = "demo.json"
-"""What a demo's run keeps beside the rest: the seed of its recordings."""
+"""File of a demo's run with the seed of its recordings."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Demo:
-    """A demo's result beside the truth that only a virtual arm has.
+    """Result of the demo, compared with the true parameters.
 
     Attributes:
         result: The identification.
         truth: True base parameters, shape (b,).
-        relative_error: Distance of the estimate from the truth over the truth's length.
-        torque_error: RMS over all samples and joints of predicted less true torque on Table A.2 [N·m].
-        recordings: What the virtual arm recorded, as the study reads it.
+        relative_error: Norm of the parameters' error over the norm of the true parameters.
+        torque_error: RMS over all samples and joints of predicted minus true torque on Table A.2 [N·m].
+        recordings: Recordings of the simulated arm, processed.
     """
 
     result: Result
@@ -54,7 +54,7 @@ class Demo:
 
 
 def demo_study(processing: ProcessingOptions | None = None, method: str = "wls") -> Study:
-    """The study of the demo: periodic edges, since the motion repeats without a pause."""
+    """Study of the demo, with periodic edges, since the motion repeats without a pause."""
     return Study(
         RobotChoice("iiwa14-r820", gravity=HANGING),
         ModelChoice(("rigid-body", "viscous", "coulomb"), {"coulomb": {"width": 0.0}}),
@@ -68,20 +68,20 @@ def demo_study(processing: ProcessingOptions | None = None, method: str = "wls")
 
 
 def thesis_processing(edges: str = "periodic") -> ProcessingOptions:
-    """The thesis's own processing, its edges treated as asked."""
+    """Processing of the thesis with a choice of edges."""
     return replace(THESIS, edges=edges, average=edges == "periodic")  # pyright: ignore[reportArgumentType]
 
 
 def run_demo(
     study: Study | None = None, *, seed: int = SEED, threads: int = 1, progress: Progress | None = None
 ) -> Demo:
-    """Record the virtual arm, identify it, validate it on Table A.2, and compare with the truth.
+    """Simulates recordings, identifies, validates on Table A.2, and compares with the true parameters.
 
     Args:
-        study: Another processing or method; by default `demo_study()`.
-        seed: Of the noise.
+        study: Study with other options; by default `demo_study()`.
+        seed: Seed of the noise.
         threads: Threads of the kernel.
-        progress: Told of stages.
+        progress: Called with each stage.
     """
     study = study or demo_study()
     if progress is not None:
@@ -107,9 +107,9 @@ def run_demo(
 
 
 def demo_recordings(folder: Path | str) -> dict[str, Recording]:
-    """Return what the virtual arm recorded for the demo in a folder, made once more; by the names that its study has.
+    """Recordings of the demo in a folder, by path in its study, simulated again from the stored seed.
 
-    A hundred megabytes that a seed can make again are not kept.
+    They are not stored, because they have a hundred megabytes.
     """
     path = Path(folder) / RECORD
     seed = json.loads(path.read_text(encoding="utf-8"))["seed"] if path.is_file() else SEED
@@ -119,7 +119,7 @@ def demo_recordings(folder: Path | str) -> dict[str, Recording]:
 
 
 def _record(model: DynamicsModel, truth: Array, seed: int) -> tuple[dict[str, Recording], Motion, Array]:
-    """Both recordings, and the unseen one's true motion and torque."""
+    """Both recordings, and true motion and torque of the validation one."""
     rng = np.random.default_rng(seed)
     plans = {name: builtin_plan(plan).stretched(SECONDS) for name, plan in MOTIONS.items()}
     made = {name: record(model, truth, plan, Sensors(), rng, repetitions=REPETITIONS) for name, plan in plans.items()}

@@ -1,4 +1,4 @@
-"""The doctor on a study: every recording as it stands, what stops the reading worked around."""
+"""Checks by the doctor of the recordings of a study, with workarounds for faults that stop the reading."""
 
 from __future__ import annotations
 
@@ -41,21 +41,21 @@ __all__ = [
 ]
 
 CODE = re.compile(r"\[([a-z-]+)\]$")
-"""Where an error about a recording ends with the code of its finding."""
+"""Code of a finding at the end of an error about a recording."""
 
 TRIES = 4
-"""Faults in a row that are worked around to see what lies behind them."""
+"""Largest number of faults that are worked around one after the other."""
 
 PLAUSIBLE_CONFLICT, PLAUSIBLE_CORRELATION, PLAUSIBLE_SCALE = 0.6, 0.7, 0.3
-"""Conflict between joints up to which, and correlation with and share of the description from which, angles read
-as degrees are believed to be degrees: motors' angles are not, whatever limits they stay in."""
+"""Largest conflict between the joints, and smallest correlation with and share of the description's torque, with
+which angles read as degrees are accepted as such; angles of motors fail this even inside the joint limits."""
 
 
 USUAL = ProcessingOptions()
-"""What a study has that says nothing of it."""
+"""Default processing options."""
 
 OF_LOG = ("channel-dead", "saturation", "filtered-before-logging", "velocity-mismatch")
-"""Checks of every log that an identification makes; gaps, unevenness and repetitions it reports as it processes."""
+"""Checks of every log in an identification; gaps, jitter and repetitions are reported by the processing."""
 
 OF_READING = (
     "motor-side",
@@ -67,17 +67,17 @@ OF_READING = (
     "position-offset",
     "rotor-inertia-missing",
 )
-"""Checks beside a model that it makes once for each way of reading: what a reading says of signs, order, units, zeros
-and sides holds for all logs that are read so. Excitation it judges by all recordings together."""
+"""Checks with a model that an identification makes once for each log format, since signs, order, units, zeros and
+sides are the same for all logs of a format. Excitation is checked on all recordings together."""
 
 OF_EACH = ("channel-delay", "contact", "temperature-drift")
-"""Checks beside a model of what happens to one recording and not to another."""
+"""Checks with a model of faults that can differ between recordings of one format."""
 
-OWN = (explain_delay, explain_contact)
-"""What these need of the contest, where the reading has nothing wrong."""
+RECORDING_EXPLAINS = (explain_delay, explain_contact)
+"""Explanations that these checks need where the log format has no fault."""
 
 GEARED = 3.0
-"""Span of the motion, in spans of the limits, from which it is that of motors."""
+"""Range of a motion over the range of the limits from which positions are those of motors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,11 +94,11 @@ class Diagnosis:
 
 
 def diagnose(study: Study, *, given: Mapping[str, Recording] | None = None) -> tuple[Diagnosis, ...]:
-    """Examine every recording of a study, whole.
+    """Checks every recording of a study over its whole length.
 
     Args:
         study: The study.
-        given: Recordings at hand, by their path in the study.
+        given: Recordings that are in memory already, by their path in the study.
 
     Raises:
         ArmidError: No such robot or file, or a file that cannot be read at all.
@@ -124,17 +124,16 @@ def diagnose_recording(
     *,
     processing: ProcessingOptions = USUAL,
 ) -> tuple[Finding, ...]:
-    """Examine one recording.
+    """Checks one recording.
 
-    What stops the reading is an error; where it can be worked around, for the eyes of the doctor alone, the rest
-    of the log is examined too.
+    A fault that stops the reading is an error. Where it can be worked around, the rest of the log is checked, too.
 
     Args:
         robot: The arm that was recorded.
-        raw: As the file has it.
-        reading: How it is read.
+        raw: The recording as logged.
+        reading: Log format.
         model: The study's model; the usual terms if not given.
-        processing: The study's, which says which rows count: near limits, or at rest among others that move.
+        processing: The study's options, which decide which rows count near limits and at standstill.
 
     Raises:
         RecordingError: The recording does not fit the robot at all.
@@ -167,7 +166,7 @@ def diagnose_recording(
 
 
 def _sticking(recording: Recording, processing: ProcessingOptions) -> list[Finding]:
-    """Find joints that stand among others, as an identification does; nothing in a log that it cannot use."""
+    """Findings on joints at rest while others move; none for a log that cannot be processed."""
     plain = replace(processing, edges="drop", average=False, saturation=None)
     try:
         found = process_recording(recording, plain)[1]
@@ -177,17 +176,17 @@ def _sticking(recording: Recording, processing: ProcessingOptions) -> list[Findi
 
 
 def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
-    """Examine a log of currents: nothing that needs torques, but the gains that a description makes."""
+    """Checks a log of currents: only checks that need no torque, and drive gains from the description."""
     state = evidence.state
     scale = None if state is None else explain_scale(state)
     if scale is not None:
         remedy = scale.remedy(evidence)
-        told = [replace(f, remedy=remedy) if f.code == "current-without-gain" else f for f in evidence.noted]
-        evidence = replace(evidence, noted=tuple(told))
+        with_remedy = [replace(f, remedy=remedy) if f.code == "current-without-gain" else f for f in evidence.noted]
+        evidence = replace(evidence, noted=tuple(with_remedy))
     evidence = replace(evidence, explains=())
-    kept = {"channel-dead", "clock-gap", "clock-jitter", "saturation", "velocity-mismatch", "period-misaligned"}
-    kept |= {finding.code for finding in evidence.noted}
-    return tuple(f for f in examine(evidence) if f.code in kept)
+    applicable = {"channel-dead", "clock-gap", "clock-jitter", "saturation", "velocity-mismatch", "period-misaligned"}
+    applicable |= {finding.code for finding in evidence.noted}
+    return tuple(f for f in examine(evidence) if f.code in applicable)
 
 
 def findings_on(
@@ -196,63 +195,63 @@ def findings_on(
     read: Sequence[Sequence[Finding]],
     trained: Sequence[Finding] = (),
 ) -> list[Finding]:
-    """Return what reading the recordings told and what the doctor says of them, with their names, each once.
+    """Findings of the readers and of the doctor on recordings, with the recordings' names, each once.
 
     Args:
         model: Arm and torque terms.
-        recordings: As read, with their roles.
-        read: What was told of each as it was read.
-        trained: What has been told of those that train, all together.
+        recordings: Recordings with their roles.
+        read: Findings of the reader on each recording.
+        trained: Findings on the training recordings together, which are not repeated.
     """
     common = {finding.code for finding in trained if finding.severity != "info"}
-    said = [
+    known_codes = [
         {finding.code for finding in found if finding.severity != "info"} | (common if c.role == "train" else set())
         for (c, _), found in zip(recordings, read, strict=True)
     ]
     names = labels([choice for choice, _ in recordings])
     named = [(name, finding) for name, found in zip(names, read, strict=True) for finding in found]
-    return [*together(named), *run_checks(model, recordings, said)]
+    return [*together(named), *run_checks(model, recordings, known_codes)]
 
 
 @one_blas_thread
 def run_checks(
     model: DynamicsModel,
     recordings: Sequence[tuple[RecordingChoice, Recording]],
-    said: Sequence[Collection[str]] = (),
+    known_codes: Sequence[Collection[str]] = (),
 ) -> list[Finding]:
-    """Examine recordings while a study is identified, before anything is estimated, or beside a run.
+    """Checks recordings during an identification, before the estimate, or for a run.
 
     Args:
         model: Arm and torque terms of the study.
-        recordings: As read, with their roles.
-        said: Codes that have been told of each recording already.
+        recordings: Recordings with their roles.
+        known_codes: Codes that are reported for each recording already.
     """
-    told: list[tuple[str, Finding]] = []
-    ill: dict[str, bool] = {}
+    named: list[tuple[str, Finding]] = []
+    faulty: dict[str, bool] = {}
     names = labels([choice for choice, _ in recordings])
-    # The first of each kind tells what is wrong with their reading; the others what is wrong with them alone.
-    # Nothing of a recording that validates is left to others: it may have been read as one that it is not like.
+    # The log format is checked on the first recording of each kind; the others are checked for faults of their own.
+    # Validation recordings get all checks: their format may be wrong although it is right for the training ones.
     for k in sorted(range(len(recordings)), key=lambda k: _rank(recordings, k)):
         choice, recording = recordings[k]
         kind = _kind(choice)
         explains, checks = EXPLAINS, (*OF_LOG, *OF_READING, *OF_EACH)
-        if kind in ill and choice.role == "train":
-            explains, checks = EXPLAINS if ill[kind] else OWN, (*OF_LOG, *OF_EACH)
+        if kind in faulty and choice.role == "train":
+            explains, checks = EXPLAINS if faulty[kind] else RECORDING_EXPLAINS, (*OF_LOG, *OF_EACH)
         evidence = LogEvidence(model.robot, recording, choice.reading, recording, (), model, explains)
-        known = said[k] if said else ()
-        told += [(names[k], finding) for finding in examine(evidence, checks) if finding.code not in known]
-        ill.setdefault(kind, any(each.code not in OF_EACH for each in evidence.explanations))
-    return together(told)
+        known = known_codes[k] if known_codes else ()
+        named += [(names[k], finding) for finding in examine(evidence, checks) if finding.code not in known]
+        faulty.setdefault(kind, any(each.code not in OF_EACH for each in evidence.explanations))
+    return together(named)
 
 
 def _rank(recordings: Sequence[tuple[RecordingChoice, Recording]], k: int) -> tuple[bool, int, int]:
-    """Those that train before others, the longest first."""
+    """Sort key: training recordings first, the longest first."""
     choice, recording = recordings[k]
     return choice.role != "train", -recording.samples, k
 
 
 def _kind(choice: RecordingChoice) -> str:
-    """Return what all recordings have in common that are read in the same way."""
+    """Key that all recordings of the same log format share."""
     return repr(replace(choice.reading, period=None, start=None, exclude=()))
 
 
@@ -275,15 +274,15 @@ def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
 
 
 def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:
-    """Tell whether anything that was found is an error."""
+    """True if any finding is an error."""
     return any(f.severity == "error" for each in diagnoses for f in each.findings)
 
 
 def _finding(error: RecordingError, log: Recording) -> Finding:
-    """Return what stopped the reading, as a finding; what has no code is named by what is wrong with the rows."""
-    found = CODE.search(error.problem)
-    if found is not None:
-        code, evidence = found[1], error.problem[: found.start()].strip()
+    """Finding for an error that stopped the reading; an error without a code gets one from the fault of its rows."""
+    match = CODE.search(error.problem)
+    if match is not None:
+        code, evidence = match[1], error.problem[: match.start()].strip()
     elif log.time is not None and (np.diff(log.time) <= 0.0).any():
         code, evidence = "clock-jitter", error.problem
     elif "not consecutive" in error.problem:
@@ -291,28 +290,28 @@ def _finding(error: RecordingError, log: Recording) -> Finding:
     else:
         raise error
     evidence = evidence.removeprefix(log.source or "The recording").lstrip(": ")
-    sentence = evidence.startswith(("the ", "there ", "joint "))  # and not the name of a quantity
+    sentence = evidence.startswith(("the ", "there ", "joint "))  # otherwise it begins with the name of a quantity
     return Finding(code, "error", "", f"{evidence[0].upper()}{evidence[1:]}" if sentence else evidence, error.remedy)
 
 
 def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tuple[Recording, LogFormat] | None:
-    """The log with the fault out of the way, for the doctor's eyes; `None` where there is no way."""
+    """The log and its format with a fault worked around, for the checks alone; `None` where that is impossible."""
     if finding.code == "current-without-gain":
         return replace(log, effort_is_current=False), reading
-    said = tables_of(finding.remedy).get("recording", {})
+    keys = tables_of(finding.remedy).get("recording", {})
     if finding.code == "clock-missing":
         rate = _implied_rate(log)
         return None if rate is None else (log, replace(reading, rate=rate))
-    if "time_unit" in said and log.time is not None:
-        return replace(log, time=log.time * said["time_unit"]), reading
-    left_out = [name for name, column in said.get("columns", {}).items() if column == "" and name in ("dq", "ddq")]
+    if "time_unit" in keys and log.time is not None:
+        return replace(log, time=log.time * keys["time_unit"]), reading
+    left_out = [name for name, column in keys.get("columns", {}).items() if column == "" and name in ("dq", "ddq")]
     if left_out:
         return replace(log, **dict.fromkeys(left_out)), reading
-    return (log, replace(reading, **said)) if said else None
+    return (log, replace(reading, **keys)) if keys else None
 
 
 def _implied_rate(log: Recording) -> float | None:
-    """Samples a second at which velocities are the differences of positions [Hz]."""
+    """Sample rate at which velocities agree with differences of positions [Hz]."""
     if log.dq is None or not np.isfinite(log.dq).all() or not np.isfinite(log.q).all():
         return None
     step, mean = np.diff(log.q, axis=0), (log.dq[1:] + log.dq[:-1]) / 2
@@ -325,11 +324,11 @@ def _implied_rate(log: Recording) -> float | None:
 
 
 def _reconsidered(evidence: LogEvidence) -> LogEvidence:
-    """Angles far outside all limits, and degrees that the model does not believe, are angles of motors."""
+    """Reports angles far outside all limits, and degrees that contradict the torque, as angles of motors."""
     degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
     far = next((f for f in evidence.noted if f.code == "position-offset"), None)
     if degrees is not None and evidence.state is not None and not _believable(evidence.state):
-        doubted, why = degrees, "taken as degrees they contradict the torque"
+        doubted, why = degrees, "read as degrees they contradict the torque"
     elif far is not None and _turns_too_far(evidence):
         doubted, why = far, "and its neighbours as far"
     else:
@@ -338,7 +337,7 @@ def _reconsidered(evidence: LogEvidence) -> LogEvidence:
         "motor-side",
         "error",
         "q",
-        f"{doubted.evidence.split('; taken')[0].rstrip('.')}; {why}, as motors before their gears do.",
+        f"{doubted.evidence.split('; taken')[0].rstrip('.')}; {why}, as positions of motors before their gears do.",
         "find out N with q_motor = N (q - joint_offset), and say it: transmission = [[N1, 0, …], …]",
     )
     noted = tuple(motor if f is doubted else f for f in evidence.noted)
@@ -346,9 +345,9 @@ def _reconsidered(evidence: LogEvidence) -> LogEvidence:
 
 
 def _turns_too_far(evidence: LogEvidence) -> bool:
-    """Tell whether most joints move over a multiple of the span of their limits."""
+    """True if most joints move over a multiple of the range of their limits."""
     recording = evidence.recording
-    assert recording is not None  # a finding about limits is made from it
+    assert recording is not None  # findings about limits need it
     span = np.array([high - low for low, high in (joint.position_limits for joint in evidence.robot.joints)])
     known = np.isfinite(span) & (span > 0.0)
     moved = np.ptp(recording.q, axis=0)
@@ -356,7 +355,7 @@ def _turns_too_far(evidence: LogEvidence) -> bool:
 
 
 def _believable(state: LogState) -> bool:
-    """Tell whether a model explains the log as it is read."""
+    """True if a model explains the log as it is read."""
     if state.nominal is not None:
         loaded = int(np.argmax(state.nominal.size))
         alike = abs(float(state.nominal.correlation[loaded])) > PLAUSIBLE_CORRELATION

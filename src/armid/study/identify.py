@@ -1,4 +1,4 @@
-"""The main job: from a study to an identified and validated model."""
+"""Identification: from a study to an estimated and validated model."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ __all__ = [
 ]
 
 Progress = Callable[[str, float], None]
-"""Told the name of the stage and the share of it that is done."""
+"""Callback with the name of the stage and its finished share."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -74,15 +74,15 @@ class Result(Displayed):
     """Result of an identification.
 
     Attributes:
-        study: The study, its automatic choices made.
+        study: The study with its automatic choices resolved.
         robot: The arm.
         model: Arm and torque terms.
-        information: What the training recordings say.
-        estimate: The parameters.
-        validation: Torque error on unseen motion.
+        information: Information of the training recordings.
+        estimate: The estimate.
+        validation: Torque error on the validation recordings.
         training: Torque error on the training recordings.
-        ladder: How friction was chosen, where it was.
-        asked: How the first training recording was to be read, before its columns were guessed.
+        ladder: Friction selection, if there was one.
+        asked: Log format of the first training recording as given, before its columns were guessed.
     """
 
     study: Study
@@ -96,23 +96,23 @@ class Result(Displayed):
     asked: LogFormat | None = None
 
     def summary(self) -> Summary:
-        """Return what came of it on unseen motion; values are in `estimate`."""
+        """Torque error on held-out motion; values are in `estimate`."""
         return self.validation.summary()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Prepared:
-    """All that stands before an estimate.
+    """Data, model and problem of a study, before the estimate.
 
     Attributes:
-        study: The study, its automatic choices made.
+        study: The study with its automatic choices resolved.
         model: Arm and torque terms.
-        base: The model's base parameters.
+        base: Base parameters of the model.
         recordings: All recordings with their roles, processed.
-        problem: What the training recordings say.
-        findings: What was noticed on the way.
-        began: When the work began, by `time.perf_counter` [s].
-        ladder: How friction was chosen, where it was.
+        problem: Estimation problem of the training recordings.
+        findings: Findings up to here.
+        began: Begin of the work, by `time.perf_counter` [s].
+        ladder: Friction selection, if there was one.
     """
 
     study: Study
@@ -131,13 +131,13 @@ def read_recording(
     robot: Robot,
     given: Mapping[str, Recording] | None = None,
 ) -> tuple[Recording, tuple[Finding, ...]]:
-    """One recording of a study in the robot's joints, SI units, on the joint side.
+    """Reads one recording of a study and converts it to the robot's convention.
 
     Args:
-        choice: File, reading and part.
-        folder: What its path is relative to.
+        choice: File, log format and part.
+        folder: Folder that its path is relative to.
         robot: The arm.
-        given: Recordings at hand, by path.
+        given: Recordings that are in memory already, by path.
 
     Raises:
         RecordingError: It cannot be read or does not fit the robot.
@@ -157,13 +157,13 @@ def identify(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Result:
-    """Identify the model of a study and check it on the recordings that it keeps for validation.
+    """Identifies the model of a study and validates it on the study's validation recordings.
 
     Args:
         study: The study.
-        given: Recordings that are at hand and need not be read, by their path in the study.
+        given: Recordings that are in memory already, by their path in the study.
         threads: Threads of the kernel.
-        progress: Told of stages.
+        progress: Called with each stage.
 
     Raises:
         ArmidError: Bad input; the message says what and where.
@@ -179,7 +179,7 @@ def prepare(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Everything up to the estimate, so that several methods can share it. Arguments as in `identify`.
+    """Prepares everything up to the estimate, so that several methods can share it. Arguments as in `identify`.
 
     Raises:
         ArmidError: Bad input; the message says what and where.
@@ -191,11 +191,11 @@ def prepare(
     model = build_model(robot, study.model, motor_side=_is_motor_side(study))
     findings = list(robot.findings)
     recordings: list[tuple[RecordingChoice, Recording]] = []
-    told: list[tuple[Finding, ...]] = []
+    read_findings: list[tuple[Finding, ...]] = []
     for k, choice in enumerate(study.recordings):
         tell("recordings", k / len(study.recordings))
         recording, found = read_recording(choice, study.folder, robot, given)
-        told.append(found)
+        read_findings.append(found)
         recordings.append((choice, recording))
     refuse_shared(recordings)
     train = [(choice, recording) for choice, recording in recordings if choice.role == "train"]
@@ -217,7 +217,7 @@ def prepare(
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
-    findings += findings_on(model, recordings, told, findings)
+    findings += findings_on(model, recordings, read_findings, findings)
     understood_as = tuple(replace(c, reading=understood(r, c.reading)) for c, r in recordings)
     study = replace(study, model=resolve_model(model), processing=processing, recordings=understood_as)
     base = find_base_parameters(model)
@@ -231,7 +231,7 @@ def prepare(
 
 @one_blas_thread
 def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
-    """Estimate by the study's method and check it on the recordings kept for validation.
+    """Estimates by the study's method and validates on the study's validation recordings.
 
     Raises:
         EstimationError: The data do not determine the parameters.
@@ -267,10 +267,10 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
 
 
 def stated_problem(prepared: Prepared) -> EstimationProblem:
-    """The problem as the study states it: with friction or offsets for each recording where it says so.
+    """Estimation problem of a study, with friction or offsets for each recording where the study asks for them.
 
     Raises:
-        StudyError: Parameters for each of one recording.
+        StudyError: Parameters for each recording with only one training recording.
     """
     problem, choice = prepared.problem, prepared.study.estimation
     asked = [key for key in PER_RECORDING if getattr(choice, key)]
@@ -284,7 +284,7 @@ def stated_problem(prepared: Prepared) -> EstimationProblem:
 
 
 def no_progress(stage: str, share: float) -> None:
-    """Progress nobody asked for."""
+    """Callback that ignores progress."""
     del stage, share
 
 
@@ -293,7 +293,7 @@ def score_recordings(
     estimate: Estimate,
     recordings: Sequence[ProcessedRecording],
 ) -> tuple[tuple[Score, ...], tuple[Finding, ...]]:
-    """Torque error on each recording, and what was noticed on the way."""
+    """Computes the torque error on each recording, with findings."""
     scores: list[Score] = []
     findings: list[Finding] = []
     names = labels([each.choice for each in recordings])
@@ -306,7 +306,7 @@ def score_recordings(
 
 
 def _is_motor_side(study: Study) -> bool:
-    """Tell whether every recording's effort is that of the motors."""
+    """True if the effort of every recording is that of the motors."""
     return all(
         choice.reading.transmission is not None or choice.reading.drive_gain is not None
         for choice in study.recordings
@@ -320,7 +320,7 @@ def _estimate(
     problem: EstimationProblem,
     recordings: Sequence[ProcessedRecording],
 ) -> Estimate:
-    """Estimate with what it was made from."""
+    """Estimates, with covariance and digests of all inputs."""
     fit = build_estimator(study.estimation).estimate(problem)
     fit = replace(estimate_covariance(fit, problem), information=None)
     options = digest(repr((study.model, study.processing, study.estimation)))
@@ -344,12 +344,12 @@ def _estimate(
 def _scale_deviation(train: Sequence[tuple[RecordingChoice, Recording]], robot: Robot) -> Array:
     """Relative standard deviation of each joint's torque scale: the largest of the training recordings."""
     given = [choice.reading.drive_gain_deviation for choice, _ in train]
-    said = [np.broadcast_to(np.asarray(each, dtype=np.float64), robot.n) for each in given if each is not None]
-    return np.max([np.zeros(robot.n), *said], axis=0)
+    deviations = [np.broadcast_to(np.asarray(each, dtype=np.float64), robot.n) for each in given if each is not None]
+    return np.max([np.zeros(robot.n), *deviations], axis=0)
 
 
 def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
-    """Tell which standard parameters may differ from one recording to the next: friction and offsets, no inertia."""
+    """Flags of standard parameters that may differ between recordings: friction and offsets, no inertia."""
     changing = np.zeros(len(model.parameters), dtype=np.bool_)
     for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
         changing[column] = "ddq" not in symbols(law.expression)
@@ -357,16 +357,16 @@ def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
 
 
 def _diagnosed(error: EstimationError, findings: Sequence[Finding]) -> EstimationError:
-    """Return what stopped the estimate with what the doctor says of the recordings, which is the likely cause."""
-    told = [finding for finding in findings if finding.severity == "error"]
-    if not told:
+    """The error with the doctor's errors on the recordings, which are its likely cause."""
+    errors = [finding for finding in findings if finding.severity == "error"]
+    if not errors:
         return error
-    problem = " ".join([error.problem, *(f"[{finding.code}] {finding.evidence}" for finding in told)])
-    return EstimationError(problem, possible=error.possible, remedy="; ".join(finding.remedy for finding in told))
+    problem = " ".join([error.problem, *(f"[{finding.code}] {finding.evidence}" for finding in errors)])
+    return EstimationError(problem, possible=error.possible, remedy="; ".join(finding.remedy for finding in errors))
 
 
 def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:
-    """Tell which terms were used, on which joints, with which shapes."""
+    """Terms of a model with their joints and shapes."""
     names = model.robot.joint_names
     uses: list[TermUse] = []
     for term in model.terms:

@@ -1,4 +1,4 @@
-"""Does what was measured look like the arm that the description tells of? Questions worth asking before any fit."""
+"""Plausibility checks of an estimate against its data and the description."""
 
 from __future__ import annotations
 
@@ -37,25 +37,25 @@ __all__ = [
 ]
 
 FAR = 20.0
-"""Factor between the mass of a link and the described one from which on they have nothing to do with each other."""
+"""Factor between the estimated and the described mass of a link from which it is reported."""
 
 NAMED = 4
 
 TELLING = 0.5
-"""Share of a value below which it is more the prior's than the data's."""
+"""Share of information from data below which a value is determined by the prior."""
 
 
 def plausibility_findings(
     model: DynamicsModel, information: Information, problem: EstimationProblem, fit: Fit, *, chosen: bool
 ) -> list[Finding]:
-    """Return what speaks against taking an estimate at its word.
+    """Findings that question an estimate.
 
     Args:
         model: Arm and torque terms.
-        information: Factors with friction that all recordings share.
-        problem: What the estimate was made from, with its samples.
+        information: Information with one set of friction parameters for all recordings.
+        problem: Estimation problem, with its samples.
         fit: The estimate.
-        chosen: Whether friction was to be chosen by what it predicts.
+        chosen: Whether friction was selected.
     """
     _, _, observations = problem.require_samples("identify")
     found = [
@@ -71,62 +71,62 @@ def plausibility_findings(
 
 
 def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
-    """Offsets that differ between recordings by more than is left of the joint's torque, or `None`."""
-    said: list[str] = []
+    """Finding on offsets that differ between recordings by more than the joint's RMS residual, or `None`."""
+    drifts: list[str] = []
     for parameter in (each for each in model.parameters if each.name in offset_names(model)):
-        own = [k for k, name in enumerate(fit.names) if name.split("[", 1)[0] == parameter.name]
-        low, high = fit.intervals[own].T
-        values = fit.values[own]
-        if len(own) > 1 and np.ptp(values) > fit.residual_rms[parameter.number - 1] and low.max() > high.min():
+        copies = [k for k, name in enumerate(fit.names) if name.split("[", 1)[0] == parameter.name]
+        low, high = fit.intervals[copies].T
+        values = fit.values[copies]
+        if len(copies) > 1 and np.ptp(values) > fit.residual_rms[parameter.number - 1] and low.max() > high.min():
             each = ", ".join(f"{value:.2g}" for value in values)
-            said.append(f"{parameter.name} {each} {parameter.unit}")
-    if not said:
+            drifts.append(f"{parameter.name} {each} {parameter.unit}")
+    if not drifts:
         return None
     return Finding(
         "offset-drift",
         "warning",
         "",
-        f"Offsets differ between recordings: {'; '.join(said)}. The mean stands for another recording, whose own "
-        "offset nobody knows; its band is wider by their scatter.",
+        f"Offsets differ between recordings: {'; '.join(drifts)}. The offset of another recording is unknown, so "
+        "their mean is used for it, and its prediction interval is wider by their scatter.",
         "zero the torque sensors before a recording, or estimate offsets anew from a short one (armid recalibrate).",
     )
 
 
 def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None:
-    """Links whose mass the data leave open and that came out far from the described one, or `None`."""
-    found = fit.standard
-    if found is None or standard is None or standard.nominal is None:
+    """Finding on links whose mass the data do not determine and that is far from the described one, or `None`."""
+    standard_fit = fit.standard
+    if standard_fit is None or standard is None or standard.nominal is None:
         return None
     masses = standard.inertial[:, 0]
     names = [standard.names[k] for k in masses]
-    # By name: friction of several recordings has copies among the parameters that were found.
-    values = np.array([found.values[found.names.index(name)] for name in names])
-    said = far_masses(names, values, standard.nominal[masses])
-    if not said:
+    # By name, since the fit has copies of friction parameters for several recordings.
+    values = np.array([standard_fit.values[standard_fit.names.index(name)] for name in names])
+    masses_text = far_masses(names, values, standard.nominal[masses])
+    if not masses_text:
         return None
     return Finding(
         "mass-far-from-description",
         "warning",
         "",
-        f"Torques do not tell these masses apart from others, and they came out far from the description's: {said}. "
-        "Torque is the same; a body that is shown or simulated on its own is not.",
+        f"The data do not determine these masses, and they are far from the description's: {masses_text}. "
+        "Torques are not affected, but a simulation of single links is.",
         'physical = { prior = "log-det" }  # in [estimation]: what data leave open stays near the description',
     )
 
 
 def far_masses(names: Sequence[str], found: Array, described: Array) -> str:
-    """Masses (K,) [kg] that have nothing to do with those described (K,), in words; empty where there are none."""
+    """Text on masses (K,) [kg] that are far from those described (K,); empty without any."""
     far = (described > 0.0) & ((found < described / FAR) | (found > described * FAR))
-    said = [
+    texts = [
         f"{name} {mass:.3g} kg (described: {nominal:.3g})"
-        for name, mass, nominal, told in zip(names, found, described, far, strict=True)
-        if told
+        for name, mass, nominal, is_far in zip(names, found, described, far, strict=True)
+        if is_far
     ]
-    return ", ".join(said[:NAMED]) + (" and more" if len(said) > NAMED else "")
+    return ", ".join(texts[:NAMED]) + (" and more" if len(texts) > NAMED else "")
 
 
 def excitation_finding(information: Information, robot: Robot, observations: Observations) -> Finding | None:
-    """A motion that hardly tells some parameters apart, with their names, or `None`; as the doctor's."""
+    """Finding on a motion that hardly separates some parameters, or `None`; as by the doctor."""
     _, values, directions = np.linalg.svd(unit_columns(stack(total(information))[0])[0], full_matrices=False)
     condition = float(values[0] / values[-1])
     if condition <= WEAK_CONDITION:
@@ -142,11 +142,11 @@ def excitation_finding(information: Information, robot: Robot, observations: Obs
 
 
 def chosen_finding(ladder: FrictionSelection, method: str) -> Finding:
-    """Tell how friction that was chosen is estimated, which a study need not have said."""
+    """Finding on how selected friction is estimated."""
     if ladder.prior_weight is None:
         return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")
     evidence = (
-        "Friction was chosen with the bodies under a prior of the weight that erred least on left-out motion, "
+        "Friction was chosen with the links under a prior, whose weight has the smallest error on held-out motion, "
         f"{ladder.prior_weight:.3g} independent samples; the estimate is by {method}. The choice holds for speeds "
         "and poses like those recorded."
     )
@@ -154,7 +154,7 @@ def chosen_finding(ladder: FrictionSelection, method: str) -> Finding:
 
 
 def few_blocks_finding(fit: Fit) -> Finding | None:
-    """Intervals that take residuals as white without a test having said so, or `None`."""
+    """Finding on intervals that assume white residuals without a test, or `None`."""
     if fit.covariance_kind != "white" or fit.report.whiteness is not None:
         return None
     return Finding(
@@ -167,15 +167,16 @@ def few_blocks_finding(fit: Fit) -> Finding | None:
 
 
 def weak_finding(information: Information, observations: Observations, fit: Fit, *, chosen: bool) -> Finding | None:
-    """Data that say next to nothing where prior, physics or candidates of friction fill the gap, or `None`.
+    """Finding on weak data, where prior, constraints or selected friction determine much of the estimate, or `None`.
 
-    Plain methods refuse what the data leave open. These answer all the same, and it looks like any other estimate.
+    Plain methods refuse parameters that the data do not determine. Methods with a prior give an estimate all the
+    same.
 
     Args:
-        information: What the estimate was made from.
-        observations: The same, as rows.
+        information: Information of the training recordings.
+        observations: Their observations.
         fit: The estimate.
-        chosen: Whether friction was to be chosen by what it predicts.
+        chosen: Whether friction was selected.
     """
     if fit.standard is None and not chosen:
         return None
@@ -183,50 +184,53 @@ def weak_finding(information: Information, observations: Observations, fit: Fit,
     blocks = int(np.count_nonzero(information.rows.any(axis=1)))
     unjudged = fit.standard is not None and fit.standard.prior.how == NOT_JUDGED
     needed = FEWEST if chosen else FOLDS if unjudged else 0
-    longer, said, weak = 1.0, list[str](), False
+    longer, reasons, weak = 1.0, list[str](), False
     if rows < FEWEST_ROWS * parameters:
         longer = FEWEST_ROWS * parameters / rows
-        said.append(f"{rows} rows are few for {parameters} parameters, {FEWEST_ROWS} for each are the least")
+        reasons.append(f"{rows} rows are few for {parameters} parameters, {FEWEST_ROWS} for each are the least")
         weak = True
     if blocks < needed:
         longer = max(longer, needed / blocks)
         choice = "choose friction by what is left out" if chosen else "judge the prior's weight, which is one sample"
-        said.append(f"{blocks} blocks of rows are too few to {choice}; {needed} are the least")
+        reasons.append(f"{blocks} blocks of rows are too few to {choice}; {needed} are the least")
         weak = weak or chosen
-    open_ = _decided_otherwise(information, fit)
+    open_ = _count_prior_determined(information, fit)
     if 2 * open_ > parameters:
         kind = "" if fit.standard is None else f"{fit.standard.prior.kind} "
-        said.append(
+        reasons.append(
             f"{open_} of {parameters} base parameters have more of the {kind}prior and physics in them than of data"
         )
         weak = True
-    if not said:
+    if not reasons:
         return None
     seconds = sum(float(run.mask.any(axis=1).sum()) * run.step / run.rate for run in observations.runs)
     remedy = "move all joints together, fast and wide"
     if longer > 1.0:
         remedy = f"record {np.ceil(longer * seconds):.0f} s or more instead of {seconds:.2g} s, and {remedy}"
-    told = "What the data tell is the same; a description that is wrong may be followed too far or too little."
-    meaning = "The estimate is an arm that could be, not this one; it may fail on other motion." if weak else told
-    return Finding("weak-data", "warning" if weak else "info", "", f"{'; '.join(said)}. {meaning}", f"{remedy}.")
+    meaning = (
+        "The weight of the prior could not be chosen from data; a wrong description may have too much influence."
+    )
+    if weak:
+        meaning = "The data do not determine the model: it is physically possible but may fail on other motion."
+    return Finding("weak-data", "warning" if weak else "info", "", f"{'; '.join(reasons)}. {meaning}", f"{remedy}.")
 
 
-def _decided_otherwise(information: Information, fit: Fit) -> int:
-    """Tell how many base parameters would be more of a prior of one sample, and of physics, than of the data.
+def _count_prior_determined(information: Information, fit: Fit) -> int:
+    """Number of base parameters that a prior of one sample and the constraints determine more than the data do.
 
-    A description that foretells what was left out may weigh more; data are not weak because it is right.
+    The weight is one sample, since a larger weight of a right description does not make the data weak.
     """
     if fit.prior_precision is None or fit.standard is None:
         return 0
     prior = fit.prior_precision / max(fit.standard.prior.weight, 1.0)
     rows = stack(total(information), fit.weights)[0]
-    told = rows.T @ rows
-    share = np.sum(inverse_of(told + prior) * told, axis=1)
+    data_precision = rows.T @ rows
+    share = np.sum(inverse_of(data_precision + prior) * data_precision, axis=1)
     return int(np.count_nonzero(share < TELLING))
 
 
 def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
-    """Friction or rotor inertia whose whole interval lies where physics forbids it, or `None`."""
+    """Finding on friction or rotor inertia whose whole interval is negative, or `None`."""
     forbidden = {parameter.name for parameter in model.parameters if parameter.nonnegative}
     names = [
         name
@@ -235,12 +239,12 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
     ]
     if not names:
         return None
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    others = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     return Finding(
         "not-physical",
         "warning",
         "",
-        f"{', '.join(names[:NAMED])}{more}: negative with the whole 95 % interval, as in no arm. The model lacks "
-        "something that the motion shows, or the motion does not tell these parameters from others.",
-        'use method = "physical", and look at what the report says is left.',
+        f"{', '.join(names[:NAMED])}{others}: the whole 95 % interval is negative, which cannot be. The model lacks "
+        "an effect that the motion shows, or the motion does not separate these parameters from others.",
+        'use method = "physical", and look at the residuals in the report.',
     )

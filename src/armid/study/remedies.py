@@ -1,4 +1,4 @@
-"""Remedies of findings: for a study, and for somebody who came with a robot and recordings alone."""
+"""Remedies of findings as lines of a study and as options of the command line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TABLES: Mapping[str, type] = {
     "recording": LogFormat,
     "estimation": EstimationChoice,
 }
-"""Tables by the values that they make; what none of them knows belongs to the processing."""
+"""Classes of the tables of a study; keys of none of them belong to `[processing]`."""
 
 OF_READING = ("rate", "time_unit", "columns", "units", "period", "torque_sign")
 OPTIONS = (*OF_READING, "gravity", "terms", "cutoff", "edges", "slow", "standstill", "method")
@@ -35,10 +35,10 @@ ASSIGNMENT = re.compile(r'\b([a-z_]+) = ("[^"]*"|[-+.\de]*\d|\[[^\[\]]*\]|\{[^{}
 
 
 def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
-    """A remedy's keys by the table of the study that they belong to; none where it is to be done by hand.
+    """Keys of a remedy by table of the study; none where it is to be done by hand.
 
     Raises:
-        StudyError: It is neither.
+        StudyError: The remedy is neither lines of a study nor work by hand.
     """
     if not remedy or remedy.startswith(BY_HAND):
         return {}
@@ -48,20 +48,20 @@ def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
         raise StudyError(
             f"The remedy {remedy!r} is no line of a study: {error}.", remedy="write it by hand."
         ) from error
-    found: dict[str, dict[str, Any]] = {}
+    tables: dict[str, dict[str, Any]] = {}
     for key, value in keys.items():
-        homes = [name for name, kind in TABLES.items() if key in {f.name for f in dataclasses.fields(kind)}]
-        found.setdefault(homes[0] if homes else "processing", {})[key] = value
-    return found
+        owners = [name for name, kind in TABLES.items() if key in {f.name for f in dataclasses.fields(kind)}]
+        tables.setdefault(owners[0] if owners else "processing", {})[key] = value
+    return tables
 
 
 def applied(study: Study, path: str, remedy: str) -> Study:
-    """The study with a remedy for one of its recordings.
+    """The study with a remedy applied to one of its recordings.
 
     Args:
         study: The study.
         path: The recording that the remedy is for.
-        remedy: As a finding has it.
+        remedy: Remedy of a finding.
     """
     tables = tables_of(remedy)
     how = tables.pop("recording", {})
@@ -74,27 +74,27 @@ def applied(study: Study, path: str, remedy: str) -> Study:
 
 
 def as_option(remedy: str, options: Collection[str] = OPTIONS) -> str | None:
-    """The options of the command line that say the same, or `None` where there are none.
+    """Options of the command line for a remedy, or `None` where there are none.
 
     Args:
         remedy: As a finding has it.
         options: Keys that the command has options for.
     """
-    said: list[str] = []
+    texts: list[str] = []
     for keys in tables_of(remedy).values():
         for key, value in keys.items():
             values = _values(key, value) if key in options else None
             if values is None:
                 return None
-            said += [f"--{key.replace('_', '-')} {each}" for each in values]
-    return " ".join(said) or None
+            texts += [f"--{key.replace('_', '-')} {each}" for each in values]
+    return " ".join(texts) or None
 
 
 def at_the_prompt(remedy: str, options: Collection[str]) -> str:
-    """A remedy for somebody at the command line: the options of the command first, then the keys of a study.
+    """Text of a remedy for the command line: options of the command first, then keys of a study.
 
     Args:
-        remedy: Of a finding or an error.
+        remedy: Remedy of a finding or an error.
         options: Keys that the command has options for.
     """
     try:
@@ -117,7 +117,7 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
 
 
 def _values(key: str, value: Any) -> list[str] | None:
-    """Return what stands behind an option, once for each time it is given; `None` where it cannot say that."""
+    """Values of an option, one for each time it is given; `None` where the option cannot express the value."""
     if key == "terms":
         return [",".join(value)]
     if key == "gravity":
@@ -131,13 +131,13 @@ def _values(key: str, value: Any) -> list[str] | None:
 
 
 def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -> str:
-    """A whole study that says it.
+    """Text of a whole study with a remedy applied.
 
     Args:
         remedy: As a finding has it.
-        study: Of the command line: its arm and terms.
+        study: Study made from the command line: its arm and terms.
         path: The recording.
-        reading: What the command line says of it.
+        reading: Log format options of the command line.
     """
     tables = tables_of(remedy)
     arm = {key: value for key, value in dataclasses.asdict(study.robot).items() if value not in (None, (), {})}

@@ -1,8 +1,8 @@
-"""Can these parameters belong to a real body? The nearest consistent ones, and what separates them.
+"""Certificate of physical consistency: distance of parameters to the nearest consistent ones.
 
-Consistent means: every link's pseudo-inertia positive semidefinite [Wensing2018], friction and rotor inertia not
-negative. The set is a convex cone in the standard parameters θ, and base parameters are linear in θ, so the distance
-|L θ - values| from it is a small conic program with one answer.
+Parameters are consistent if the pseudo-inertia of every link is positive semidefinite [Wensing2018] and friction and
+rotor inertia are not negative. This set is a convex cone in the standard parameters θ, and base parameters are linear
+in θ, so the smallest distance |L θ - values| is a small convex program.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from armid.values import Array, array
 __all__ = ["Blame", "Certificate", "certify_values"]
 
 FEASIBLE = 1e-6
-"""Distance over the values' length at which they count as consistent: what the solver leaves."""
+"""Relative distance up to which values count as consistent: the accuracy of the solver."""
 
 
 @dataclass(frozen=True, slots=True)
 class Blame:
-    """A value and how far the nearest consistent one lies from it.
+    """Difference of one value from the nearest consistent one.
 
     Attributes:
         name: The parameter.
@@ -41,18 +41,18 @@ class Blame:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Certificate:
-    """Verdict on whether values can belong to a real body.
+    """Physical consistency of values.
 
     Attributes:
-        feasible: Whether they can.
-        distance: Euclidean distance to the nearest that can, over the values given, in SI units.
-        relative_distance: The same over the values' length.
-        inertial_distance: The part of the distance in values that bodies have a share in, over the length of these.
-        blame: Every value's change on the way there, largest first.
+        feasible: Whether the values are consistent.
+        distance: Euclidean distance to the nearest consistent values, in SI units.
+        relative_distance: Distance over the norm of the values.
+        inertial_distance: The same for the values that depend on inertial parameters.
+        blame: Change of every value to the nearest consistent one, largest first.
         nearest: The nearest consistent values, in the order given.
-        witness: Standard parameters (p,) of a body that has them.
-        masses: Its links' masses, shape (n,) [kg].
-        gap: By how much a body may be nearer, over the distance, at least one.
+        witness: Standard parameters (p,) of a consistent arm with these nearest values.
+        masses: Masses of its links, shape (n,) [kg].
+        gap: Bound on how much nearer other consistent values can be, over the distance or 1 if that is larger.
     """
 
     feasible: bool
@@ -76,7 +76,7 @@ def certify_values(
     epsilon: float = EPSILON,
     heaviest: float | None = None,
 ) -> Certificate:
-    """The certificate of values that are linear in the standard parameters.
+    """Certifies values that are linear in the standard parameters.
 
     Args:
         model: Arm and torque terms.

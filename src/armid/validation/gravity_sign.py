@@ -1,9 +1,9 @@
-"""Do parameters alone say that they were identified under the opposite gravity, or the opposite torque?
+"""Detection of the opposite sign of gravity or torque from identified parameters alone.
 
-A grouped first moment such as MYR_2 = MY_2 + 0.2045 M_3 + 0.42 (M_4 + …) holds the weight of all that a joint
-carries at the length of the arm. Masses are positive and centres of mass lie within their links, so that its sign
-is that of the lengths. Identified with gravity the wrong way round, these moments come out with the other sign,
-while friction and inertias keep theirs.
+A regrouped first moment such as MYR_2 = MY_2 + 0.2045 M_3 + 0.42 (M_4 + …) contains the masses of all links that a
+joint carries, times lengths of the arm. Masses are positive and centres of mass lie within their links, so its sign
+is that of the lengths. Under gravity of the opposite sign these moments have the opposite sign, while friction and
+inertias keep theirs.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from armid.values import array
 __all__ = ["gravity_finding", "gravity_sign_finding"]
 
 STRONGEST_GRAVITY = 15.0
-"""Accelerations above this are no gravity on any planet that arms stand on, but a slip of the pen [m/s²]."""
+"""Acceleration above which a stated gravity is a mistake [m/s²]."""
 
 WEIGHTY = 0.1
-"""Share of the largest of these moments below which one says nothing: the own moments of a wrist outweigh its
-lengths."""
+"""Share of the largest of these moments below which one is ignored: in a wrist a link's own moment can exceed that of
+the carried masses."""
 
 MOMENTS = ("MX", "MY", "MZ")
 FRICTION = ("FV", "FS")
 
 
 def gravity_finding(robot: Robot) -> Finding | None:
-    """A gravity that no arm stands in, or `None`."""
+    """Finding on an implausible strength of gravity, or `None`."""
     strength = float(np.linalg.norm(robot.gravity))
     if strength <= STRONGEST_GRAVITY:
         return None
@@ -44,10 +44,10 @@ def gravity_finding(robot: Robot) -> Finding | None:
 
 
 def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | None:
-    """A suspicion that gravity, or the torque, had the other sign; `None` where the parameters give no reason.
+    """Finding that gravity or the torque seems to have the opposite sign, or `None`.
 
     Args:
-        base: Which parameters these are, and under which gravity.
+        base: Base parameters, with their gravity.
         values: Base parameters, shape (b,).
     """
     values = array(values, (base.count,), "base parameters")
@@ -69,8 +69,10 @@ def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | N
     if turned:
         return Finding("torque-sign", "warning", "", f"{evidence} Friction is negative too.", "torque_sign = -1")
     opposite = ", ".join(f"{-x + 0.0:.4g}" for x in base.gravity)
-    kept = " Friction has the right sign, so that gravity alone is turned." if len(friction) else ""
-    return Finding("gravity-direction", "warning", "", f"{evidence}{kept}", f"gravity = [{opposite}]  # in [robot]")
+    friction_text = " Friction has the right sign, so that gravity alone is turned." if len(friction) else ""
+    return Finding(
+        "gravity-direction", "warning", "", f"{evidence}{friction_text}", f"gravity = [{opposite}]  # in [robot]"
+    )
 
 
 def _forced(base: BaseParameters, symbols: NDArray[np.str_]) -> NDArray[np.float64]:

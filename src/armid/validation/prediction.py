@@ -1,4 +1,4 @@
-"""Torque error of a model on validation motion, joint by joint, beside that of the description's own parameters."""
+"""Torque error of a model on validation recordings, joint by joint, compared with that of the description."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from armid.values import Array, array
 __all__ = ["Check", "Score", "Validation", "score", "validate"]
 
 CLOSE_TO_TRAINING = 3.0
-"""Largest total error on unseen motion, over that on training motion, that still counts as the same model."""
+"""Largest ratio of the total error on held-out motion to that on training motion that passes."""
 
 SMALL_SHARE = 0.02
-"""Share of the torque's spread that is small whatever the training error was, which on clean data is next to none."""
+"""Share of the torque's standard deviation up to which an error always passes: on clean data the training error is
+nearly zero."""
 
 COVERED_ROWS = 20_000
-"""Rows over which bands are evaluated; of more, every k-th."""
+"""Largest number of rows on which prediction intervals are evaluated; of more rows, every k-th."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +34,9 @@ class Check:
     """One named condition of the verdict.
 
     Attributes:
-        name: What is checked.
-        value: What was found.
-        bound: What it must not exceed.
+        name: Name of the condition.
+        value: Value found.
+        bound: Largest value that passes.
         ok: Whether it holds.
     """
 
@@ -47,16 +48,16 @@ class Check:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Score:
-    """Torque error on one recording, each per joint (n,); NaN for a joint of which no row counts.
+    """Torque error on one recording, joint by joint (n,); NaN for a joint without rows that count.
 
     Attributes:
         path: The recording.
         sha256: Its digest.
-        rms: In the study's band [N·m or N].
-        rms_raw: Against the torque as recorded [N·m or N].
+        rms: RMS error in the study's band [N·m or N].
+        rms_raw: RMS error against the unfiltered torque [N·m or N].
         spread: Standard deviation of the torque in the band [N·m or N].
         peak: Largest error in the band [N·m or N].
-        coverage95: Share of rows inside the 95 % band.
+        coverage95: Share of rows inside the 95 % prediction interval.
         prior_rms: `rms` of the description's inertial parameters without friction; `None` where it has none.
     """
 
@@ -84,12 +85,12 @@ class Score:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Validation(Displayed):
-    """Scores on recordings that no parameter has seen, and the verdict.
+    """Scores on validation recordings, and the verdict.
 
     Attributes:
         joints: Names of the joints.
         recordings: A score for each recording.
-        verdict: `pass` where every check holds, `fail` where one does not, `not judged` without unseen motion.
+        verdict: `pass` if every check holds, `fail` if one does not, `not judged` without validation recordings.
         checks: The named conditions.
     """
 
@@ -99,7 +100,7 @@ class Validation(Displayed):
     checks: tuple[Check, ...]
 
     def summary(self) -> Summary:
-        """Torque error of every joint on each recording."""
+        """Table of the torque error of every joint on each recording."""
         names = names_apart(each.path for each in self.recordings)
         columns = ("joint", *(f"{names[each.path]}, RMS" for each in self.recordings))
         rows = tuple(
@@ -118,7 +119,7 @@ def score(
     path: str = "",
     sha256: str = "",
 ) -> Score:
-    """Compare the estimate's torque with that of one recording."""
+    """Compares the estimate's torque with that of one recording."""
     theta = torque_parameters(estimate.base, estimate.fit)
     found = _together([compare(model, theta, run, observations.band) for run in observations.runs])
     residual = np.where(found.mask, found.residual, np.nan)
@@ -140,7 +141,7 @@ def score(
 
 
 def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate) -> Validation:
-    """Put scores on unseen motion together and judge them."""
+    """Checks scores on validation recordings and gives the verdict."""
     checks: list[Check] = []
     training = float(np.linalg.norm(estimate.fit.residual_rms))
     for each in scores:
@@ -161,7 +162,7 @@ def validate(joints: Sequence[str], scores: Sequence[Score], estimate: Estimate)
 
 
 def _together(parts: Sequence[Comparison]) -> Comparison:
-    """Rows of several runs one after another."""
+    """Comparison of several runs, concatenated."""
     return Comparison(
         np.concatenate([part.measured for part in parts]),
         np.concatenate([part.predicted for part in parts]),
@@ -172,18 +173,18 @@ def _together(parts: Sequence[Comparison]) -> Comparison:
 
 
 def _of_known(function: Callable[[Array], Any], values: Array) -> Array:
-    """A number for each column from what is not NaN in it; NaN where nothing is."""
+    """Function of the values of each column that are not NaN; NaN for a column without any."""
     columns = [column[~np.isnan(column)] for column in values.T]
     return np.array([float(function(column)) if len(column) else np.nan for column in columns])
 
 
 def _rms(residual: Array) -> Array:
-    """Root mean square of each column, NaN left out."""
+    """Root mean square of each column, without NaN."""
     return np.sqrt(_of_known(np.mean, residual**2))
 
 
 def _coverage(model: DynamicsModel, estimate: Estimate, observations: Observations, residual: Array) -> Array:
-    """Share of rows (n,) whose error lies inside the 95 % band of parameters and noise."""
+    """Share of rows (n,) whose error lies inside the 95 % prediction interval."""
     every = max(1, len(residual) // COVERED_ROWS)
     ends = np.cumsum([len(run.rows) for run in observations.runs])[:-1]
     residual = np.concatenate([part[::every] for part in np.split(residual, ends)])

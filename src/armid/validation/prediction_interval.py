@@ -1,7 +1,7 @@
-"""The 95 % band of a predicted torque: what the parameters leave open, and the noise that the model left.
+"""95 % prediction interval of a torque, from the uncertainty of the parameters and the noise.
 
-With x the columns of a joint's row and Σ the parameters' covariance, its variance is xᵀ Σ x + σ². The share of the
-parameters has their degrees of freedom, the noise has many [Satterthwaite1946].
+With x the columns of a joint's row and Σ the parameters' covariance, the variance is xᵀ Σ x + σ². The first part has
+the degrees of freedom of the parameters, the noise has many [Satterthwaite1946].
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from armid.values import Array
 __all__ = ["band_of_rows", "torque_band"]
 
 SMALLEST_SHARE = 1e-3
-"""Share of the parameters in a band's variance below which their degrees of freedom are as good as infinite."""
+"""Share of the parameters in the variance below which their degrees of freedom are taken as infinite."""
 
 PART = 8192
-"""Samples of a motion whose columns are made at a time."""
+"""Samples of a motion whose columns are computed at a time."""
 
 
 def torque_band(model: DynamicsModel, estimate: Estimate, motion: Motion) -> Array:
-    """Half of the width of the 95 % band along a motion, shape (N, n) [N·m or N].
+    """Half width of the 95 % prediction interval along a motion, shape (N, n) [N·m or N].
 
-    It is that of the torque in the band that the estimate was made in; what a sensor hisses beyond it comes on top.
+    It holds for the torque in the band of the estimate; sensor noise outside the band is not included.
 
     Args:
         model: Arm and torque terms of the estimate.
         estimate: The estimate.
-        motion: N samples, with the states of what the model remembers.
+        motion: N samples, with hysteresis states if the model has any.
     """
     widths = [np.zeros((0, model.n))]
     for first in range(0, motion.samples, PART):
@@ -50,15 +50,15 @@ def torque_band(model: DynamicsModel, estimate: Estimate, motion: Motion) -> Arr
 
 
 def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observations, every: int = 1) -> Array:
-    """Half of the width of the 95 % band on every k-th row of all runs, shape (M, n) [N·m or N].
+    """Half width of the 95 % prediction interval on every k-th row of all runs, shape (M, n) [N·m or N].
 
     Args:
         model: Arm and torque terms of the estimate.
         estimate: The estimate.
-        observations: Runs, in the band that they are compared in.
+        observations: Runs with their band.
         every: k.
     """
-    from scipy.special import stdtrit  # a third of a second to import
+    from scipy.special import stdtrit  # slow to import
 
     base, fit = estimate.base, estimate.fit
     share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
@@ -68,9 +68,9 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
 
 
 def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
-    """Covariance (b, b) of the base parameters that predict a recording.
+    """Covariance (b, b) of the base parameters for the prediction of a recording.
 
-    Where each recording has values of its own, it is that of their mean, and the scatter of a further one's about it.
+    Where each recording has its own values, it is the covariance of their mean plus the scatter of a new value.
     """
     copies = [name.split("[", 1)[0] for name in fit.names]
     mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)

@@ -1,7 +1,7 @@
-"""The thesis's constraints on physical parameters, (3.52) and (3.53), checked link by link.
+"""Constraints of the thesis on physical parameters, (3.52) and (3.53), checked link by link.
 
-They are heuristics beside the one that matters, the pseudo-inertia: a body that keeps them all need not exist, and a
-published model of the arm breaks some. So they are reported, never enforced.
+They are heuristics. Unlike a positive definite pseudo-inertia they do not guarantee that a body exists, and a
+published model of the arm violates some of them. So they are reported, never enforced.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from armid.values import Array, array
 __all__ = ["ROUNDING", "Constraint", "thesis_constraints"]
 
 ROUNDING = 5e-4
-"""Values printed with three decimals are known to half of the last one."""
+"""Rounding error of values that are printed with three decimals."""
 
 LONG_ALONG_Z = (1, 3, 5)
 LONG_ALONG_Y = (2, 4)
@@ -23,7 +23,7 @@ LONG_ALONG_Y = (2, 4)
 
 @dataclass(frozen=True, slots=True)
 class Constraint:
-    """One constraint on one link: value at least bound.
+    """One constraint on one link, value ≥ bound.
 
     Attributes:
         constraint: Its number in the thesis.
@@ -31,7 +31,7 @@ class Constraint:
         value: Left-hand side.
         bound: Right-hand side.
         ok: Whether it holds.
-        rounding: Whether it could hold for values that print the same.
+        rounding: Whether it could hold for values that round to the printed ones.
     """
 
     constraint: str
@@ -43,7 +43,7 @@ class Constraint:
 
 
 def thesis_constraints(mass: Array, inertia: Array, rounding: float = ROUNDING) -> tuple[Constraint, ...]:
-    """Check (3.52c), (3.52d) and (3.53a) to (3.53f).
+    """Checks (3.52c), (3.52d) and (3.53a) to (3.53f).
 
     Args:
         mass: Masses, shape (n,) [kg].

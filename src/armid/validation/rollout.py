@@ -1,11 +1,11 @@
-"""The identified model set free: which motion follows from a torque, and not only which torque from a motion.
+"""Rollout of a model: forward simulation of windows of a recording from initial state and torque.
 
-The model's own mass matrix and bias torque are integrated by leapfrog,
+The model's mass matrix and bias torque are integrated by leapfrog,
 
     (M + h/2 D) a = τ - bias(q, v̂) - rest(v̂) - dry,   v(k+1/2) = v(k-1/2) + h a,   q(k+1) = q(k) + h v(k+1/2)
 
-for many windows of a recording at once. Velocity dependence is linearised (D), dry friction sticks or slides
-(`armid.maths.stiction`): widths over which a sign turns are there for estimation, and become zero here.
+for many windows of a recording at once. Velocity dependence is linearised (D). Dry friction sticks or slides
+(`armid.maths.stiction`): the widths by which signs are smoothed for estimation are set to zero.
 """
 
 from __future__ import annotations
@@ -29,33 +29,34 @@ from armid.values import Array, array
 __all__ = ["Feedback", "RolledOut", "Windows", "roll_out", "sharpened"]
 
 SIGNED = ("coulomb", "asymmetric-coulomb", "load-coulomb", "stribeck")
-"""Terms whose width only blurs a sign."""
+"""Terms whose width only smooths a sign."""
 
 LEAST_RATE = 1000.0
-"""Steps a second [Hz], at least: leapfrog's error falls with their square, and arms end far below a tenth of it."""
+"""Smallest rate of integration steps [Hz]. The error of leapfrog falls with its square; the fastest modes of arms are
+far below a tenth of it."""
 
 STABLE = 0.8
 """Largest product of step and frequency of a feedback; leapfrog is stable below 2."""
 
 REST = 1e-9
-"""Velocity [rad/s or m/s] on either side of rest at which dry friction is read off."""
+"""Velocity [rad/s or m/s] on either side of zero at which dry friction is evaluated."""
 
 NUDGE = 1e-4
-"""Change of velocity [rad/s or m/s] over which friction's slope is taken; laws bend over a hundred times as much."""
+"""Step of velocity [rad/s or m/s] for the slope of friction; laws change over a hundred times as much."""
 
 RUNAWAY = 100.0
-"""Speed [rad/s or m/s] at which a window has run away; arms end at ten."""
+"""Speed [rad/s or m/s] at which a window has diverged; arms reach ten at most."""
 
-LOOKED_AT = 50
-"""Steps from one look at the mass matrix to the next."""
+CHECK_EVERY = 50
+"""Steps from one check of the mass matrix to the next."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Feedback:
-    """Linear feedback of the controller that was running, τ = … + KP e + KD ė + KI ∫e, joint by joint.
+    """Linear feedback of the recorded controller, τ = … + KP e + KD ė + KI ∫e, joint by joint.
 
-    What the controller was asked for need not be known: at the recorded motion it gave the recorded torque, so that
-    on another motion it gives that plus the feedback of the difference.
+    The controller's reference need not be known: at the recorded motion it gave the recorded torque, so on another
+    motion it gives that torque plus the feedback of the difference.
 
     Attributes:
         proportional: KP, shape (n,) [N·m/rad or N/m].
@@ -85,7 +86,7 @@ class Windows:
         dq: Velocities, shape (W, S, n).
         ddq: Accelerations, shape (W, S, n).
         torque: Torque of the joints, shape (W, S, n) [N·m or N].
-        memory: States of the model's memory nodes at the first samples, shape (W, m).
+        memory: Hysteresis states at the first samples, shape (W, m).
         step: Time from sample to sample [s].
     """
 
@@ -98,7 +99,7 @@ class Windows:
 
 
 def sharpened(model: DynamicsModel) -> DynamicsModel:
-    """The model with true signs where a width blurs them; its parameters stay what they are."""
+    """The model with exact signs in the place of smoothed ones, and the same parameters."""
     terms: list[Any] = list(model.terms)
     sharp = [dataclasses.replace(term, width=0.0) if term.name in SIGNED else term for term in terms]
     return dataclasses.replace(model, terms=tuple(sharp))
@@ -106,12 +107,12 @@ def sharpened(model: DynamicsModel) -> DynamicsModel:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RolledOut:
-    """Motion that a model makes of windows.
+    """Simulated motion of windows.
 
     Attributes:
         q: Positions, shape (W, S, n) [rad or m]; NaN from where a window is lost.
-        ran_away: Windows that were lost because a joint was faster than any arm, shape (W,).
-        indefinite: Those that were lost because the mass matrix was not positive definite, shape (W,).
+        ran_away: Flags of windows that diverged: a joint was faster than any arm, shape (W,).
+        indefinite: Flags of windows lost because the mass matrix was not positive definite, shape (W,).
     """
 
     q: Array
@@ -120,20 +121,20 @@ class RolledOut:
 
     @property
     def stayed(self) -> NDArray[np.bool_]:
-        """Windows that have positions to their end, shape (W,)."""
+        """Flags of windows that were simulated to their end, shape (W,)."""
         return ~(self.ran_away | self.indefinite)
 
 
 def roll_out(
     model: DynamicsModel, parameters: Array, windows: Windows, feedback: Feedback | None = None
 ) -> RolledOut:
-    """The motion that follows from the first states and the torque.
+    """Simulates the motion of windows from their first states and the recorded torque.
 
     Args:
         model: Arm and torque terms.
         parameters: Standard parameters, shape (p,), or any with the same torque.
-        windows: What was recorded.
-        feedback: Of the controller that was running; without one the recorded torque acts alone.
+        windows: Recorded motion and torque.
+        feedback: Feedback of the recorded controller; without one the recorded torque acts alone.
     """
     run = _RollOut(sharpened(model), parameters, windows, feedback)
     found = np.empty_like(windows.q)
@@ -142,13 +143,13 @@ def roll_out(
         found[:, k] = np.where(run.alive[:, None], run.q, np.nan)
         if k + 1 < samples:
             run.advance(k)
-    # What is lost in the last step was there to the end.
+    # A window that is lost in the very last step still has all its samples.
     alive = np.isfinite(found).all(axis=(1, 2))
     return RolledOut(found, ~alive & ~run.indefinite, ~alive & run.indefinite)
 
 
 class _RollOut:
-    """All windows at one instant."""
+    """Integrator with the state of all windows at one instant."""
 
     def __init__(self, model: DynamicsModel, parameters: Array, windows: Windows, feedback: Feedback | None) -> None:
         self.model, self.theta, self.windows, self.feedback = model, parameters, windows, feedback
@@ -158,7 +159,7 @@ class _RollOut:
         self.indefinite = np.zeros(len(windows.q), dtype=bool)
         self.q = windows.q[:, 0].copy()
         mass = model.mass_matrix(self.q, parameters)
-        self._look_at(mass)
+        self._check_definite(mass)
         self.substeps = self._substeps(mass)
         self.h = windows.step / self.substeps
         self.a = windows.ddq[:, 0].copy()
@@ -168,26 +169,26 @@ class _RollOut:
         self.count = 0
 
     def _substeps(self, mass: Array) -> int:
-        """Steps from one sample to the next."""
+        """Number of integration steps from one sample to the next."""
         rate = LEAST_RATE
         if self.feedback is not None and self.alive.any():
             mobility = np.einsum("wjj->wj", np.linalg.inv(mass[self.alive]))
             rate = max(rate, math.sqrt(float((self.feedback.proportional * mobility).max())) / STABLE)
         return max(1, math.ceil(rate * self.windows.step * (1.0 - 1e-9)))
 
-    def _look_at(self, mass: Array) -> None:
-        """Leave windows whose mass matrix (W, n, n) is not positive definite."""
+    def _check_definite(self, mass: Array) -> None:
+        """Marks windows whose mass matrix (W, n, n) is not positive definite as lost."""
         positive = np.linalg.eigvalsh(mass)[:, 0] > 0.0
         self.indefinite |= self.alive & ~positive
         self.alive &= positive
 
     def advance(self, k: int) -> None:
-        """From sample k to the next."""
+        """Integrates from sample k to the next."""
         for i in range(self.substeps):
             self._step(k, i / self.substeps)
 
     def _between(self, values: Array, k: int, share: float) -> Array:
-        """Recorded values (W, n) between two samples."""
+        """Recorded values (W, n), interpolated between two samples."""
         return values[:, k] if share == 0.0 else (1.0 - share) * values[:, k] + share * values[:, k + 1]
 
     def _step(self, k: int, share: float) -> None:
@@ -206,8 +207,8 @@ class _RollOut:
         zero = np.zeros_like(self.q)
         bias = kernel.inverse_dynamics(model.tree, self.inertial, self.q, now, zero)
         mass = model.mass_matrix(self.q, self.theta)
-        if self.count % LOOKED_AT == 0:
-            self._look_at(mass)
+        if self.count % CHECK_EVERY == 0:
+            self._check_definite(mass)
         self.count += 1
         matrix = mass + 0.5 * h * linear[:, :, None] * np.eye(model.n)
         matrix[~self.alive] = np.eye(model.n)
@@ -222,15 +223,15 @@ class _RollOut:
         self.a = np.where(self.alive[:, None], (new - self.half) / h, 0.0)
         self.half = np.where(self.alive[:, None], new, 0.0)
         self.q = self.q + h * self.half
-        self.ends = self.friction.remembered(self.q, self.ends)
+        self.ends = self.friction.updated_states(self.q, self.ends)
 
 
 class _Friction:
-    """Torque of the terms beside the rigid bodies at a state, taken apart into dry friction and the rest."""
+    """Torque of all terms except rigid bodies, split into dry friction and the rest."""
 
     def __init__(self, model: DynamicsModel, parameters: Array) -> None:
         self.model = model
-        # What is proportional to the acceleration is in the mass matrix already.
+        # Terms proportional to the acceleration are in the mass matrix already.
         self.kept = np.array(
             [
                 e
@@ -243,7 +244,7 @@ class _Friction:
         self.theta = parameters
 
     def at(self, q: Array, dq: Array, ddq: Array, states: Array) -> tuple[Array, Array, Array]:
-        """Friction but for its dry part, its slope, and the bound of the dry part, each (W, n)."""
+        """Friction without its dry part, its slope, and the bound of the dry part, each (W, n)."""
         if not len(self.kept):
             return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
         small = np.full_like(dq, REST)
@@ -251,12 +252,12 @@ class _Friction:
         up, down, here, beside = np.split(self._torque(q, [small, -small, dq, dq + away], ddq, states), 4)
         dry = np.maximum(0.5 * (up - down), 0.0)
         rest = here - dry * np.sign(dq)
-        # Friction that falls with the speed is left to the next step: it is gentle, and must not drive this one.
+        # A negative slope is treated explicitly, in the next step: it is small, and implicit it could be unstable.
         slope = np.maximum((beside - here) / away, 0.0)
         return rest, np.where(dq == 0.0, 0.0, slope), dry
 
     def _torque(self, q: Array, velocities: list[Array], ddq: Array, states: Array) -> Array:
-        """Torque of the kept columns at several velocities of the same positions, one after another."""
+        """Torque of the friction columns at several velocities of the same positions, one after another."""
         times = len(velocities)
         many = np.tile(q, (times, 1))
         acceleration = np.tile(ddq, (times, 1)) if self.loaded else np.zeros_like(many)
@@ -269,8 +270,8 @@ class _Friction:
         np.add.at(torque, columns.joint, columns.values * self.theta[columns.parameter][:, None])
         return torque.T
 
-    def remembered(self, q: Array, states: Array) -> Array:
-        """States (W, m) of the memory nodes once the joints are at q."""
+    def updated_states(self, q: Array, states: Array) -> Array:
+        """Hysteresis states (W, m) after a move to q."""
         if not self.model.nodes:
             return states
         driven = np.stack([sum(w * q[:, j] for j, w in node.coordinate) for node in self.model.nodes], axis=1)

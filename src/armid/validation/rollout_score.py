@@ -1,4 +1,4 @@
-"""Motion instead of torque: the identified model rolled out over windows of a recording and compared with it."""
+"""Position error of a model's rollout over windows of a recording."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from armid.values import Array, array
 __all__ = ["Losses", "MotionScore", "score_motion"]
 
 MOST_WINDOWS = 200
-"""Windows that are rolled out of a recording; of more, some evenly spread."""
+"""Largest number of windows of a recording; of more, an evenly spread selection is used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Losses:
-    """Windows that did not stay to their end.
+    """Numbers of lost windows, by cause.
 
     Attributes:
-        ran_away: How many became faster than any arm.
-        indefinite: How many met a mass matrix that is not positive definite.
-        nominal: How many the description's inertias without friction lost, by either.
+        ran_away: Windows that diverged.
+        indefinite: Windows that reached a mass matrix that is not positive definite.
+        nominal: Windows that the description's inertias without friction lost, by either cause.
     """
 
     ran_away: int = 0
@@ -37,18 +37,18 @@ class Losses:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MotionScore:
-    """Position error of the rolled-out model on one recording, each per joint (n,).
+    """Position error of the rolled-out model on one recording, joint by joint (n,).
 
     Attributes:
         path: The recording.
-        rms: Over all windows that stayed to their end [rad or m]; NaN where none did.
+        rms: RMS error over all windows that were not lost [rad or m]; NaN if all were lost.
         peak: Largest error [rad or m].
-        held: Median time until the error exceeds the tolerance, the window's length where it never does [s].
-        travelled: RMS distance from each window's start, which is the error of a model of nothing [rad or m].
-        prior_rms: `rms` of the description's inertias without friction, NaN where it loses a window; `None` where it
-            has none.
-        windows: How many windows there were.
-        losses: How many of them were lost, and to what.
+        held: Median time until the error exceeds the tolerance; the window's length if it never does [s].
+        travelled: RMS distance from each window's start, which is the error of a constant position [rad or m].
+        prior_rms: `rms` of the description's inertias without friction, NaN if it loses a window; `None` without
+            described inertias.
+        windows: Number of windows.
+        losses: Number of lost windows, by cause.
         seconds: Length of a window [s].
         tolerance: The tolerance [rad or m].
     """
@@ -66,7 +66,7 @@ class MotionScore:
 
     @property
     def lost(self) -> int:
-        """Tell how many windows the model lost."""
+        """Number of windows that the model lost."""
         return self.losses.ran_away + self.losses.indefinite
 
     def __post_init__(self) -> None:
@@ -86,7 +86,7 @@ def score_motion(
     feedback: Feedback | None = None,
     path: str = "",
 ) -> MotionScore:
-    """Roll a model out over the windows of one recording.
+    """Simulates a model over the windows of one recording and computes its position error.
 
     Args:
         model: Arm and torque terms.
@@ -94,7 +94,7 @@ def score_motion(
         observations: The recording, processed.
         seconds: Length of a window [s].
         tolerance: Position error that counts as lost [rad or m].
-        feedback: Of the controller that was running; without one the recorded torque acts alone.
+        feedback: Feedback of the recorded controller; without one the recorded torque acts alone.
         path: The recording.
 
     Raises:
@@ -109,10 +109,10 @@ def score_motion(
     prior = model.nominal_parameters()
     prior_rms = None
     if prior is not None:
-        said = roll_out(model, prior, windows, feedback)
-        losses = replace(losses, nominal=int((~said.stayed).sum()))
-        # Of a model that runs away only the beginnings would count, which flatters it.
-        prior_rms = _rms(said.q - windows.q) if said.stayed.all() else np.full(model.n, np.nan)
+        nominal_rollout = roll_out(model, prior, windows, feedback)
+        losses = replace(losses, nominal=int((~nominal_rollout.stayed).sum()))
+        # Without lost windows only: of a diverging model only the beginnings would count.
+        prior_rms = _rms(nominal_rollout.q - windows.q) if nominal_rollout.stayed.all() else np.full(model.n, np.nan)
     return MotionScore(
         path,
         _rms(error),
@@ -128,7 +128,7 @@ def score_motion(
 
 
 def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Windows:
-    """Windows one after another from all runs whose samples follow each other."""
+    """Consecutive windows of all runs with consecutive samples."""
     parts: list[tuple[ObservedRun, int]] = []
     length, step = 0, 0.0
     for given in observations.runs:
@@ -165,18 +165,18 @@ def _cut(model: DynamicsModel, observations: Observations, seconds: float) -> Wi
 
 
 def _whole(run: ObservedRun, first: int, length: int) -> bool:
-    """Tell whether every row of a window counts."""
+    """True if every row of a window counts."""
     inside = (run.rows >= first) & (run.rows < first + length)
     return bool(run.mask[inside].all())
 
 
 def _stayed(error: Array) -> NDArray[np.bool_]:
-    """Tell which windows have an error to their end, shape (W,)."""
+    """Flags of windows that were not lost, shape (W,)."""
     return np.asarray(np.isfinite(error).all(axis=(1, 2)))
 
 
 def _rms(error: Array) -> Array:
-    """Over the windows that stayed, joint by joint."""
+    """RMS over the windows that were not lost, joint by joint."""
     there = _stayed(error)
     return np.sqrt((error[there] ** 2).mean(axis=(0, 1))) if there.any() else np.full(error.shape[2], np.nan)
 
@@ -188,6 +188,6 @@ def _peak(error: Array) -> Array:
 
 def _held(error: Array, tolerance: float, step: float) -> Array:
     """Median over windows of the time until the error exceeds the tolerance, joint by joint [s]."""
-    gone = ~(np.abs(error) <= tolerance)
-    first = np.where(gone.any(axis=1), gone.argmax(axis=1), error.shape[1] - 1)
+    exceeded = ~(np.abs(error) <= tolerance)
+    first = np.where(exceeded.any(axis=1), exceeded.argmax(axis=1), error.shape[1] - 1)
     return np.median(first, axis=0) * step

@@ -1,7 +1,7 @@
-"""Search over the joint box for where the mass matrix comes closest to losing its positive definiteness.
+"""Search within the joint limits for the pose with the smallest eigenvalue of the mass matrix.
 
-For consistent parameters M(q) is positive definite everywhere. For base parameters alone it need not be; a random
-sample can miss the pose where it is not, so the smallest eigenvalue is minimised from many poses. Its derivative is
+For consistent parameters M(q) is positive definite everywhere. For base parameters alone it need not be, and random
+sampling can miss the pose where it is not. So the smallest eigenvalue is minimised from many poses; its derivative is
 vᵀ (∂M/∂q) v with v the eigenvector [Lancaster1964].
 """
 
@@ -20,26 +20,26 @@ from armid.values import Array
 __all__ = ["Pose", "worst_along", "worst_pose"]
 
 POSES = 4096
-"""Random poses that the search begins from."""
+"""Number of random poses."""
 
 STARTS = 16
-"""The worst of them, each refined."""
+"""Number of the worst of them that are refined."""
 
 STEP = 1e-6
-"""Step of the central difference of M [rad or m]: its square times the third derivative is 1e-12."""
+"""Step of the central difference of M [rad or m], with a truncation error of 1e-12."""
 
 UNLIMITED = np.pi
-"""Half width of the box where a joint has no limits: a turn, after which a revolute joint repeats itself."""
+"""Half width of the range of a joint without limits: one turn of a revolute joint."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pose:
-    """The worst pose found.
+    """Pose with the smallest eigenvalue.
 
     Attributes:
         min_eigenvalue: Smallest eigenvalue of the mass matrix there.
         q: The pose, shape (n,) [rad or m].
-        unit: Of the eigenvalue: kg·m² where all joints turn, kg where all slide, of both where there are both.
+        unit: Unit of the eigenvalue: kg·m² if all joints are revolute, kg if all are prismatic, or both.
     """
 
     min_eigenvalue: float
@@ -48,12 +48,12 @@ class Pose:
 
 
 def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
-    """The pose within the joint limits with the smallest eigenvalue of the mass matrix, rotors included.
+    """Finds the pose within the joint limits with the smallest eigenvalue of the mass matrix, rotors included.
 
     Args:
         model: Arm and torque terms.
         standard: Standard parameters, or any with the same torque, shape (p,).
-        seed: Of the random poses.
+        seed: Seed of the random poses.
     """
     optimize: Any = import_module("scipy.optimize")
     low, high = _box(model)
@@ -76,7 +76,7 @@ def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
 
 
 def worst_along(model: DynamicsModel, standard: Array, motion: Motion) -> Pose:
-    """The same along a motion, sample by sample."""
+    """Finds the sample of a motion with the smallest eigenvalue of the mass matrix."""
     smallest = np.linalg.eigvalsh(model.mass_matrix(motion.q, standard))[:, 0]
     k = int(np.argmin(smallest))
     return Pose(float(smallest[k]), motion.q[k], _unit(model))

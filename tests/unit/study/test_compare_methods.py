@@ -205,7 +205,7 @@ def test_a_method_that_fails_without_a_fold_keeps_its_row(monkeypatch: pytest.Mo
 def test_the_record_stands_beside_the_run(tmp_path: Path):
     given = prepared()
     record = compare_record(compare_methods(given, QUICK))
-    saved = save_run(conclude(given), tmp_path / "run", beside={"compare.json": record})
+    saved = save_run(conclude(given), tmp_path / "run", further_records={"compare.json": record})
     found = json.loads((saved / "compare.json").read_text(encoding="utf-8"))
     assert [each["name"] for each in found["methods"]] == list(QUICK)
     for each in found["methods"]:

@@ -49,7 +49,7 @@ def demo(
     study = demo_study(default) if preset is None else demo_study(thesis_processing(edges), "ols")
     with progress(quiet=json) as tell:
         done = run_demo(study, seed=seed, threads=threads, progress=tell)
-    save_run(done.result, folder, beside={RECORD: {"seed": seed}})
+    save_run(done.result, folder, further_records={RECORD: {"seed": seed}})
     if json:
         record = estimate_record(done.result.estimate)
         record["run"] = str(folder)

@@ -183,7 +183,7 @@ def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[
 
     folder = run_folder(out, result.estimate.robot)
     replaced = folder.exists()
-    save_run(result, folder, beside={} if table is None else {"compare.json": compare_record(table)})
+    save_run(result, folder, further_records={} if table is None else {"compare.json": compare_record(table)})
     return folder, replaced
 
 

@@ -118,7 +118,9 @@ def _body(payload: Payload) -> Table:
     from armid.maths.inertia import INERTIA_INDEX
 
     load, frame = payload.load, escape(payload.frame)
-    table = Table(title=f"{escape(payload.beside.run.robot.name)}: load in the frame {frame}", header_style="bold")
+    table = Table(
+        title=f"{escape(payload.new_recordings.run.robot.name)}: load in the frame {frame}", header_style="bold"
+    )
     for name in ("load", "value", "unit", "95 % interval"):
         table.add_column(name, justify="left" if name in ("load", "unit") else "right")
     table.add_row("mass", f"{load.values[0]:.4f}", "kg", _interval(load.intervals[0]))
