@@ -22,7 +22,6 @@ AVOIDED = frozenset(
 """Words that say nothing to a reader who knows the field but not this code; each had a term of the field."""
 
 KEPT = {
-    "excitation.limits.constraints": {"pull_positions"},
     "excitation.collision.cache": {"kept"},
 }
 """Names with such a word that stand for what the word means."""

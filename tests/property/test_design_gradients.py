@@ -103,7 +103,7 @@ def test_limit(goal, kind, literal):
 
     states = States(objective, x)
     _, weights = soft_maximum(channel.values(states), 7.0)
-    gradient = channel.pull(states, weights)
+    gradient = channel.pullback(states, weights)
     assert gradient.shape == (len(channel.labels), basis.unknowns)
     # The corners of an absolute value at zero weigh nothing against a highest value.
     assert gradient @ d == pytest.approx(slope(soft, x, d), rel=RELATIVE, abs=1e-6)

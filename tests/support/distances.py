@@ -53,7 +53,7 @@ def slopes_wrong(robot: Robot, start: Array, clearance: Clearance, size: float) 
     value = {k: clearance.values(states) for k, states in at.items()}
     slope = (8.0 * (value[1] - value[-1]) - (value[2] - value[-2])) / (12.0 * STEP)
     one = np.eye(len(slope))[:, :, None] * np.ones(slope.shape[1])
-    found = np.array([clearance.pull(at[0], weights) @ d for weights in one])
+    found = np.array([clearance.pullback(at[0], weights) @ d for weights in one])
     points = {k: clearance.bodies.nearest(at[k].poses)[1:3] for k in (-2, 0, 2)}
     uneven = [points[2][side] - 2.0 * points[0][side] + points[-2][side] for side in (0, 1)]
     corner = np.linalg.norm(uneven, axis=-1).max(axis=0) > SMOOTH

@@ -1,4 +1,4 @@
-"""Plans that armid brings along: the two trajectories of the thesis."""
+"""Built-in plans: the two trajectories of the thesis."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ PLANS = {
     "thesis-a1": "Table A.1: ten harmonics, made for the smallest condition number",
     "thesis-a2": "Table A.2: five harmonics, made for a test of feasibility",
 }
-"""Built-in plans and what they are."""
+"""Names of the built-in plans, with a description of each."""
 
 
 def builtin_plan(name: str) -> Excitation:
-    """A built-in plan by name, as published: 20 s.
+    """Built-in plan of a given name, as published, with a period of 20 s.
 
     Raises:
-        ArmidError: No such plan.
+        ArmidError: The name is unknown.
     """
     if name not in PLANS:
         raise ArmidError(

@@ -1,7 +1,7 @@
-"""The last word on a plan: every limit on a fine grid, and what could hide between its points.
+"""Certification of a plan: every limit on a fine grid, with bounds of the values between its points.
 
-A series has a bandwidth, so its derivatives are bounded by the sums of its amplitudes, and a quantity cannot rise
-between two points of a grid by more than these allow. What is certified is the highest value on the grid plus that.
+A finite Fourier series is band-limited. Sums of its amplitudes bound its derivatives, and these bound how far a
+quantity can rise between two points of the grid. The certified value is the maximum on the grid plus this bound.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from armid.values import Array
 __all__ = ["Margin", "certified", "fine_grid", "margins"]
 
 RATE = 1000.0
-"""Points a second of the grid [Hz]."""
+"""Rate of the grid [Hz]."""
 
 CHUNK = 2000
-"""Points of the grid that are held at a time."""
+"""Points of the grid that are evaluated at a time, to save memory."""
 
 STEPS = 40
-"""How often a plan may be drawn together before it counts as infeasible."""
+"""Largest number of times that a plan is shrunk before it counts as infeasible."""
 
 SLACK = 2e-4
-"""Share of a limit that drawing together aims beyond the one that is missed."""
+"""Smallest relative decrease of the amplitude in one step of shrinking."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +40,14 @@ class Margin:
     """Margin of a plan to one limit.
 
     Attributes:
-        limit: Which, for instance `velocity`.
-        label: Joint, pair or place.
-        value: Nearest to the limit on the grid; distances for what has to stay apart.
+        limit: Kind of the limit, for instance `velocity`.
+        label: Joint, pair of bodies or plane.
+        value: Value closest to the limit on the grid; a distance for collisions and workspace.
         bound: The limit.
-        unit: Of both.
-        time: When [s], from the start of the series; NaN for what has no time.
-        share: Value over limit on the grid; one at the limit.
-        certified: The same with what could hide between the points of the grid.
+        unit: Unit of both.
+        time: Time of this value [s], from the start of the series; NaN for limits without time.
+        share: Utilisation on the grid, value over limit; one at the limit.
+        certified: Utilisation with the bound of the rise between the points of the grid.
     """
 
     limit: str
@@ -61,7 +61,7 @@ class Margin:
 
 
 def fine_grid(problem: DescentProblem) -> tuple[Objective, ...]:
-    """The grid in chunks, a thousand points a second and forty a period of the highest harmonic at least."""
+    """Grid in chunks, with at least a thousand points per second and forty per period of the highest harmonic."""
     basis = problem.basis
     samples = math.ceil(max(RATE * basis.period, 40.0 * basis.harmonics))
     times = basis.times(samples)
@@ -75,23 +75,23 @@ Peaks = list[tuple[Array, Array, Array]]
 
 
 def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Peaks:
-    """For each channel the highest shares (m,), these with what could hide between points (m,), and times (m,) [s].
+    """Maximum utilisation (m,), certified utilisation (m,) and times (m,) [s] of each channel.
 
-    What hides is bounded chunk by chunk, roughly where a chunk is far from a limit, so it is added before chunks are
-    compared.
+    The rise between points is bounded for each chunk by itself, and only roughly where a chunk is far from a limit.
+    It is therefore added before chunks are compared.
     """
     step = problem.basis.period / sum(len(chunk.times) for chunk in grid)
-    found: list[list[tuple[Array, Array, Array]]] = [[] for _ in problem.channels]
+    by_channel: list[list[tuple[Array, Array, Array]]] = [[] for _ in problem.channels]
     for chunk in grid:
         states = States(chunk, x)
-        for channel, parts in zip(problem.channels, found, strict=True):
+        for channel, parts in zip(problem.channels, by_channel, strict=True):
             values = channel.values(states)
             at = values.argmax(axis=0)
             times = chunk.times[at] if len(values) > 1 else np.full(len(at), np.nan)
             highest = values.max(axis=0)
             parts.append((highest, highest + channel.between(states, step), times))
     result: Peaks = []
-    for parts in found:
+    for parts in by_channel:
         shares, totals, times = (np.array([part[k] for part in parts]) for k in range(3))
         best = shares.argmax(axis=0)
         every = np.arange(shares.shape[1])
@@ -100,10 +100,18 @@ def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Pe
 
 
 def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Array, tuple[Margin, ...]]:
-    """The plan drawn together about its start pose until every limit is certified, and how near it comes to each.
+    """Plan shrunk about its start pose until every limit is certified, with its margins.
+
+    Args:
+        problem: The limits.
+        grid: Grid of `fine_grid`.
+        x: The plan, shape (n k,).
+
+    Returns:
+        Unknowns (n k,) of the certified plan, and its margin to each limit.
 
     Raises:
-        ArmidError: Not even a motion that hardly moves keeps them; the message names limit and joint.
+        ArmidError: Even a very small motion violates a limit; the message names limit and joint.
     """
     factor, trial = 1.0, x
     for k in range(STEPS):
@@ -112,7 +120,7 @@ def certified(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) ->
         worst = max((float(total.max()) for _, total, _ in peaks), default=0.0)
         if worst <= 1.0:
             return trial, _margins(problem, trial, peaks)
-        # Most limits grow with the amplitude; those that hardly do are met with larger and larger steps.
+        # Most utilisations grow with the amplitude; for those that hardly do, the steps become larger and larger.
         factor *= max(0.7, 1.0 - max(0.5 * (1 + k) * (worst - 1.0), SLACK * (1 + k)))
     name, label, worst = max(
         (
@@ -133,12 +141,12 @@ UNITS = {0: ("rad", "m"), 1: ("rad/s", "m/s"), 2: ("rad/s²", "m/s²"), 3: ("rad
 
 
 def margins(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> tuple[Margin, ...]:
-    """Tell how near a plan comes to every limit."""
+    """Margins of a plan (n k,) to every limit, on a grid of `fine_grid`."""
     return _margins(problem, x, _peaks(problem, grid, x))
 
 
 def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, ...]:
-    """The same from the peaks."""
+    """Margins of a plan from the peaks of its channels."""
     result: list[Margin] = []
     robot = problem.goal.model.robot
     series = problem.basis.excitation(x)
@@ -156,7 +164,7 @@ def _margins(problem: DescentProblem, x: Array, peaks: Peaks) -> tuple[Margin, .
 
 
 def _physical(channel: ConstraintChannel, k: int, share: float, slides: bool) -> tuple[float, float, str]:
-    """Value, bound and unit of a channel's entry."""
+    """Value, bound and unit of entry k of a channel, from its utilisation."""
     if isinstance(channel, RangeLimit):
         bound, unit = float(channel.half[k]), UNITS[channel.order][slides]
     elif isinstance(channel, Torque):

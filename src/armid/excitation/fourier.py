@@ -1,8 +1,8 @@
-"""Finite Fourier series, the motion that arms are excited with: band-limited, periodic, with exact derivatives.
+"""Finite Fourier series, the band-limited periodic motion for excitation, with exact derivatives.
 
     q_i(t) = offset_i + Σ_l a_il / (ω l) sin(ω l t) - b_il / (ω l) cos(ω l t)        (3.55b)
 
-so that a and b are the coefficients of the velocity [Swevers1997].
+The coefficients a and b are those of the velocity [Swevers1997].
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from armid.values import Array, array, replace_file
 
 __all__ = ["Excitation", "load_plan", "required_series", "save_plan"]
 
-SHOWN = 40
-"""Samples of a period of the highest harmonic from which a summary is made."""
+SUMMARY_RATE = 40
+"""Samples per period of the highest harmonic from which a summary is computed."""
 
 PLAN_FILE = "plan.json"
 """Name of the plan in a folder of `armid excite`."""
@@ -34,14 +34,14 @@ PLAN_KEYS = ("robot", "base_frequency", "offset", "a", "b")
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Excitation(Displayed):
-    """A periodic motion of n joints with L harmonics.
+    """Periodic motion of n joints with L harmonics.
 
     Attributes:
         base_frequency: ω [rad/s].
         a: Sine coefficients, shape (n, L) [rad/s or m/s].
         b: Cosine coefficients, shape (n, L) [rad/s or m/s].
         offset: Position about which the joints move, shape (n,) [rad or m].
-        robot: Name of the arm it was made for.
+        robot: Name of the arm for which it was designed.
     """
 
     base_frequency: float
@@ -60,10 +60,10 @@ class Excitation(Displayed):
         object.__setattr__(self, "offset", array(self.offset, (len(a),), "offset"))
 
     def summary(self) -> Summary:
-        """Tell how far and how fast each joint goes in a period."""
-        found = self.sample(SHOWN * self.harmonics / self.period).summary()
+        """Range and speed of each joint over a period."""
+        summary = self.sample(SUMMARY_RATE * self.harmonics / self.period).summary()
         title = f"{self.robot or 'motion'}: {self.harmonics} harmonics over {self.period:.4g} s"
-        return replace(found, title=title)
+        return replace(summary, title=title)
 
     @property
     def n(self) -> int:
@@ -77,11 +77,11 @@ class Excitation(Displayed):
 
     @property
     def period(self) -> float:
-        """Length of one period [s]."""
+        """Duration of one period [s]."""
         return 2.0 * math.pi / self.base_frequency
 
     def at(self, time: ArrayLike) -> Motion:
-        """The motion at given times (N,) [s], derivatives exact."""
+        """Motion at times (N,) [s], with exact derivatives."""
         t = array(time, (None,), "time")
         frequency = self.base_frequency * np.arange(1, self.harmonics + 1)
         s, c = np.sin(np.outer(t, frequency)), np.cos(np.outer(t, frequency))
@@ -91,23 +91,23 @@ class Excitation(Displayed):
         return Motion(t, q, dq, ddq)
 
     def sample(self, rate: float, periods: int = 1) -> Motion:
-        """Whole periods at `rate` samples a second [Hz], from t = 0 to one sample before the end."""
+        """Whole periods at `rate` samples per second [Hz], from t = 0 to one sample before the end."""
         return self.at(np.arange(round(periods * self.period * rate)) / rate)
 
     def stretched(self, period: float) -> Excitation:
-        """The same path in another time [s]: velocities scale with the ratio of the periods."""
+        """Same path with another period [s]: velocities scale with the ratio of the periods."""
         ratio = self.period / period
         return replace(self, base_frequency=self.base_frequency * ratio, a=self.a * ratio, b=self.b * ratio)
 
 
 def load_plan(path: Path | str) -> Excitation:
-    """Read the motion of a `plan.json`, once and without the ways to it and from it.
+    """Reads one period of the excitation of a `plan.json`, without the moves before and after it.
 
     Args:
-        path: The file, or a folder of `armid excite` with one.
+        path: The file, or a folder written by `armid excite`.
 
     Raises:
-        ArmidError: The file is missing, no JSON, or lacks a key, as one of poses or sweeps does.
+        ArmidError: The file is missing, is no JSON, or lacks a key, as plans of poses or sweeps do.
     """
     path = Path(path)
     path = path / PLAN_FILE if path.is_dir() else path
@@ -117,12 +117,12 @@ def load_plan(path: Path | str) -> Excitation:
         raise ArmidError(f"{path} is no plan: {error}.", remedy="give a plan.json.") from error
     missing = [key for key in PLAN_KEYS if not isinstance(plan, dict) or key not in plan]
     if missing:
-        still = isinstance(plan, dict) and "stretches" in plan
+        point_to_point = isinstance(plan, dict) and "stretches" in plan
         raise ArmidError(
             f"{path} lacks {', '.join(missing)}.",
             possible=", ".join(PLAN_KEYS),
             remedy="it is a plan of poses or sweeps: armid.study.plans.plan_files.read_whole_plan reads it."
-            if still
+            if point_to_point
             else "",
         )
     try:
@@ -132,7 +132,7 @@ def load_plan(path: Path | str) -> Excitation:
 
 
 def required_series(plan: object) -> Excitation:
-    """Return what was given as a motion, which has to be one.
+    """Returns the argument if it is an `Excitation`.
 
     Raises:
         ArmidError: It is something else, for instance the name of a file.
@@ -145,10 +145,10 @@ def required_series(plan: object) -> Excitation:
 
 
 def save_plan(excitation: Excitation, path: Path | str) -> Path:
-    """Write the excitation as a `plan.json`, numbers in full.
+    """Writes an excitation as a `plan.json` with numbers in full precision.
 
     Raises:
-        ArmidError: There is no excitation.
+        ArmidError: The first argument is no excitation.
     """
     excitation = required_series(excitation)
     plan = {

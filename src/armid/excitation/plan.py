@@ -1,4 +1,4 @@
-"""A whole recording: a smooth way to the start pose, the excitation some times over, a smooth way back.
+"""Motion of a whole recording: a smooth move to the start pose, repeated excitation, and a smooth move back.
 
 The series starts and ends at rest, so a polynomial of the fifth degree joins it without a jump in acceleration.
 """
@@ -19,11 +19,11 @@ from armid.values import Array, array
 __all__ = ["Plan", "seconds_for"]
 
 PEAKS = (1.0, 1.875, 10.0 / 3.0**0.5, 60.0)
-"""Largest position, velocity, acceleration and jerk of the polynomial over one second and one radian."""
+"""Largest position, velocity, acceleration and jerk of the polynomial for one radian in one second."""
 
 
 def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> float:
-    """Shortest time [s] of a way of so much (n,) that keeps limits (n,) of velocity, acceleration and jerk."""
+    """Shortest duration [s] of a move over distances (n,) within limits (n,) of velocity, acceleration and jerk."""
     way = np.abs(np.asarray(distance, dtype=np.float64))
     limits = (velocity, acceleration, jerk)
     times = [
@@ -35,15 +35,15 @@ def seconds_for(distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLik
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Plan(Displayed):
-    """Motion from leaving one pose to reaching another.
+    """Excitation with its repetitions and the moves before and after it.
 
     Attributes:
         excitation: The periodic motion.
-        repetitions: How often it runs, without a pause.
-        begin: Pose that the way to the start leaves from, shape (n,) [rad or m]; the start itself where not given.
-        end: Pose that the way back leads to, shape (n,) [rad or m]; the start itself where not given.
-        lead_in: Length of the way to the start [s].
-        lead_out: Length of the way back [s].
+        repetitions: Number of periods, without a pause.
+        begin: Pose before the move to the start, shape (n,) [rad or m]; the start itself where not given.
+        end: Pose after the move back, shape (n,) [rad or m]; the start itself where not given.
+        lead_in: Duration of the move to the start [s].
+        lead_out: Duration of the move back [s].
     """
 
     excitation: Excitation
@@ -63,19 +63,19 @@ class Plan(Displayed):
                 object.__setattr__(self, name, array(pose, (self.excitation.n,), name))
             if (pose is None) != (seconds == 0.0) or seconds < 0.0:
                 raise ArmidError(
-                    f"A way from or to a pose needs the pose and a time above zero; found {seconds} s.",
+                    f"A move from or to a pose needs the pose and a time above zero; found {seconds} s.",
                     remedy=f"give both for {name}, or neither.",
                 )
 
     def summary(self) -> Summary:
-        """The motion that it repeats, how often, and how long all of it takes."""
-        found = self.excitation.summary()
+        """Summary of the excitation with repetitions and total duration."""
+        summary = self.excitation.summary()
         often = "once" if self.repetitions == 1 else f"{self.repetitions} times"
-        return replace(found, title=f"{found.title}, {often}; {self.duration:.4g} s in all")
+        return replace(summary, title=f"{summary.title}, {often}; {self.duration:.4g} s in all")
 
     @property
     def duration(self) -> float:
-        """From the first to the last moment [s]."""
+        """Total duration [s]."""
         return self.lead_in + self.repetitions * self.excitation.period + self.lead_out
 
     @property
@@ -84,7 +84,7 @@ class Plan(Displayed):
         return self.excitation.at([0.0]).q[0]
 
     def at(self, time: ArrayLike) -> Motion:
-        """The motion at times (N,) [s], counted from leaving the first pose; at rest before and after."""
+        """Motion at times (N,) [s] from the beginning of the plan; at rest before and after it."""
         t = array(time, (None,), "time")
         q, dq, ddq = (np.zeros((len(t), self.excitation.n)) for _ in range(3))
         last = self.duration - self.lead_out
@@ -106,11 +106,11 @@ class Plan(Displayed):
         return Motion(t, q, dq, ddq)
 
     def sample(self, rate: float) -> Motion:
-        """The whole at `rate` samples a second [Hz], the last moment included."""
+        """Whole plan at `rate` samples per second [Hz], both ends included."""
         return self.at(np.arange(int(np.floor(self.duration * rate + 1e-9)) + 1) / rate)
 
     def rehearsal(self, speed: float) -> Plan:
-        """The same path at a share of the speed, once.
+        """Same path with one repetition at a fraction of the speed.
 
         Args:
             speed: Between 0 and 1; velocities fall with it, accelerations with its square.

@@ -1,8 +1,8 @@
-"""The two experiments that come before any series: static poses for gravity, constant velocities for friction.
+"""Point-to-point experiments: static poses for gravity, and sweeps at constant velocity for friction.
 
-Poses are chosen from many random ones by exchange, so that the gravity parameters' confidence ellipsoid is smallest.
-A sweep moves one joint at a time back and forth at a constant velocity, the others at rest. Both are stretches of
-polynomials of the fifth degree, of standing still, and of even motion.
+Poses are chosen from many random ones by an exchange algorithm that minimises the confidence ellipsoid of the gravity
+parameters. A sweep moves one joint at a time back and forth at a constant velocity while the others rest. Both
+motions consist of segments: polynomials of the fifth degree, standstill, and constant velocity.
 """
 
 from __future__ import annotations
@@ -25,43 +25,44 @@ from armid.values import Array, array
 __all__ = ["Moves", "choose_poses", "free_ranges", "poses_plan", "straight_way", "sweeps_plan"]
 
 CANDIDATES = 600
-"""Random poses from which the static ones are chosen."""
+"""Random poses from which the static poses are chosen."""
 
 EXCHANGES = 6
-"""Passes of exchange over the chosen poses; the value hardly changes after the third."""
+"""Largest number of exchange passes over the chosen poses; the value hardly changes after the third."""
 
 RIDGE = 1e-6
-"""Information, over that of all candidates, with which the choice begins, when it is still singular."""
+"""Initial information relative to that of all candidates, because the information of few poses is singular."""
 
 SHARE = 0.5
-"""Share of the limits of velocity and acceleration that ways between poses use."""
+"""Share of the limits of velocity and acceleration that moves between poses use."""
 
 USUAL_ACCELERATION = 2.0
-"""Where no limit of acceleration is known [rad/s² or m/s²]."""
+"""Acceleration used where no limit is known [rad/s² or m/s²]."""
 
 LOOKS = 60
-"""Poses on a way in which bodies are looked at."""
+"""Poses on a straight move that are checked for collisions."""
 
 EVEN = 4.0
-"""Longest even stretch of a sweep [s]: friction at a speed is known long before."""
+"""Longest time at constant velocity in a sweep [s]: friction at one velocity needs no longer."""
 
 PLACES, NARROW = 80, 1e-3
-"""Places of each joint at which bodies are looked at either way of the start, and the least range left [rad or m]."""
+"""Positions of each joint that are checked for collisions to either side of the start, and the smallest range that
+remains [rad or m]."""
 
 EDGE = 0.05
-"""Share of a joint's range that stays free at its ends."""
+"""Share of a joint's range that is kept free at each end."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Moves:
-    """Stretches one after the other, each from one pose to the next.
+    """Motion of consecutive segments, each from one pose to the next.
 
     Attributes:
         joints: Names of the joints.
-        poses: Where stretches begin and end, shape (k + 1, n) [rad or m].
-        seconds: Length of each stretch, shape (k,) [s].
-        speeds: Velocity of each joint at the beginning and end of each stretch, shape (k + 1, n) [rad/s or m/s].
-        kinds: What each stretch is: `way`, `rest` or `sweep`.
+        poses: Poses between segments, first and last included, shape (k + 1, n) [rad or m].
+        seconds: Duration of each segment, shape (k,) [s].
+        speeds: Joint velocities in these poses, shape (k + 1, n) [rad/s or m/s].
+        kinds: Kind of each segment: `way` (a move), `rest` or `sweep`.
     """
 
     joints: tuple[str, ...]
@@ -78,11 +79,11 @@ class Moves:
 
     @property
     def duration(self) -> float:
-        """Of all stretches [s]."""
+        """Duration of all segments [s]."""
         return float(self.seconds.sum())
 
     def at(self, time: Array) -> Motion:
-        """The motion at times (N,) [s]; at rest in the last pose afterwards."""
+        """Motion at times (N,) [s]; at rest in the last pose after the end."""
         t = array(time, (None,), "time")
         ends = np.cumsum(self.seconds)
         k = np.minimum(np.searchsorted(ends, t, side="right"), len(self.kinds) - 1)
@@ -90,7 +91,7 @@ class Moves:
         s = np.clip((t - (ends - self.seconds)[k])[:, None] / T, 0.0, 1.0)
         a, b = self.poses[k], self.poses[k + 1]
         u, v = self.speeds[k] * T, self.speeds[k + 1] * T
-        # The polynomial of the fifth degree with these ends and speeds, and no acceleration there.
+        # Polynomial of the fifth degree with these end positions and velocities and zero acceleration at both ends.
         d = b - a
         c3, c4, c5 = 10 * d - 6 * u - 4 * v, -15 * d + 8 * u + 7 * v, 6 * d - 3 * u - 3 * v
         q = a + s * (u + s**2 * (c3 + s * (c4 + s * c5)))
@@ -99,13 +100,15 @@ class Moves:
         return Motion(t, q, dq, ddq)
 
     def rehearsal(self, speed: float) -> Moves:
-        """The same path at a share of the speed."""
+        """Same path at a fraction of the speed, above 0 and up to 1."""
         if not 0.0 < speed <= 1.0:
-            raise ArmidError(f"A rehearsal is no faster than the plan; found a speed of {speed}.")
+            raise ArmidError(
+                f"A rehearsal is no faster than the plan; found a speed of {speed}.", remedy="give a speed up to 1."
+            )
         return replace(self, seconds=self.seconds / speed, speeds=self.speeds * speed)
 
     def sample(self, rate: float) -> Motion:
-        """The whole at `rate` samples a second [Hz]."""
+        """Whole motion at `rate` samples per second [Hz]."""
         return self.at(np.arange(float(round(self.duration * rate) + 1)) / rate)
 
 
@@ -118,18 +121,21 @@ def choose_poses(
     seed: int = 1,
     allowed: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> Array:
-    """Static poses (count, n) that determine the gravity parameters best, by exchange among random ones.
+    """Static poses (count, n) that determine the gravity parameters best, by an exchange algorithm on random poses.
 
     Args:
         model: Arm and torque terms.
         base: Its base parameters.
-        limits: Of the joints.
-        count: How many poses.
-        seed: Of the candidates.
-        allowed: Says which poses (N, n) may be taken, shape (N,); all where left out.
+        limits: Limits of the joints.
+        count: Number of poses.
+        seed: Seed of the random poses.
+        allowed: Test of poses (N, n), shape (N,); all are allowed where left out.
+
+    Returns:
+        Poses in an order of short moves, shape (count, n) [rad or m].
 
     Raises:
-        ArmidError: Too few poses, or none is allowed, or gravity acts on no joint.
+        ArmidError: The count is below one, too few random poses are allowed, or gravity acts on no joint.
     """
     if count < 1:
         raise ArmidError(f"At least one pose is needed; found {count}.")
@@ -172,7 +178,7 @@ def choose_poses(
 
 
 def _best(G: Array, rows: Array, taken: Sequence[int]) -> int:
-    """The candidate whose rows add most to the determinant of G."""
+    """Index of the candidate whose rows increase the determinant of G most."""
     inverse = np.linalg.inv(G)
     n = rows.shape[1]
     gain = np.linalg.slogdet(np.eye(n) + np.einsum("nja,ab,nkb->njk", rows, inverse, rows))[1]
@@ -181,7 +187,7 @@ def _best(G: Array, rows: Array, taken: Sequence[int]) -> int:
 
 
 def _short_way(q: Array) -> list[int]:
-    """An order in which the nearest pose comes next."""
+    """Order of poses in which each is followed by the nearest of the remaining ones."""
     order, rest = [0], list(range(1, len(q)))
     while rest:
         nearest = min(rest, key=lambda k: float(np.abs(q[k] - q[order[-1]]).max()))
@@ -191,7 +197,7 @@ def _short_way(q: Array) -> list[int]:
 
 
 def _range(limits: Limits) -> tuple[Array, Array]:
-    """Tell where poses may lie: the range less its edges, ± π where it has no end."""
+    """Lowest and highest positions of poses: the range without its edges, ± π where it is unbounded."""
     low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
     edge = EDGE * (high - low)
@@ -203,7 +209,7 @@ def _acceleration(limits: Limits) -> Array:
 
 
 def _way(a: Array, b: Array, limits: Limits) -> float:
-    """Time from one pose to another at half the limits [s]."""
+    """Duration [s] of a move from one pose to another at half the limits."""
     return max(seconds_for(b - a, SHARE * limits.velocity, SHARE * _acceleration(limits), limits.jerk), 0.2)
 
 
@@ -215,14 +221,17 @@ def poses_plan(
     via: Array | None = None,
     free: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> Moves:
-    """Ways between poses, and standing still in each.
+    """Moves through poses with a standstill in each.
 
     Args:
         poses: Shape (k, n) [rad or m].
-        limits: Of the joints.
-        rest: How long the arm stands still in each [s].
-        via: Pose (n,) through which it goes where the straight way is not free.
-        free: Says which poses (N, n) keep bodies apart, shape (N,); all where left out.
+        limits: Limits of the joints.
+        rest: Duration of the standstill in each pose [s].
+        via: Pose (n,) through which the arm moves where the straight move collides.
+        free: Test whether poses (N, n) are free of collisions, shape (N,); all are where left out.
+
+    Raises:
+        ArmidError: The standstill has no duration.
     """
     if not rest > 0.0:
         raise ArmidError(f"The arm has to stand still for some time in each pose; found {rest} s.")
@@ -242,17 +251,17 @@ def poses_plan(
 
 
 def straight_way(a: Array, b: Array) -> Array:
-    """Poses (N, n) on the way from one to another [rad or m]."""
+    """Poses (N, n) on the straight move from a to b in joint space [rad or m]."""
     return a + np.linspace(0.0, 1.0, LOOKS)[:, None] * (b - a)
 
 
 def free_ranges(start: Array, limits: Limits, allowed: Callable[[Array], NDArray[np.bool_]]) -> Limits:
-    """The limits with positions only as far as each joint alone can go from the start.
+    """Limits whose positions are narrowed to the range that each joint alone can move in from the start.
 
     Args:
         start: Pose, shape (n,) [rad or m].
-        limits: Of the joints.
-        allowed: Says which poses (N, n) may be taken, shape (N,).
+        limits: Limits of the joints.
+        allowed: Test of poses (N, n), shape (N,).
     """
     ends = limits.lower.copy(), limits.upper.copy()
     for j in range(len(start)):
@@ -260,20 +269,24 @@ def free_ranges(start: Array, limits: Limits, allowed: Callable[[Array], NDArray
             way = np.tile(start, (PLACES, 1))
             way[:, j] = np.linspace(start[j], place[j], PLACES)
             free = int(np.logical_and.accumulate(allowed(way)).sum())
-            if free < PLACES:  # one place short of what is in the way
+            if free < PLACES:  # one position before the last that is free
                 end[j] = way[max(free - 2, 0), j]
     return replace(limits, lower=np.minimum(ends[0], start - NARROW), upper=np.maximum(ends[1], start + NARROW))
 
 
 def sweeps_plan(start: Array, limits: Limits, speeds: Sequence[float] = (0.05, 0.15, 0.4, 0.8)) -> Moves:
-    """Each joint back and forth at constant velocities, shares of its limit, the others in the start pose.
+    """Moves of each joint back and forth at constant velocities, while the others rest in the start pose.
 
-    A joint speeds up and slows down outside the even stretch, at no more than half its limit of acceleration.
+    A joint accelerates and decelerates before and after the constant velocity, at most at half its limit of
+    acceleration. A speed for which its range is too short is left out.
 
     Args:
         start: Pose of the joints that rest, shape (n,) [rad or m].
-        limits: Of the joints.
-        speeds: Velocities, as shares of each joint's limit, between 0 and 1.
+        limits: Limits of the joints.
+        speeds: Velocities as shares of each joint's limit, above 0 and up to 1.
+
+    Raises:
+        ArmidError: A velocity is not above 0 and up to 1, or none is given.
     """
     if not len(speeds) or not all(0.0 < speed <= 1.0 for speed in speeds):
         raise ArmidError(f"Velocities of sweeps are shares of the limit, above 0 and up to 1; found {list(speeds)}.")
@@ -291,11 +304,11 @@ def sweeps_plan(start: Array, limits: Limits, speeds: Sequence[float] = (0.05, 0
     for j, unit in enumerate(np.eye(len(start))):
         for share in speeds:
             speed = share * float(limits.velocity[j])
-            # From rest to a speed in T along half of speed · T, the fifth degree peaks at 1.5 speed / T.
+            # From rest to a speed in time T over the distance speed · T / 2, the peak acceleration is 1.5 speed / T.
             ramp = max(1.5 * speed / (SHARE * float(_acceleration(limits)[j])), 0.05)
             way = 0.5 * speed * ramp
             if high[j] - low[j] <= 2.5 * way:
-                continue  # no room for an even stretch at this speed
+                continue  # the range is too short for this speed
             half = 0.5 * min(high[j] - low[j], 2.0 * way + EVEN * speed)
             middle = float(np.clip(start[j], low[j] + half, high[j] - half))
             for first, last in ((middle - half, middle + half), (middle + half, middle - half)):

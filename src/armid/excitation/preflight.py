@@ -1,4 +1,4 @@
-"""Knowledge of a plan before the arm moves: margins, closest approaches, deviations that it will give."""
+"""Preflight of a plan: margins to the limits, closest approaches, and predicted standard deviations."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ __all__ = ["Expectation", "Preflight", "expectation", "preflight", "worst"]
 
 Verdict = Literal["pass", "fail", "not checked"]
 
-SAID = 3
-"""Limits and pairs that are named in a sentence."""
+NAMED = 3
+"""Largest number of limits and pairs that a sentence names."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Expectation:
-    """Expected knowledge of the parameters, if the model holds and the noise is white.
+    """Predicted uncertainty of the parameters if the model holds and the noise is white.
 
     Attributes:
-        names: Base parameters.
+        names: Names of the base parameters.
         units: Their units.
         deviation: Standard deviations, shape (b,).
-        torque: Deviation of each joint's predicted torque, root mean square over the plan, shape (n,) [N·m or N].
+        torque: Standard deviation of each joint's predicted torque, RMS over the plan, shape (n,) [N·m or N].
         condition: Condition number of the stacked regressor of one repetition, as in (3.55a).
         log_det: Logarithm of the determinant of the information.
     """
@@ -49,14 +49,14 @@ class Expectation:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Preflight:
-    """The report before the flight.
+    """Result of the preflight check of a plan.
 
     Attributes:
-        margins: Every limit, joint by joint.
-        approaches: Every pair of bodies, nearest first.
-        skipped: Pairs that touch by construction and are not looked at.
-        expected: Deviations.
-        unchecked: Why collisions are not checked; empty where they are.
+        margins: Margin to every limit, joint by joint.
+        approaches: Closest approach of every pair of bodies, nearest first.
+        skipped: Pairs that touch by construction and are not checked.
+        expected: Predicted uncertainty of the parameters.
+        unchecked: Reason why collisions are not checked; empty where they are.
     """
 
     margins: tuple[Margin, ...]
@@ -67,23 +67,23 @@ class Preflight:
 
     @property
     def verdict(self) -> Verdict:
-        """`fail` where a limit is missed or bodies come too close, `not checked` where nobody looked at bodies."""
+        """Verdict: `fail` where a limit is missed or bodies are too close, `not checked` without collision check."""
         if self._missed or self._close:
             return "fail"
         return "not checked" if self.unchecked else "pass"
 
     @property
     def sentence(self) -> str:
-        """The verdict in words."""
-        said = [f"{each.limit} of {each.label} is missed: {each.value:.4g} {each.unit}" for each in self._missed]
-        said += [
+        """Verdict as a sentence."""
+        failures = [f"{each.limit} of {each.label} is missed: {each.value:.4g} {each.unit}" for each in self._missed]
+        failures += [
             f"{each.pair} come within {1000.0 * each.distance:.0f} mm at {each.time:.2f} s, less than the "
             f"{1000.0 * each.asked:.0f} mm that they should keep"
             for each in self._close
         ]
-        if said:
-            more = f"; {len(said) - SAID} more" if len(said) > SAID else ""
-            return "; ".join(said[:SAID]) + more
+        if failures:
+            more = f"; {len(failures) - NAMED} more" if len(failures) > NAMED else ""
+            return "; ".join(failures[:NAMED]) + more
         if self.unchecked:
             return f"every limit holds; collisions not checked: {self.unchecked}"
         return "every limit holds, and bodies keep apart"
@@ -98,12 +98,12 @@ class Preflight:
 
 
 def expectation(goal: CriterionGoal, objective: Objective, x: Array) -> Expectation:
-    """Deviations that a plan will give with the noise and repetitions of a goal.
+    """Predicted uncertainty of the parameters from a plan, with the noise and repetitions of a goal.
 
     Args:
-        goal: Noise, repetitions, what is known already.
-        objective: A grid with the laws as they are.
-        x: The plan.
+        goal: Noise, repetitions and prior information.
+        objective: Grid with the laws not smoothed.
+        x: The plan, shape (n k,).
     """
     G = objective.information(x)
     covariance = np.linalg.inv(G)
@@ -112,9 +112,9 @@ def expectation(goal: CriterionGoal, objective: Objective, x: Array) -> Expectat
     plain = np.zeros_like(G)
     samples = len(objective.times)
     for j in range(goal.model.n):
-        own = columns.information(np.eye(goal.model.n)[j]) / samples
-        plain += own
-        torque.append(math.sqrt(max(float((own * covariance).sum()), 0.0)))
+        of_joint = columns.information(np.eye(goal.model.n)[j]) / samples
+        plain += of_joint
+        torque.append(math.sqrt(max(float((of_joint * covariance).sum()), 0.0)))
     values = np.linalg.eigvalsh(plain)
     return Expectation(
         goal.base.names,
@@ -133,14 +133,14 @@ def preflight(
     limits: tuple[Margin, ...] | None = None,
     unchecked: str = "",
 ) -> Preflight:
-    """Everything that can be said of a plan; limits on the fine grid, bodies by Coal.
+    """Checks a plan: limits on the fine grid, collisions by Coal, predicted uncertainty.
 
     Args:
-        problem: What was asked.
-        x: The plan.
-        collision: Bodies that are kept apart.
-        limits: How near it comes to every limit, where that is known already.
-        unchecked: Why collisions are not checked, where they are not.
+        problem: Criterion and limits.
+        x: The plan, shape (n k,).
+        collision: Bodies that must keep a distance; `None` for no collision check.
+        limits: Margins to the limits where they are known already.
+        unchecked: Reason why collisions are not checked; empty where they are.
     """
     goal, basis = problem.goal, problem.basis
     samples = max(round(goal.rate * basis.period), 40 * basis.harmonics)
@@ -159,6 +159,6 @@ def preflight(
 
 
 def worst(found: Sequence[Margin]) -> tuple[Margin, ...]:
-    """The nearest to each limit."""
+    """Smallest margin of each kind of limit."""
     names = dict.fromkeys(margin.limit for margin in found)
     return tuple(max((m for m in found if m.limit == name), key=lambda m: m.share) for name in names)

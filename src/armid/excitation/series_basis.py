@@ -1,12 +1,12 @@
-"""The unknowns of a design: series that start and end at rest, every one of them and no other.
+"""Basis of all Fourier series that start and end at rest, whose coordinates are the unknowns of a design.
 
-Rest at t = 0 is linear in the coefficients of (3.55b):
+Rest at t = 0 is a linear condition on the coefficients of (3.55b):
 
     Σ a_l = 0  (velocity),   Σ l b_l = 0  (acceleration),   offset - Σ b_l / (ω l) = start  (position)        (3.55c)
 
-so it is eliminated by a basis of the null space instead of being held by a solver. The thesis asks for Σ b_l / l = 0
-besides, that is for joints that swing about the pose they start from; `literal` keeps that, and without it there is
-one more unknown a joint.
+A basis of the null space eliminates it, so that no solver has to enforce it. The thesis also requires
+Σ b_l / l = 0, so that joints swing about their start pose; `literal` keeps this condition. Without it each joint has
+one more unknown.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ ORDERS = 4
 
 @dataclass(frozen=True, eq=False)
 class SeriesBasis:
-    """Series of n joints and L harmonics that are at rest at t = 0, as an affine function of unknowns x (n, k).
+    """Affine map from unknowns x (n, k) to series of n joints and L harmonics that are at rest at t = 0.
 
     Attributes:
         base_frequency: ω [rad/s].
         harmonics: L.
-        start: Pose at t = 0, shape (n,) [rad or m]; where `free` it is only the pose that x = 0 stands for.
+        start: Pose at t = 0, shape (n,) [rad or m]; where `free`, the pose that x = 0 represents.
         free: Whether the start pose is among the unknowns.
-        literal: Whether joints swing about the start pose, Σ b_l / l = 0, as (3.55c) has it.
+        literal: Whether joints swing about the start pose, Σ b_l / l = 0, as in (3.55c).
     """
 
     base_frequency: float
@@ -70,12 +70,12 @@ class SeriesBasis:
 
     @property
     def period(self) -> float:
-        """Length of one period [s]."""
+        """Duration of one period [s]."""
         return 2.0 * math.pi / self.base_frequency
 
     @cached_property
     def null_space(self) -> Array:
-        """Orthonormal directions of (a, b, offset) that keep rest, shape (2 L + 1, k)."""
+        """Orthonormal basis of the coefficients (a, b, offset) of a joint that are at rest, shape (2 L + 1, k)."""
         number, L = np.arange(1.0, self.harmonics + 1.0), self.harmonics
         rows = np.zeros((4, 2 * L + 1))
         rows[0, :L] = 1.0
@@ -92,12 +92,12 @@ class SeriesBasis:
 
     @property
     def size(self) -> int:
-        """Unknowns of one joint, k."""
+        """Number of unknowns of one joint, k."""
         return self.null_space.shape[1]
 
     @property
     def unknowns(self) -> int:
-        """Unknowns of all joints, n k."""
+        """Number of unknowns of all joints, n k."""
         return self.n * self.size
 
     def coefficients(self, x: ArrayLike) -> Array:
@@ -107,12 +107,12 @@ class SeriesBasis:
         return result
 
     def excitation(self, x: ArrayLike, robot: str = "") -> Excitation:
-        """The series of unknowns (n k,)."""
+        """Series of unknowns (n k,)."""
         c, L = self.coefficients(x), self.harmonics
         return Excitation(self.base_frequency, c[:, :L], c[:, L : 2 * L], c[:, -1], robot)
 
     def project(self, coefficients: ArrayLike) -> Array:
-        """Unknowns (n k,) of the series nearest to coefficients (n, 2 L + 1), which need not be at rest."""
+        """Unknowns (n k,) of the series nearest to coefficients (n, 2 L + 1), by orthogonal projection."""
         c = np.array(coefficients, dtype=np.float64)
         c[:, -1] -= self.start
         return (c @ self.null_space).ravel()
@@ -122,7 +122,7 @@ class SeriesBasis:
         return self.project(np.hstack([excitation.a, excitation.b, excitation.offset[:, None]]))
 
     def matrices(self, time: ArrayLike) -> tuple[Array, ...]:
-        """Matrices (N, k) that give position less start, velocity, acceleration and jerk at times (N,) [s]."""
+        """Matrices (N, k) from unknowns to position less start, velocity, acceleration, jerk at times (N,) [s]."""
         t = array(time, (None,), "time")
         f = self.base_frequency * np.arange(1, self.harmonics + 1)
         s, c = np.sin(np.outer(t, f)), np.cos(np.outer(t, f))
@@ -131,14 +131,18 @@ class SeriesBasis:
         return tuple(np.ascontiguousarray(np.hstack(row) @ self.null_space) for row in rows[:ORDERS])
 
     def times(self, samples: int) -> Array:
-        """Even times of one period, shape (samples,) [s]."""
+        """Uniform grid of one period, shape (samples,) [s]."""
         return np.arange(float(samples)) * (self.period / samples)
 
     def peaks_between(self, x: ArrayLike, order: int) -> Array:
-        """Return what the derivative of an order can reach at most, whatever the phases, shape (n,).
+        """Bound of a derivative of the positions for all phases of the harmonics, shape (n,).
 
-        Harmonics add up at most to the sum of their amplitudes. Times h²/8 the bound of the second derivative after
-        a quantity says how far it can rise between points of a grid of step h.
+        The bound is the sum of the amplitudes. The bound of the second derivative of a quantity, times h²/8, bounds
+        its rise between the points of a grid of step h.
+
+        Args:
+            x: Unknowns (n k,).
+            order: 0 position (without offset), 1 velocity, 2 acceleration, and so on.
         """
         c, L = self.coefficients(x), self.harmonics
         f: Array = self.base_frequency * np.arange(1.0, L + 1.0)

@@ -1,4 +1,4 @@
-"""Account of a search that its time ended: whether its best plan was still becoming better."""
+"""Finding for a search that ran out of time while its best plan was still improving."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ from armid.excitation.design.multistart import Search
 __all__ = ["unsettled"]
 
 STILL = 0.05
-"""Relative change of the criterion's measure in the second half of the time from which a plan was still improving."""
+"""Relative improvement in the second half of the time from which a plan counts as still improving."""
 
 LONGER = 60.0
-"""Wall time that is proposed at least [s]."""
+"""Smallest wall time that the remedy proposes [s]."""
 
 OF_VARIANCES = ("d-optimal", "a-optimal", "e-optimal", "prediction")
-"""Criteria that are logarithms of variances; the others are of deviations or their ratios."""
+"""Criteria that are logarithms of variances; the others are logarithms of standard deviations or of their ratios."""
 
 
 def unsettled(search: Search, criterion: str, budget: float | None) -> Finding | None:
-    """That time ended a search before its plan had settled; nothing where it had, or something else ended it.
+    """Finding that a search ran out of time before its plan converged; `None` otherwise.
 
-    It had not where no descent came to its end, or where the second half of the time, counted from the first descent
-    that did, still made the plan better by `STILL`: a predicted deviation or condition number by that share.
+    A plan has not converged where no descent was completed in time, or where the second half of the time, counted
+    from the first completed descent, still improved it by `STILL`, relative to the predicted standard deviations or
+    the condition number.
 
     Args:
         search: The search.
-        criterion: What was made small.
-        budget: Its wall time [s].
+        criterion: Name of the criterion.
+        budget: Wall time of the search [s].
     """
     if budget is None or search.interrupted or search.seconds < budget:
         return None

@@ -1,8 +1,8 @@
-"""Start of a series if nobody says: a pose with room around it.
+"""Choice of the start pose of a series where the user gives none: a pose with much free range around it.
 
-A series swings about its start pose, so what counts is how far the joints can go from there, all at once and either
-way, before one meets a limit, a body another, or gravity asks for more torque than there is. That is measured along
-straight lines in a few random directions.
+A series swings about its start pose. Its amplitude ends where a joint meets a limit, bodies collide, or gravity needs
+more torque than the joints have. The free range of a pose is therefore measured along straight lines through it in
+random directions of the joint space.
 """
 
 from __future__ import annotations
@@ -21,59 +21,59 @@ from armid.values import Array
 __all__ = ["Holds", "Start", "any_pose", "choose_start", "free_range", "usual_pose"]
 
 INSIDE = 0.05
-"""Share of a joint's range that a pose keeps from its ends where it is chosen here."""
+"""Share of a joint's range by which a chosen pose stays away from either end."""
 
 SWING = 1.5
-"""How far a joint would like to swing either way [rad]; a sliding one by half its range."""
+"""Wanted swing of a revolute joint to either side [rad]; that of a prismatic joint is half its range."""
 
 WANDER = 2.0
-"""How far from the usual pose a turning joint is looked for [rad]."""
+"""Largest distance of a revolute joint from the usual pose in a random pose [rad]."""
 
 LOOKED = 1500
-"""Random poses that are looked at."""
+"""Random poses whose distances are computed."""
 
 SHORT = 40
-"""How many of them, those furthest from all bodies, are looked at more closely."""
+"""Number of these, with the largest distances, whose free range is computed."""
 
 DIRECTIONS = 24
-"""Lines through a pose."""
+"""Random lines through a pose."""
 
 STEPS = np.array([-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0])
-"""Places along a line, in shares of the swing."""
+"""Positions along a line, as shares of the wanted swing."""
 
 ROOMY = 0.85
-"""Share of the greatest room found at which the usual pose is kept: people know it."""
+"""Share of the largest free range from which the usual pose is preferred, because users know it."""
 
 PLAIN = 0.98
-"""Share of its room that a pose may lose where a joint goes to its usual place or a round number."""
+"""Share of its free range that a pose keeps where a joint is moved to its usual position or a round number."""
 
 
 Holds = Callable[[Array], NDArray[np.bool_]]
-"""Whether the joints can hold poses (N, n) with the torque they have, shape (N,)."""
+"""Test, shape (N,), whether the joint torques suffice to hold poses (N, n) against gravity."""
 
 
 def any_pose(q: Array) -> NDArray[np.bool_]:
-    """Every pose can be held, as far as is known, shape (N,)."""
+    """Test that accepts every pose (N, n), for arms whose torques are not known; shape (N,)."""
     return np.ones(len(q), dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Start:
-    """A pose to begin from.
+    """Start pose of a series.
 
     Attributes:
         pose: Shape (n,) [rad or m].
-        room: Share of the wanted swing that is free around it, 0 to 1.
-        usual: Whether it is the usual one.
+        free_share: Share of the wanted swing that is free around it, 0 to 1.
+        usual: Whether it is the usual pose.
     """
 
     pose: Array
-    room: float
+    free_share: float
     usual: bool
 
 
 def usual_pose(limits: Limits) -> Array:
-    """Zero where a joint can be there, else the middle of its range, shape (n,) [rad or m]."""
+    """Pose with zero for each joint whose range contains it, else the middle of the range, shape (n,) [rad or m]."""
     bounded = np.isfinite(limits.upper - limits.lower)
     low, high = np.where(bounded, limits.lower, -1.0), np.where(bounded, limits.upper, 1.0)
     ends = INSIDE * (high - low)
@@ -81,15 +81,15 @@ def usual_pose(limits: Limits) -> Array:
 
 
 def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) -> Start:
-    """The pose with most room of many random ones, or the usual one where that has hardly less.
+    """Pose with the largest free range of many random ones, or the usual pose where its free range is similar.
 
     Args:
-        cell: The arm and its surroundings.
-        limits: Of its joints.
-        holds: Which poses the joints can hold.
+        cell: Arm and surroundings.
+        limits: Limits of the joints.
+        holds: Test whether the joints can hold poses.
 
     Raises:
-        ArmidError: In none of the poses do all bodies keep apart, or none can be held.
+        ArmidError: Bodies are too close in all of the poses, or the joints can hold none.
     """
     usual = usual_pose(limits)
     low, high = _ends(limits)
@@ -97,7 +97,7 @@ def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) 
     rng = np.random.default_rng(0)
     between = np.maximum(low, usual - wander), np.minimum(high, usual + wander)
     poses = np.vstack([usual, rng.uniform(*between, (LOOKED, len(usual)))])
-    distance = cell.clear(poses)
+    distance = cell.search_excess_distance(poses)
     order = np.concatenate([[0], 1 + np.argsort(-distance[1:], kind="stable")])
     order = order[distance[order] >= 0.0]
     if not len(order):
@@ -113,21 +113,21 @@ def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) 
             f"No pose of {cell.robot.name} was found in which all bodies keep apart and which its torques can hold.",
             remedy="relax the effort limits with --limit, the --torque-margin or the --clearance, or give --start.",
         )
-    rooms = np.array([free_range(cell, limits, poses[k], holds) for k in order])
-    if order[0] == 0 and rooms[0] >= ROOMY * rooms.max():
-        return Start(usual, float(rooms[0]), usual=True)
-    best = int(rooms.argmax())
-    pose = _plain(cell, limits, holds, poses[order[best]], usual, PLAIN * float(rooms[best]))
+    ranges = np.array([free_range(cell, limits, poses[k], holds) for k in order])
+    if order[0] == 0 and ranges[0] >= ROOMY * ranges.max():
+        return Start(usual, float(ranges[0]), usual=True)
+    best = int(ranges.argmax())
+    pose = _rounded(cell, limits, holds, poses[order[best]], usual, PLAIN * float(ranges[best]))
     return Start(pose, free_range(cell, limits, pose, holds), usual=False)
 
 
-def _plain(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, usual: Array, enough: float) -> Array:
-    """A pose with as many joints at their usual places, or at round numbers, as leave room enough."""
+def _rounded(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, usual: Array, enough: float) -> Array:
+    """Pose with joints moved to usual positions or round numbers while its free range stays large enough."""
     for j in range(len(pose)):
         for value in (usual[j], *(round(pose[j] * parts) / parts for parts in (2, 10, 100))):
             trial = pose.copy()
             trial[j] = value
-            free = cell.clear(trial[None])[0] >= 0.0 and bool(cell.apart(trial[None])[0])
+            free = cell.search_excess_distance(trial[None])[0] >= 0.0 and bool(cell.apart(trial[None])[0])
             free = free and limits.lower[j] < value < limits.upper[j] and bool(holds(trial[None])[0])
             if free and free_range(cell, limits, trial, holds) >= enough:
                 pose = trial
@@ -136,26 +136,26 @@ def _plain(cell: CollisionModel, limits: Limits, holds: Holds, pose: Array, usua
 
 
 def _ends(limits: Limits) -> tuple[Array, Array]:
-    """Tell how far a pose may be from the middle of each joint's range."""
+    """Lowest and highest positions of a chosen pose, shape (n,) each [rad or m]."""
     ends = np.where(np.isfinite(limits.upper - limits.lower), INSIDE * (limits.upper - limits.lower), 0.0)
     return np.maximum(limits.lower + ends, -1e3), np.minimum(limits.upper - ends, 1e3)
 
 
 def free_range(cell: CollisionModel, limits: Limits, pose: Array, holds: Holds = any_pose) -> float:
-    """Share of the wanted swing that is free around a pose, the mean over lines through it.
+    """Share of the wanted swing that is free around a pose, as the mean over random lines through it.
 
     Args:
-        cell: The arm and its surroundings.
-        limits: Of its joints.
+        cell: Arm and surroundings.
+        limits: Limits of the joints.
         pose: Shape (n,) [rad or m].
-        holds: Which poses the joints can hold.
+        holds: Test whether the joints can hold poses.
     """
     half = 0.5 * (limits.upper - limits.lower)
     swing = np.where(cell.robot.tree.prismatic.astype(np.bool_), half, np.minimum(half, SWING))
     lines = np.random.default_rng(1).uniform(-1.0, 1.0, (DIRECTIONS, len(pose))) * swing
     q = pose + (STEPS[:, None, None] * lines).reshape(-1, len(pose))
     inside = ((q > limits.lower) & (q < limits.upper)).all(axis=1)
-    apart = cell.room(q) >= 0.0
+    apart = cell.excess_distance(q) >= 0.0
     free = (inside & apart & holds(q)).reshape(len(STEPS), DIRECTIONS)
     middle = len(STEPS) // 2
     after = np.logical_and.accumulate(free[middle:], axis=0).mean()

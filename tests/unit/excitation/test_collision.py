@@ -206,7 +206,7 @@ def test_what_touches_in_every_pose_is_left_out_and_told():
     assert made.every.labels == ("foot - elbow", "foot - flange")
     robot = replace(iiwa, shapes=(ball("foot", -1, 0.36), ball("elbow", 3, 0.35)))
     cell = make_collision_model(robot, limits, margin=0.01)
-    assert 0.5 < cell.touching[0] < 0.98 and not cell.keeping.kind.any()
+    assert 0.5 < cell.touching[0] < 0.98 and not cell.required.kind.any()
 
 
 def test_links_that_are_built_close_keep_part_of_what_is_between_them():
@@ -214,7 +214,7 @@ def test_links_that_are_built_close_keep_part_of_what_is_between_them():
     near = load_robot("panda")
     tight = make_collision_model(near, limits_of(near))
     k = tight.bodies.labels.index("link_5 - link_7")
-    assert 0.5 < tight.touching[k] < 0.99 and tight.keeping.kind[k] != LEFT_OUT
+    assert 0.5 < tight.touching[k] < 0.99 and tight.required.kind[k] != LEFT_OUT
     made = kept_apart(tight, np.array(START["panda"]))
     assert "link_5 - link_7" in made.every.labels
     distance = made.every.bodies.distances(forward_kinematics(near, np.array([START["panda"]])))[0]
@@ -227,7 +227,7 @@ def test_the_floor_is_touched_by_construction_by_the_first_link_alone():
     limits = limits_of(iiwa)
     robot = replace(iiwa, shapes=(ball("shoulder", 0, 0.4), ball("upper arm", 1, 0.4)))
     cell = make_collision_model(robot, limits, [floor()])
-    assert dict(zip(cell.bodies.labels, cell.keeping.of(LEFT_OUT), strict=True)) == {
+    assert dict(zip(cell.bodies.labels, cell.required.of(LEFT_OUT), strict=True)) == {
         "shoulder - floor": True,
         "upper arm - floor": False,
     }
@@ -359,9 +359,9 @@ def test_the_start_that_is_found_has_room():
     cell = make_collision_model(robot, limits, [floor()])
     found = choose_start(cell, limits)
     usual = free_range(cell, limits, usual_pose(limits))
-    assert not found.usual and found.room > usual + 0.3
+    assert not found.usual and found.free_share > usual + 0.3
     assert (found.pose == choose_start(cell, limits).pose).all()
-    assert cell.room(found.pose[None])[0] > 0.0
+    assert cell.excess_distance(found.pose[None])[0] > 0.0
     upright = load_robot("iiwa14-r820")
     assert choose_start(make_collision_model(upright, limits_of(upright), [floor()]), limits_of(upright)).usual
     # Where gravity asks too much of poses that are bent, one that stands is chosen.

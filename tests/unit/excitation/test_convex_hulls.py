@@ -120,7 +120,7 @@ def test_a_pair_that_needs_them_is_looked_at(elbow):
     limits = limits_of(elbow)
     cell = make_collision_model(elbow, limits, margin=0.02)
     k = cell.bodies.labels.index(PAIR)
-    assert 0.2 < cell.touching[k] < 0.8 and not cell.keeping.kind[k]
+    assert 0.2 < cell.touching[k] < 0.8 and not cell.required.kind[k]
     made = kept_apart(cell, STRAIGHT)
     assert made.skipped == () and made.every.labels == (PAIR,)
     assert made.searched is not None and made.searched.labels == (PAIR,)

@@ -1,8 +1,8 @@
-"""Arrays kept in the user's cache folder, for what is slow to make and depends on the content of a file alone.
+"""Cache of arrays in the user's cache folder, for results that depend only on the content of a file.
 
-An entry is written beside its name and then renamed, so that another process reads all of it or nothing. An entry
-that cannot be read is made again; where the folder cannot be written, nothing is kept, and nothing is said. Where all
-entries together are larger than `LARGEST`, those go that were not used for longest.
+An entry is written to a temporary file and then renamed, so that another process reads all of it or nothing. An entry
+that cannot be read is computed again. Where the folder cannot be written, nothing is stored and no error is raised.
+Where all entries together are larger than `LARGEST`, the least recently used ones are removed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def cache_folder() -> Path | None:
 
 
 def kept(name: str) -> dict[str, NDArray[np.generic]] | None:
-    """The entry of a name; `None` where there is none that can be read."""
+    """Reads the entry of a name; `None` where none can be read."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -58,7 +58,7 @@ def kept(name: str) -> dict[str, NDArray[np.generic]] | None:
 
 
 def keep(name: str, arrays: Arrays) -> None:
-    """Write an entry, where the folder allows it."""
+    """Writes an entry, where the folder can be written."""
     folder = cache_folder()
     if folder is None:
         return
@@ -76,7 +76,7 @@ def keep(name: str, arrays: Arrays) -> None:
 
 
 def _prune(folder: Path, newest: str) -> None:
-    """Remove entries that were not used for longest, but not the newest, until the rest are small enough together."""
+    """Removes the entries that were not used for longest until the rest are within the limit; keeps the newest."""
     found: list[tuple[float, int, Path]] = []
     for path in folder.glob("*.npz"):
         with suppress(OSError):  # another process was faster

@@ -1,8 +1,8 @@
-"""Capsules around bodies: what is found apart by its capsules is apart.
+"""Bounding capsules of bodies, so that bodies whose capsules are apart are apart themselves.
 
-Exact where the description has capsules and spheres. Other bodies are cut into slabs across one of their axes, and
-each slab, cut edges included, lies in the smallest capsule found; more slabs are taken as long as the capsules
-become much smaller by it, so that an elbow with an offset is not a balloon.
+Capsules and spheres of the description are represented exactly. Other bodies are cut into slabs across a principal
+axis, and each slab, cut edges included, is enclosed in the smallest capsule found. More slabs are used as long as
+they reduce the total volume much, because one capsule around an elbow with an offset would be far too large.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ __all__ = ["Points", "around", "box_triangles", "covering", "cuts_of", "smallest
 Made = TypeVar("Made")
 
 SLABS = 4
-"""A body is cut into no more slabs."""
+"""Largest number of slabs of a body."""
 
 WORTH = 0.8
-"""A further slab is worth having where it brings the volume of what goes around below this share."""
+"""Share of the bounding volume below which a further slab must bring it to be used."""
 
 THIN = 1e-6
-"""Radius [m] of what has none."""
+"""Smallest radius of a capsule [m]."""
 
 FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
                   [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 3, 7], [1, 7, 5]])  # fmt: skip
-"""Triangles of a box's corners, which are counted with z the fastest."""
+"""Corner indices of the triangles of a box; in the order of the corners, z changes fastest."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -40,8 +40,8 @@ class Points:
     """Points of a part of a body.
 
     Attributes:
-        at: Shape (v, 3) [m].
-        count: How often each was met, which is how much it weighs in the axes of the part, shape (v,).
+        at: Positions, shape (v, 3) [m].
+        count: Number of triangles that use each point, its weight in the principal axes of the part, shape (v,).
     """
 
     at: Array
@@ -49,14 +49,14 @@ class Points:
 
 
 Cuts = tuple[tuple[tuple[Points, ...], ...], ...]
-"""A body whole, then in two slabs, three and more, each in several directions."""
+"""Body as a whole, then cut into two, three and more slabs, each in several directions."""
 
 
 def covering(shape: Shape) -> tuple[Shape, ...]:
-    """Capsules that a body lies in; a capsule is itself.
+    """Capsules that together enclose a body; a capsule is returned as it is.
 
     Args:
-        shape: The body, no half-space and no mesh (`armid.excitation.collision.mesh_hulls`).
+        shape: The body; no half-space, and no mesh (see `armid.excitation.collision.mesh_hulls`).
     """
     radius, length, _ = shape.size
     name, link, placement = shape.name, shape.link, shape.placement
@@ -79,11 +79,11 @@ def box_triangles(size: Array) -> Array:
 
 
 def cuts_of(corners: Array, faces: NDArray[np.intp]) -> Cuts:
-    """A body in ever more slabs across its axes.
+    """Body cut across its principal axes into one to `SLABS` slabs.
 
     Args:
-        corners: Of its triangles, shape (v, 3) [m].
-        faces: Three corners of each, shape (t, 3).
+        corners: Corners of its triangles, shape (v, 3) [m].
+        faces: Indices of the three corners of each triangle, shape (t, 3).
     """
     whole = Points(corners, np.bincount(faces.ravel(), minlength=len(corners)).astype(np.float64))
     used = whole.count > 0.0
@@ -97,12 +97,15 @@ def cuts_of(corners: Array, faces: NDArray[np.intp]) -> Cuts:
 
 
 def smallest(cuts: Cuts, make: Callable[[Points], Made], volume: Callable[[Made], float]) -> tuple[Made, ...]:
-    """Return what goes around a body, cut into slabs as long as that brings the volume down.
+    """Bounding volumes of a body, with as many slabs as reduce their total volume much.
 
     Args:
-        cuts: The body.
-        make: What goes around points.
-        volume: Of that.
+        cuts: The body, as of `cuts_of`.
+        make: Makes the bounding volume of points.
+        volume: Volume of a bounding volume.
+
+    Returns:
+        One bounding volume for each slab.
     """
 
     def total(made: tuple[Made, ...]) -> float:
@@ -117,7 +120,7 @@ def smallest(cuts: Cuts, make: Callable[[Points], Made], volume: Callable[[Made]
 
 
 def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int) -> list[Points]:
-    """The parts of triangles between parallel planes at even distances."""
+    """Points of the parts of triangles between equally spaced parallel planes."""
     corners, height = whole.at, whole.at @ direction
     planes = np.linspace(height.min(), height.max(), slabs + 1)
     heights = height[faces]
@@ -142,12 +145,12 @@ def _slabs(whole: Points, faces: NDArray[np.intp], direction: Array, slabs: int)
 
 
 def around(name: str, part: Points, outer: Array) -> Shape:
-    """The smallest capsule found around points, carried by the base.
+    """Smallest capsule found around points, in the base frame.
 
     Args:
-        name: Of the capsule.
-        part: The points, whose spread gives the directions that are tried.
-        outer: Those of them that matter, as corners of their convex hull, shape (k, 3) [m].
+        name: Name of the capsule.
+        part: The points; their principal axes are the directions that are tried.
+        outer: The points that determine the capsule, such as corners of their convex hull, shape (k, 3) [m].
     """
     centre = np.average(part.at, axis=0, weights=part.count)
     best: Shape | None = None
@@ -155,7 +158,7 @@ def around(name: str, part: Points, outer: Array) -> Shape:
         along = (outer - centre) @ direction
         middle = centre + 0.5 * (along.max() + along.min()) * direction
         across = (outer - middle) - np.outer((outer - middle) @ direction, direction)
-        # Centring across the axis brings the radius near the smallest.
+        # Centring across the axis brings the radius close to the smallest possible.
         middle = middle + 0.5 * (across.max(axis=0) + across.min(axis=0))
         away = outer - middle
         reach = away @ direction
@@ -170,7 +173,7 @@ def around(name: str, part: Points, outer: Array) -> Shape:
 
 
 def _principal(part: Points) -> Array:
-    """Three directions at right angles along which points are spread, one a row."""
+    """Principal axes of points, one in each row."""
     away = part.at - np.average(part.at, axis=0, weights=part.count)
     return np.linalg.eigh((away * part.count[:, None]).T @ away)[1].T
 

@@ -1,9 +1,9 @@
-"""Distances of bodies along a motion, measured anew when a plan is done.
+"""Closest approach of bodies along a motion, computed by Coal when a plan is done.
 
-The search and its certificate know bodies by capsules and hulls on a grid of their own; here every pair is looked at
-once more, pose by pose, by Coal: primitives as they are, meshes as the convex hulls of their slabs, which contain
-them, and the few pairs whose hulls overlap where bodies do not by their triangles. What is said of a plan, on its
-pages and by the exit code, is what is found here.
+The search and its certificate use capsules and hulls on their own grids. Here the distance of every pair is computed
+again, pose by pose. Primitives are exact and meshes are the convex hulls of their slabs, which contain them. The few
+pairs whose hulls overlap although the bodies do not are measured by their triangles. Preflight pages and the exit
+code report these distances.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from armid.values import Array
 __all__ = ["RATE", "ClosestApproach", "closest_approaches"]
 
 RATE = 250.0
-"""Poses a second in which bodies are measured [Hz]."""
+"""Rate of the poses in which distances are computed [Hz]."""
 
 EVERY = 5
-"""Of these poses one in so many is measured first, then those beside the closest; triangles that come closer than
-they should are looked for in all."""
+"""Stride of the poses that are measured first; then those next to the closest one are measured. Triangles that are
+too
+close are searched in all poses."""
 
 FIRST = 8
-"""Poses, those in which capsules are closest, that are measured before the others are compared with them."""
+"""Number of poses, those with the closest capsules, that are measured before the others."""
 
 ROUNDING = 1e-6
-"""Metres by which iterations of Coal may differ from the distances that a certificate rests on."""
+"""Tolerance [m] for the difference of Coal's iterative distances from those of the certificate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +41,9 @@ class ClosestApproach:
 
     Attributes:
         pair: Their names.
-        distance: Between them, negative where they overlap [m].
-        time: When [s].
-        asked: Distance that they should keep [m].
+        distance: Distance between them, negative where they overlap [m].
+        time: Time of the closest approach [s].
+        asked: Required distance [m].
     """
 
     pair: str
@@ -52,19 +53,19 @@ class ClosestApproach:
 
     @property
     def kept(self) -> bool:
-        """Tell whether they do."""
+        """Whether the required distance is kept."""
         return self.distance >= self.asked - ROUNDING
 
 
 def closest_approaches(
     collision: CollisionOptions, times: Array, poses: tuple[Array, Array]
 ) -> tuple[ClosestApproach, ...]:
-    """Closest approach of every pair that should stay apart, nearest first.
+    """Closest approach of every checked pair, nearest first.
 
     Args:
-        collision: The bodies.
+        collision: Pairs of bodies.
         times: Shape (N,) [s].
-        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links then.
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links at these times.
     """
     found: list[ClosestApproach] = []
     if len(collision.pairs):
@@ -82,30 +83,31 @@ def closest_approaches(
 def _least(
     collision: CollisionOptions, pair: NDArray[np.intp], bound: Array, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
-    """Least distance of two bodies by their convex parts, and in which pose; nothing is nearer than its bound."""
+    """Smallest distance of the convex parts of two bodies and index of the pose; `bound` is a lower bound of it."""
 
     def measured(which: NDArray[np.intp]) -> Array:
         some = poses[0][which], poses[1][which]
-        # Bodies lie in their capsules and in their convex parts; a thinned hull may reach beyond capsules.
+        # Capsules and convex parts both contain the body, so the larger distance holds; a simplified hull may reach
+        # beyond the capsules.
         return np.maximum(distances(collision.shapes, pair[None], some, parts_of)[:, 0], bound[which])
 
     coarse = np.arange(0, len(bound), EVERY)
     coarse = coarse[bound[coarse].argsort(kind="stable")]
     first = coarse[:FIRST]
     seen = measured(first)
-    more = coarse[FIRST:][bound[coarse[FIRST:]] < seen.min()]
-    where, apart = np.concatenate([first, more]), np.concatenate([seen, measured(more)])
-    middle = int(where[apart.argmin()])
-    beside = np.arange(max(middle - EVERY + 1, 0), min(middle + EVERY, len(bound)))
-    where, apart = np.concatenate([where, beside]), np.concatenate([apart, measured(beside)])
-    k = int(apart.argmin())
-    return float(apart[k]), int(where[k])
+    candidates = coarse[FIRST:][bound[coarse[FIRST:]] < seen.min()]
+    where, distance = np.concatenate([first, candidates]), np.concatenate([seen, measured(candidates)])
+    middle = int(where[distance.argmin()])
+    neighbours = np.arange(max(middle - EVERY + 1, 0), min(middle + EVERY, len(bound)))
+    where, distance = np.concatenate([where, neighbours]), np.concatenate([distance, measured(neighbours)])
+    k = int(distance.argmin())
+    return float(distance[k]), int(where[k])
 
 
 def _by_triangles(
     collision: CollisionOptions, pair: NDArray[np.intp], kept: float, poses: tuple[Array, Array]
 ) -> tuple[float, int]:
-    """Least distance of two bodies as they are in some poses, and in all in which they are too close."""
+    """Smallest distance of the bodies themselves over some poses and all in which they are too close."""
     wrong = np.flatnonzero(too_close(collision.shapes, pair, kept, poses))
     which = np.union1d(np.arange(0, len(poses[1]), EVERY * EVERY), wrong)
     some = poses[0][which], poses[1][which]

@@ -1,7 +1,7 @@
-"""Distances by Coal, which comes with Pinocchio: of bodies as they are, meshes by triangles, and of convex ones.
+"""Distances by Coal, which comes with Pinocchio: of the bodies themselves and of convex bodies around them.
 
-Slower by far than capsules, so bodies as they are have the last word on a plan and no part in the search, and convex
-ones (`armid.excitation.collision.convex_hulls`) only where capsules do not do.
+Coal is much slower than capsules. Distances of the bodies themselves are therefore computed only when a plan is done,
+and those of convex bodies (`armid.excitation.collision.convex_hulls`) only where capsules are too wide.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _tell: ContextVar[Tell] = ContextVar("_tell", default=lambda path: None)
 
 @contextmanager
 def telling_of_meshes(tell: Tell) -> Generator[None]:
-    """Have the path of each mesh told before it is read."""
+    """Calls a function with the path of each mesh before it is read."""
     token = _tell.set(tell)
     try:
         yield
@@ -61,7 +61,7 @@ def _coal() -> Any:
 
 
 def stamp(path: str) -> tuple[int, int]:
-    """Size and time of change of a file, which tell one that was written anew; zeros where it is not there."""
+    """Size and modification time of a file, which change when it is written again; zeros where it does not exist."""
     try:
         about = os.stat(path)
     except OSError:
@@ -71,7 +71,7 @@ def stamp(path: str) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def _mesh(path: str, scale: tuple[float, float, float], _stamp: tuple[int, int]) -> Any:
-    """The triangles of a file.
+    """Triangle mesh of a file.
 
     Raises:
         ArmidError: Coal cannot read it.
@@ -104,7 +104,7 @@ def mesh_faces(shape: Shape) -> tuple[Array, NDArray[np.intp]]:
 
 @lru_cache(maxsize=64)
 def _faces(path: str, scale: tuple[float, float, float], written: tuple[int, int]) -> tuple[Array, NDArray[np.intp]]:
-    """The same, read once: Coal gives one triangle after the other."""
+    """Corners and triangles as of `mesh_faces`, cached because Coal returns one triangle at a time."""
     mesh = _mesh(path, scale, written)
     faces = (mesh.tri_indices(k) for k in range(mesh.num_tris))
     index = np.array([(face[0], face[1], face[2]) for face in faces], dtype=np.intp).reshape(-1, 3)
@@ -113,7 +113,7 @@ def _faces(path: str, scale: tuple[float, float, float], written: tuple[int, int
 
 
 def geometry(shape: Shape) -> Any:
-    """The body for Coal, whose primitives lie as ours do."""
+    """Coal geometry of a body; its primitives have the same frames as ours."""
     coal = _coal()
     a, b, c = (float(x) for x in shape.size)
     if shape.kind == "mesh":
@@ -134,12 +134,12 @@ def version() -> str:
 
 
 def convex(corners: Array, faces: NDArray[np.intp], beyond: float = 0.0) -> Any:
-    """A convex body for Coal.
+    """Coal geometry of a convex body.
 
     Args:
         corners: Shape (v, 3) [m].
         faces: Three corners of each triangle, counter-clockwise from outside, shape (t, 3).
-        beyond: How far the body reaches beyond these, all around [m].
+        beyond: Distance by which the body extends beyond these, all around [m].
     """
     coal = _coal()
     points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
@@ -168,7 +168,7 @@ def apart(body: Any, points: Array) -> Array:
 
 
 def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
-    """Tell where a body is along a motion, with rotations (N, n, 3, 3) and origins (N, n, 3) of the links."""
+    """Placements of a body along a motion with rotations (N, n, 3, 3) and origins (N, n, 3) of the links."""
     transform = _coal().Transform3s
     turn, place = shape.placement[:3, :3], shape.placement[:3, 3]
     R, p = poses
@@ -179,14 +179,14 @@ def _placed(shape: Shape, poses: tuple[Array, Array]) -> list[Any]:
 
 
 def whole(shape: Shape) -> tuple[Any, ...]:
-    """A body as its only part."""
+    """Body as its only part, for `distances`."""
     return (geometry(shape),)
 
 
 def _measured(
     shapes: Sequence[Shape], parts: Parts, pairs: NDArray[np.intp], poses: tuple[Array, Array]
 ) -> Iterator[tuple[int, int, float, Any]]:
-    """Pair, pose, distance and Coal's result of each two parts of the bodies of each pair in each pose."""
+    """Yields pair, pose, distance and Coal's result of each combination of parts in each pose."""
     coal = _coal()
     used = np.unique(pairs).tolist()
     of = {k: parts(shapes[k]) for k in used}
@@ -224,7 +224,7 @@ def distances(
 def nearest(
     shapes: Sequence[Shape], pairs: NDArray[np.intp], poses: tuple[Array, Array], parts: Parts
 ) -> tuple[Array, Array, Array, Array]:
-    """Distances of bodies along a motion, and where they are nearest.
+    """Distances and nearest points of bodies along a motion.
 
     Args:
         shapes: Bodies.
@@ -250,7 +250,7 @@ def nearest(
 def too_close(
     shapes: Sequence[Shape], pair: NDArray[np.intp], margin: float, poses: tuple[Array, Array]
 ) -> NDArray[np.bool_]:
-    """Tell whether two bodies as they are come closer than a margin [m], pose by pose: less work than a distance.
+    """Test whether two bodies are closer than a margin [m] in each pose, which is faster than a distance.
 
     Args:
         shapes: Bodies.

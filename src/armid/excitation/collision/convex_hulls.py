@@ -1,11 +1,11 @@
-"""Convex bodies that lie closer around bodies than capsules do, and their distances by Coal.
+"""Convex bodies that enclose bodies more tightly than capsules do, and their distances by Coal.
 
-A capsule around a cylinder or a shell sticks out at both ends by its radius, so two of them may overlap in every
-pose though the bodies never touch. Such pairs, a few of an arm, are measured here: capsules, spheres, boxes and
-half-spaces as they are, a cylinder as a prism around it, a mesh as the convex hulls of its slabs
-(`armid.excitation.collision.mesh_hulls`). Coal finds
-distance, direction and nearest points of these to rounding, apart or overlapping, so that gradients are exact; of
-cylinders themselves it finds them to four digits only.
+A capsule around a cylinder or a shell extends beyond both ends by its radius. Two capsules may therefore overlap in
+every pose although the bodies never touch. The distances of such pairs, a few for an arm, are computed here with
+tighter bodies: capsules, spheres, boxes and half-spaces are exact, a cylinder is enclosed in a prism, and a mesh in
+the convex hulls of its slabs (`armid.excitation.collision.mesh_hulls`). Coal computes distance, direction and nearest
+points of these to rounding, also where they overlap, so that gradients are exact. For cylinders it would have four
+digits only.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ def prism(radius: float, length: float) -> Array:
 
 
 def parts_of(shape: Shape) -> tuple[Any, ...]:
-    """Convex bodies for Coal, in the frame of a body that lies in them."""
+    """Convex bodies for Coal that enclose a body, in its frame."""
     return _parts_of(shape.kind, tuple(shape.size.tolist()), shape.path, stamp(shape.path))
 
 
 @lru_cache(maxsize=512)
 def _parts_of(kind: Kind, size: tuple[float, float, float], path: str, _stamp: tuple[int, int]) -> tuple[Any, ...]:
-    """The same, made once for bodies of one form: a shape that came from another process is a new one."""
+    """Convex bodies as of `parts_of`, cached by form, because shapes from other processes are new objects."""
     shape = Shape("", -1, kind, np.array(size), np.eye(4), path)
     if kind == "cylinder":
         return (part_of(hull_points(prism(*size[:2]))).solid(),)
@@ -53,12 +53,12 @@ def _parts_of(kind: Kind, size: tuple[float, float, float], path: str, _stamp: t
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Hulls:
-    """Pairs of bodies that are measured by the convex bodies around them.
+    """Pairs of bodies whose distances are computed by convex bodies around them.
 
     Attributes:
         shapes: Bodies.
         pairs: Indices of two of them, shape (r, 2).
-        at: Which of some other pairs each stands for, rising, shape (r,).
+        at: Index of each pair in the list of all pairs, rising, shape (r,).
     """
 
     shapes: tuple[Shape, ...]
@@ -73,7 +73,7 @@ class Hulls:
         return distances(self.shapes, self.pairs, poses, parts_of)
 
     def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
-        """Distances (N, r) [m], negative where hulls overlap, nearest points of both and directions from the second.
+        """Distances (N, r) [m], nearest points of both bodies and unit vectors from the second, each (N, r, 3).
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
@@ -81,6 +81,6 @@ class Hulls:
         return nearest(self.shapes, self.pairs, poses, parts_of)
 
     def only(self, which: NDArray[np.intp]) -> Hulls:
-        """Those that stand for some of the other pairs, which are rising and counted anew."""
+        """Selection of the pairs in some of the other pairs, which are rising and renumbered."""
         kept = np.isin(self.at, which)
         return Hulls(self.shapes, self.pairs[kept], np.searchsorted(which, self.at[kept]))

@@ -1,10 +1,10 @@
-"""Distances between bodies of the arm and of its surroundings, with their gradients by the points that are nearest.
+"""Distances between bodies of the arm and of its surroundings, with gradients by the nearest points.
 
-A search asks for distances millions of times, so bodies of the arm are taken as capsules here (see
-`armid.excitation.collision.capsules`), several to a body where one would be too wide. Boxes and half-spaces of the
-surroundings are exact. The few pairs whose capsules overlap where bodies do not are measured by convex bodies closer
-around them (`armid.excitation.collision.convex_hulls`). `armid.excitation.collision.coal` measures bodies as they
-are, when a plan is done.
+A search computes distances millions of times. It therefore represents bodies of the arm by capsules
+(`armid.excitation.collision.capsules`), by several where one would be too wide. Boxes and half-spaces of the
+surroundings are exact. Where capsules overlap but bodies do not, tighter convex hulls are used
+(`armid.excitation.collision.convex_hulls`). `armid.excitation.collision.coal` measures the bodies themselves when a
+plan is done.
 """
 
 from __future__ import annotations
@@ -27,30 +27,33 @@ from armid.values import Array
 __all__ = ["Clearance", "CollisionBodies", "floor", "nearest_on_box", "nearest_on_segments"]
 
 TINY = 1e-12
-"""Squared length [m²] below which a line is a point."""
+"""Squared length [m²] below which a segment counts as a point."""
 
 FEW, REACH = 80, 0.15
-"""Of more pairs than so many, a stage of a search looks at those that come as near to each other as this [m]: two
-arms of seven joints have seven hundred pairs."""
+"""With more pairs than this number, a stage of a search uses only those that come within this distance [m]: two arms
+of seven joints have seven hundred pairs."""
 
 TILE = 30000
-"""Pairs times poses that are looked at at a time: what is computed of them stays in cache."""
+"""Pairs times poses that are computed at a time, so that the data stay in the cache."""
 
 SECTIONS = 40
-"""Steps of the golden section along a capsule beside a box: 4e-9 of its length."""
+"""Steps of the golden-section search along a capsule next to a box: 4e-9 of its length."""
 
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -> tuple[Array, Array]:
-    """Find where two segments are nearest each other, 0 at their beginnings a and b and 1 at their ends a + u, b + v.
+    """Nearest points of two segments a + s u and b + t v with s and t from 0 to 1.
 
     Args:
-        uu: Squared length of the first.
-        vv: Squared length of the second.
-        uv: Product of their directions u and v, shape (..., c).
-        ur: Product of u and a - b, shape (..., c).
-        vr: Product of v and a - b, shape (..., c).
+        uu: Squared length of u.
+        vv: Squared length of v.
+        uv: Scalar product of u and v, shape (..., c).
+        ur: Scalar product of u and a - b, shape (..., c).
+        vr: Scalar product of v and a - b, shape (..., c).
+
+    Returns:
+        s and t, shape (..., c) each.
     """
     across = uu * vv - uv**2
     s = np.clip((uv * vr - ur * vv) / np.maximum(across, TINY * TINY), 0.0, 1.0)
@@ -62,17 +65,17 @@ def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -
 
 
 def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array]:
-    """Nearest point of segments to a box about the origin of their frame.
+    """Nearest points of segments to a box about the origin of their frame.
 
-    The signed distance of a point to a box is convex, so a golden section along the segment finds it.
+    The signed distance of a point to a box is convex, so a golden-section search along the segment finds its minimum.
 
     Args:
-        a: Where the segments begin, shape (..., 3).
-        u: From beginning to end, shape (..., 3).
+        a: Beginnings of the segments, shape (..., 3).
+        u: Vectors from beginning to end, shape (..., 3).
         half: Half the edges of the box, shape (..., 3).
 
     Returns:
-        Places (...,) along the segments, 0 to 1, signed distances (...,) of their axes, and its slopes (..., 3).
+        Positions (...,) along the segments, 0 to 1, signed distances (...,) there, and their gradients (..., 3).
     """
     low, high = np.zeros(a.shape[:-1]), np.ones(a.shape[:-1])
     for _ in range(SECTIONS):
@@ -84,16 +87,16 @@ def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array
 
 
 def _box_distance(point: Array, half: Array) -> tuple[Array, Array]:
-    """Signed distance of points to a box, and its slope."""
-    beyond = np.abs(point) - half
-    outside = np.maximum(beyond, 0.0)
+    """Signed distance of points to a box, and its gradient."""
+    offset = np.abs(point) - half
+    outside = np.maximum(offset, 0.0)
     length = np.linalg.norm(outside, axis=-1)
-    deepest = beyond.max(axis=-1)
+    deepest = offset.max(axis=-1)
     distance = np.where(deepest > 0.0, length, deepest)
     slope = np.where(
         (deepest > 0.0)[..., None],
         outside / np.maximum(length, TINY)[..., None],
-        np.eye(3)[beyond.argmax(axis=-1)],
+        np.eye(3)[offset.argmax(axis=-1)],
     )
     return distance, slope * np.sign(point)
 
@@ -105,14 +108,14 @@ NO_HULLS = Hulls((), np.zeros((0, 2), dtype=np.intp), np.zeros(0, dtype=np.intp)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CollisionBodies:
-    """Capsules of the arm, and pairs of bodies with each other or with the surroundings.
+    """Bounding capsules of the arm, and pairs of bodies of the arm and the surroundings.
 
     Attributes:
-        capsules: Of the arm and, carried by -1, of the base and the surroundings.
+        capsules: Capsules of the arm and, with link -1, of the base and the surroundings.
         solids: Boxes and half-spaces of the surroundings.
-        pairs: Indices of two capsules, or of a capsule and, counted on after the capsules, a solid, shape (c, 2).
-        groups: Which pair of bodies each pair of capsules belongs to, rising from 0 without gaps, shape (c,).
-        hulls: Pairs of bodies that are measured more closely; nothing of them is outside the capsules.
+        pairs: Indices of two capsules, or of a capsule and a solid, shape (c, 2); solids are numbered after capsules.
+        groups: Index of the pair of bodies of each pair of capsules, rising from 0 without gaps, shape (c,).
+        hulls: Pairs of bodies that are measured by tighter convex hulls, which lie inside the capsules.
     """
 
     capsules: tuple[Shape, ...]
@@ -126,7 +129,7 @@ class CollisionBodies:
 
     @property
     def first(self) -> NDArray[np.intp]:
-        """Tell where the capsules of each pair of bodies begin among `pairs`, shape (m,)."""
+        """Index of the first pair of capsules of each pair of bodies, shape (m,)."""
         return np.flatnonzero(np.diff(self.groups, prepend=-1))
 
     @property
@@ -136,16 +139,16 @@ class CollisionBodies:
         return tuple(f"{every[a].name} - {every[b].name}" for a, b in self.pairs[self.first])
 
     def links(self, side: int) -> list[int]:
-        """Links that carry the first or the second bodies of the pairs."""
+        """Links of the first (side 0) or the second (side 1) bodies of the pairs."""
         every = (*self.capsules, *self.solids)
         return [every[k].link for k in self.pairs[self.first, side]]
 
     def distances(self, poses: tuple[Array, Array], hulls: Nearest | None = None) -> Array:
-        """Distances (N, m) [m].
+        """Distances of the pairs of bodies, shape (N, m) [m].
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
-            hulls: What the hulls say, where that is known already.
+            hulls: Result of the hulls where it is known already.
         """
         result = self._places(*self.axes(poses))[0]
         if len(self.first) < len(self.pairs):
@@ -155,13 +158,13 @@ class CollisionBodies:
         return result
 
     def nearest(self, poses: tuple[Array, Array], hulls: Nearest | None = None) -> Nearest:
-        """Distances (N, m) [m], nearest points of both and directions from the second, each (N, m, 3).
+        """Distances (N, m) [m], nearest points of both bodies, and unit vectors from the second, each (N, m, 3).
 
         The nearest points of capsules are those of their axes.
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
-            hulls: What the hulls say, where that is known already.
+            hulls: Result of the hulls where it is known already.
         """
         begin, along = self.axes(poses)
         distance, places, slopes = self._places(begin, along)
@@ -186,11 +189,11 @@ class CollisionBodies:
         return result
 
     def _places(self, begin: Array, along: Array) -> tuple[Array, tuple[Array, Array], dict[int, Array]]:
-        """Each pair of capsules by itself, from their axes (N, c, 3).
+        """Distances and nearest points of each single pair of capsules, from their axes (N, c, 3).
 
         Returns:
-            Distances (N, p) [m], places (N, p) along both axes, 0 to 1, and by pair the slope (N, 3) of the distance
-            to a solid; the place on a solid is that on the capsule.
+            Distances (N, p) [m], positions (N, p) along both axes, 0 to 1, and by pair the gradient (N, 3) of the
+            distance to a solid; the position on a solid is that on the capsule.
         """
         count, samples = len(self.capsules), len(begin)
         radius, length, _ = np.array([capsule.size for capsule in self.capsules]).reshape(-1, 3).T
@@ -201,7 +204,7 @@ class CollisionBodies:
         for k in range(0, samples if len(both) else 0, block):
             part = slice(k, k + block)
             b, u = begin[part], along[part]
-            # All products of all axes at once are less work than a few of those that are needed.
+            # All products of all axes in one matrix product are faster than only the needed ones.
             bb, ub, uu = (x @ y.transpose(0, 2, 1) for x, y in ((b, b), (u, b), (u, u)))
             ur, vr = ub[:, i, i] - ub[:, i, j], ub[:, j, i] - ub[:, j, j]
             one, other, uv = length[i] ** 2, length[j] ** 2, uu[:, i, j]
@@ -225,7 +228,7 @@ class CollisionBodies:
         return distance, (s, t), slopes
 
     def axes(self, poses: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Tell where the axes of the capsules begin, and from there to their ends, base frame, (N, c, 3)."""
+        """Beginnings of the capsules' axes and vectors to their ends in the base frame, (N, c, 3) each."""
         R, p = poses
         begin, along = (np.empty((len(p), len(self.capsules), 3)) for _ in range(2))
         for k, capsule in enumerate(self.capsules):
@@ -238,9 +241,9 @@ class CollisionBodies:
         return begin, along
 
     def lengths(self, poses: tuple[Array, Array], tree: Tree) -> Array:
-        """Tell how far the points of each capsule are at most from each joint's axis, shape (N, c, n) [m].
+        """Largest distance of the points of each capsule from each joint axis, shape (N, c, n) [m].
 
-        The distance to a line is convex, so one of the ends of the capsule's axis is the furthest.
+        The distance to a line is convex, so its maximum along the capsule's axis is at one of the ends.
         """
         begin, along = self.axes(poses)
         R, p = poses
@@ -252,30 +255,30 @@ class CollisionBodies:
             np.maximum(result, np.linalg.norm(away, axis=-1), out=result)
         return result + np.array([capsule.size[0] for capsule in self.capsules])[:, None]
 
-    def approach(self, poses: tuple[Array, Array], tree: Tree, speed: Array, beyond: float = 0.0) -> Array:
-        """Bound (N, m) [m/s] of how fast the bodies of each pair come together.
+    def approach(self, poses: tuple[Array, Array], tree: Tree, speed: Array, extra: float = 0.0) -> Array:
+        """Bound (N, m) [m/s] of the speed at which the bodies of each pair approach each other.
 
-        Only the joints between them do that, and none moves a point faster than its speed times how far the point is
-        from its axis.
+        Only the joints between two bodies change their distance. A revolute joint moves a point at most at its speed
+        times the distance of the point from its axis.
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
             tree: The arm's geometry.
-            speed: Of the joints, shape (n,) or (N, n) [rad/s or m/s].
-            beyond: What is added to every distance from an axis [m].
+            speed: Joint speeds, shape (n,) or (N, n) [rad/s or m/s].
+            extra: Distance that is added to every distance from an axis [m].
         """
-        reach = np.where(tree.prismatic.astype(np.bool_), 1.0, self.lengths(poses, tree) + beyond)
+        reach = np.where(tree.prismatic.astype(np.bool_), 1.0, self.lengths(poses, tree) + extra)
         one, other = (carried_by(tree, self.links(side)) for side in (0, 1))
         solid = self.pairs[:, 1] >= len(self.capsules)
         i, j = self.pairs[:, 0], np.where(solid, 0, self.pairs[:, 1])
-        # A joint that carries both moves neither by the other; one that carries a solid does not exist.
+        # A joint that moves both bodies does not change their distance; no joint moves a solid.
         at = self.groups
         moved = reach[:, i] * (one * (1.0 - other))[at] + reach[:, j] * (other * (1.0 - one))[at]
         fastest = (moved @ speed[:, :, None])[:, :, 0] if speed.ndim == 2 else moved @ speed
         return np.maximum.reduceat(fastest, self.first, axis=1)
 
     def only(self, which: Sequence[int] | NDArray[np.intp]) -> CollisionBodies:
-        """Some of the pairs of bodies, in rising order."""
+        """Selection of some pairs of bodies, by rising indices."""
         chosen = np.isin(self.groups, np.asarray(which, dtype=np.intp))
         kept, groups = np.unique(self.groups[chosen], return_inverse=True)
         return CollisionBodies(self.capsules, self.solids, self.pairs[chosen], groups, self.hulls.only(kept))
@@ -283,13 +286,13 @@ class CollisionBodies:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Clearance:
-    """Pairs of bodies stay apart.
+    """Constraint channel of the distances between bodies.
 
     Attributes:
-        name: What it is.
-        bodies: Which, and which pairs of them.
-        margin: Distance that stays between them, of each pair, shape (m,) or one for all [m].
-        spare: What a search keeps beyond it, of each pair, shape (m,) or one for all [m].
+        name: Name of the quantity.
+        bodies: The bodies and their pairs.
+        margin: Smallest allowed distance of each pair, shape (m,) or one for all [m].
+        spare: Additional distance that a search keeps, shape (m,) or one for all [m].
     """
 
     name: str
@@ -304,11 +307,11 @@ class Clearance:
 
     @property
     def margins(self) -> Array:
-        """Distance that each pair keeps, shape (m,) [m]."""
+        """Smallest allowed distance of each pair, shape (m,) [m]."""
         return np.broadcast_to(self.margin, len(self.labels))
 
     def near(self, states: States) -> Clearance:
-        """Pairs that matter to a motion and to others like it: all where they are few, else those within reach."""
+        """Channel for motions near the given one: all pairs where they are few, else those that come close."""
         if len(self.labels) <= FEW:
             return self
         which = np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH)
@@ -316,25 +319,25 @@ class Clearance:
         return replace(self, bodies=self.bodies.only(which), margin=self.margins[which], spare=spare)
 
     def values(self, states: States) -> Array:
-        """One less the room that is left over a tenth of a metre, shape (N, m)."""
+        """One minus the excess of the distance over its limit, relative to `SCALE`, shape (N, m)."""
         return 1.0 - (self._distances(states) - self.margin - self.spare) / SCALE
 
-    def pull(self, states: States, weights: Array) -> Array:
-        """Gradient (m, n k): the nearest points move with the links that carry them."""
+    def pullback(self, states: States, weights: Array) -> Array:
+        """Gradients (m, n k), from the motion of the nearest points with their links."""
         _, first, second, normal = self._nearest(states)
         forces = -weights[:, :, None] * normal / SCALE
         by_q = np.zeros((*weights.shape, states.tree.n))
         for side, points, sign in ((0, first, 1.0), (1, second, -1.0)):
             mask = carried_by(states.tree, self.bodies.links(side))
             by_q += point_gradient(states.tree, states.poses, mask, points, sign * forces)
-        return states.pull_positions(by_q)
+        return states.pullback_positions(by_q)
 
     def between(self, states: States, step: float) -> Array:
-        """Tell how far each pair may come together between points of a grid beyond its closest there, as a share.
+        """Bound of the rise of the utilisation of each pair between points of a grid, shape (m,).
 
-        Two bodies approach each other no faster than the joints between them move the points of either, so half a
-        step brings them together by no more than that. For pairs that are far apart a rougher bound does: no point of
-        the arm is further from an axis than the widest spread of all points.
+        Two bodies approach each other at most at the speed at which the joints between them move their points, over
+        half a step from the nearest point of the grid. For pairs that are far apart a rougher bound is sufficient,
+        in which the extent of all points bounds the distance of a point from an axis.
         """
         distance, speed = self._distances(states), states.speed_bound
         begin, along = self.bodies.axes(states.poses)
@@ -350,11 +353,11 @@ class Clearance:
         return total / SCALE
 
     def _approach(self, states: States, step: float, bodies: CollisionBodies, fastest: float) -> Array:
-        """Tell how far (N, m) [m] pairs may come together within half a step of each point of a grid.
+        """Bound (N, m) [m] of the approach of pairs within half a step of each point of a grid.
 
         Args:
             states: The motion.
-            step: Of the grid [s].
+            step: Step of the grid [s].
             bodies: The pairs.
             fastest: Bound of the speed of any point of the arm [m/s].
         """
@@ -363,7 +366,7 @@ class Clearance:
         return half * bodies.approach(states.poses, states.tree, speed, half * fastest)
 
     def _hulls(self, states: States) -> Nearest | None:
-        """Return what the hulls say, asked once a point of a search."""
+        """Distances, nearest points and directions of the hulls, computed once for each point of a search."""
         if not len(self.bodies.hulls):
             return None
         if id(self) not in states.hulls:
@@ -371,13 +374,13 @@ class Clearance:
         return states.hulls[id(self)]
 
     def _nearest(self, states: States) -> Nearest:
-        """Distances, nearest points and directions, computed once a point of a search."""
+        """Distances, nearest points and directions, computed once for each point of a search."""
         if id(self) not in states.nearest:
             states.nearest[id(self)] = self.bodies.nearest(states.poses, self._hulls(states))
         return states.nearest[id(self)]
 
     def _distances(self, states: States) -> Array:
-        """Distances alone, which are a third of the work."""
+        """Distances without nearest points, which take a third of the time."""
         if id(self) in states.nearest:
             return states.nearest[id(self)][0]
         if id(self) not in states.distances:
@@ -386,11 +389,11 @@ class Clearance:
 
 
 def floor(height: float = 0.0, gravity: ArrayLike = (0.0, 0.0, -1.0)) -> Shape:
-    """Everything further down than a height [m], counted upwards from the base.
+    """Floor: the half-space below a height.
 
     Args:
-        height: Where it begins; negative below the base, as the floor under a hanging arm.
-        gravity: Which way is down in the base frame, shape (3,); without gravity that is -z.
+        height: Height of the floor above the base [m]; negative below the base.
+        gravity: Direction of gravity in the base frame, shape (3,); -z where it is zero.
     """
     up = -np.asarray(gravity, dtype=np.float64)
     up = up / np.linalg.norm(up) if up.any() else np.array([0.0, 0.0, 1.0])

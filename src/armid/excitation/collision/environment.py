@@ -1,4 +1,4 @@
-"""Surroundings of an arm, from a TOML file: boxes, spheres and half-spaces, and tools that links carry."""
+"""Surroundings of an arm from a TOML file: boxes, spheres, half-spaces, and tools on links."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ENVIRONMENT = {
 
 
 def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
-    """Bodies that do not move, and such as links carry, from a TOML file.
+    """Reads bodies of the surroundings and bodies that links carry from a TOML file.
 
     `[[box]]` has `size` [m], `xyz` of its middle and `rpy`; `[[sphere]]` has `radius` and `xyz`; `[[half-space]]`
     has a `normal` that points out of it and an `offset`, all in the base frame of the arm. Each has a `name`. A box
@@ -65,7 +65,7 @@ def load_environment(path: Path | str, robot: Robot) -> tuple[Shape, ...]:
 
 
 def _carrier(robot: Robot, where: str, name: str | None) -> int:
-    """Index of the link of a name; -1 for the base, where nothing is said."""
+    """Index of the link with a name; -1 for the base, also where no link is given."""
     names = [link.name for link in robot.links]
     if name is None:
         return -1
@@ -77,7 +77,7 @@ def _carrier(robot: Robot, where: str, name: str | None) -> int:
 
 
 def _surrounding(kind: str, number: int, table: dict[str, Any]) -> Shape:
-    """One body of an environment."""
+    """Shape of one entry of the file."""
     name = str(table.get("name", f"{kind} {number}"))
     if kind == "half-space":
         turned = rotation_with_z(np.array([float(x) for x in table["normal"]]))

@@ -1,9 +1,9 @@
-"""Outlines of a mesh: capsules, and convex hulls of its slabs with few corners.
+"""Bounding volumes of a mesh: capsules, and simplified convex hulls of its slabs.
 
-Made once for the content of a file and a scale, and kept in the user's cache folder
-(`armid.excitation.collision.cache`). A hull of many corners is replaced by one of some of them that reaches beyond
-them all around by as much as any other corner of the mesh is outside, half a millimetre at most, so that the mesh
-lies in it.
+They are computed once for the content of a file and a scale, and stored in the user's cache folder
+(`armid.excitation.collision.cache`). A hull with many corners is simplified: it is replaced by the hull of some of
+its corners, enlarged all around by the largest distance of any other corner, at most half a millimetre, so that the
+mesh lies inside.
 """
 
 from __future__ import annotations
@@ -56,12 +56,12 @@ FIRST = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Part:
-    """A convex body.
+    """Convex body that encloses a part of a mesh.
 
     Attributes:
         corners: Shape (v, 3) [m].
         faces: Three corners of each triangle, counter-clockwise from outside, shape (t, 3).
-        beyond: How far it reaches beyond these, all around [m].
+        beyond: Distance by which it extends beyond these, all around [m].
     """
 
     corners: Array
@@ -69,13 +69,13 @@ class Part:
     beyond: float = 0.0
 
     def solid(self) -> Any:
-        """The body for Coal."""
+        """Coal geometry of the body."""
         return convex(self.corners, self.faces, self.beyond)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MeshOutline:
-    """Outline of a mesh, in its frame.
+    """Bounding volumes of a mesh, in its frame.
 
     Attributes:
         capsules: Capsules that it lies in.
@@ -87,7 +87,7 @@ class MeshOutline:
 
 
 def capsules_of(shape: Shape) -> tuple[Shape, ...]:
-    """Capsules that a body lies in, of its name and link; a capsule is itself."""
+    """Capsules that together enclose a body, with its name and link; a capsule is returned as it is."""
     if shape.kind != "mesh":
         return covering(shape)
     return tuple(
@@ -97,7 +97,7 @@ def capsules_of(shape: Shape) -> tuple[Shape, ...]:
 
 
 def outline_of(shape: Shape) -> MeshOutline:
-    """Return what goes around a mesh, from the cache folder where it is there.
+    """Bounding volumes of a mesh, from the cache folder where they are there.
 
     Raises:
         ArmidError: The file cannot be read.
@@ -118,7 +118,7 @@ def _outline(path: str, scale: tuple[float, float, float], _stamp: tuple[int, in
 
 
 def _name(path: str, scale: tuple[float, float, float]) -> str:
-    """Name of the entry; empty where the content of the file is not all that matters, or cannot be read."""
+    """Name of the cache entry; empty where the mesh depends on other files or cannot be read."""
     if Path(path).suffix.lower() not in WHOLE:
         return ""
     try:
@@ -130,7 +130,7 @@ def _name(path: str, scale: tuple[float, float, float]) -> str:
 
 
 def _written(outline: MeshOutline) -> Arrays:
-    """The outline as arrays."""
+    """Arrays of an outline for the cache."""
     arrays = {
         "sizes": np.array([each.size for each in outline.capsules]),
         "placements": np.array([each.placement for each in outline.capsules]),
@@ -142,7 +142,7 @@ def _written(outline: MeshOutline) -> Arrays:
 
 
 def _read(arrays: Arrays | None) -> MeshOutline | None:
-    """The outline of arrays; `None` where they are not those of one."""
+    """Outline from arrays of the cache; `None` where they are invalid."""
     if arrays is None:
         return None
     try:
@@ -163,7 +163,7 @@ def _read(arrays: Arrays | None) -> MeshOutline | None:
 
 
 def _made(corners: Array, faces: NDArray[np.intp]) -> MeshOutline:
-    """Return what goes around triangles; hulls of all slabs are made once, for both."""
+    """Outline of triangles; the hulls of the slabs are computed once for capsules and parts."""
     cuts = cuts_of(corners, faces)
     hulls: dict[int, ConvexHull] = {}
 
@@ -180,7 +180,7 @@ def _made(corners: Array, faces: NDArray[np.intp]) -> MeshOutline:
 
 
 def hull_points(points: Array) -> ConvexHull:
-    """The convex hull of points (v, 3); of flat ones, that of the points made a little thick."""
+    """Convex hull of points (v, 3); flat ones are given a small thickness."""
     try:
         return ConvexHull(points)
     except QhullError:
@@ -189,10 +189,10 @@ def hull_points(points: Array) -> ConvexHull:
 
 
 def lightened(hull: ConvexHull) -> Part:
-    """A convex body of few corners that a hull lies in.
+    """Simplified convex body that encloses a hull.
 
-    Corners that are furthest outside what has been taken are taken as well, until none is outside by more than
-    `LIGHT`; by what the others are outside, the body reaches beyond its corners.
+    The corner that is furthest outside the hull of the selected corners is added until none is outside by more than
+    `LIGHT`. The body is then enlarged all around by the largest remaining distance.
     """
     points = hull.points[hull.vertices]
     if len(points) <= ENOUGH:
@@ -215,7 +215,7 @@ def lightened(hull: ConvexHull) -> Part:
 
 
 def part_of(hull: ConvexHull) -> Part:
-    """A hull with its corners."""
+    """Hull as a `Part` with all of its corners."""
     place = np.full(len(hull.points), -1)
     place[hull.vertices] = np.arange(len(hull.vertices))
     corners = hull.points[hull.simplices]

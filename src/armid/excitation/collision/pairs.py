@@ -1,4 +1,4 @@
-"""Pairs of bodies that a motion could bring together: links with each other and with the surroundings."""
+"""Pairs of bodies that a motion can bring together: links with each other and with the surroundings."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBod
 
 
 def stands(robot: Robot, shapes: Sequence[Shape], k: int) -> bool:
-    """Tell whether a body is one of the surroundings that no link carries."""
+    """Test whether a body belongs to the surroundings and no link carries it."""
     return k >= len(robot.shapes) and shapes[k].link < 0
 
 
 def joints_between(robot: Robot, a: int, b: int) -> int:
-    """Joints on the way from one link to another."""
+    """Number of joints on the path from one link to another."""
     above_a, above_b = ([*robot.tree.ancestors(k)] if k >= 0 else [] for k in (a, b))
     return len(set(above_a) ^ set(above_b))

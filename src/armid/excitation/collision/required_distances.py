@@ -1,9 +1,8 @@
-"""Distance that each pair of bodies keeps: that asked for, less where the arm is built closer, or nothing at all.
+"""Required distance of each pair of bodies: the margin, less for bodies that are close by construction, or none.
 
-Bodies two joints apart may be a few millimetres apart by construction, in every pose or in most; they cannot keep the
-distance that is asked of others, but they can collide. They keep half of what is usually between them. Only what
-overlaps in all poses but a few is left out, as by MoveIt's setup assistant, and so is the first link above what the
-arm is mounted on.
+Bodies two joints apart may be only a few millimetres apart by construction, in all or most poses. They cannot keep
+the margin, but they can collide; they have to keep half of their usual distance. Pairs that overlap in nearly all
+poses are not checked, as in MoveIt's setup assistant. The pair of the first link and the mount is not checked either.
 """
 
 from __future__ import annotations
@@ -21,45 +20,53 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["BY_CAPSULES", "CONSTRUCTION", "LEFT_OUT", "MEASURED", "RequiredDistances", "everything", "settled"]
+__all__ = [
+    "BY_CAPSULES",
+    "CONSTRUCTION",
+    "LEFT_OUT",
+    "MEASURED",
+    "RequiredDistances",
+    "adjusted_distances",
+    "uniform_distances",
+]
 
 BY_CAPSULES, MEASURED, LEFT_OUT = 0, 1, 2
-"""How a pair is looked at: by what goes around the bodies, as they are and at the end alone, or not at all."""
+"""Ways to check a pair: by bounding volumes, with the bodies themselves at the end only, or not at all."""
 
 NEIGHBOURS = 2
-"""Links so many joints apart may be close by construction."""
+"""Largest number of joints between links that may be close by construction."""
 
 CONSTRUCTION = 0.5
-"""Such links are so if they are closer than what is asked in more than this share of random poses."""
+"""Share of random poses below the margin above which a pair may be close by construction."""
 
 ALWAYS, FAR = 0.95, 0.99
-"""Bodies that overlap in this share of random poses are not looked at; links further apart than neighbours need more,
-as a description with an elbow of two pieces has it. MoveIt's setup assistant has 0.95."""
+"""Shares of random poses with overlap from which a pair is not checked: for links at most `NEIGHBOURS` joints apart,
+and for others, as of an elbow that is described in two parts. MoveIt's setup assistant has 0.95."""
 
 LEAST = 1e-3
-"""Distance [m] below which bodies count as touching in most poses."""
+"""Usual distance [m] below which bodies count as touching."""
 
 HALF, QUARTER = 0.5, 0.25
-"""Shares of the usual distance of a close pair that it keeps, and that a search keeps beyond."""
+"""Shares of the usual distance of a close pair: that it must keep, and that a search keeps in addition."""
 
 FREE = 0.75
-"""A pair that keeps what is asked in a quarter of the poses goes on keeping it."""
+"""Quantile of the distances at which a pair that keeps the margin is not close by construction."""
 
 FEW = 100
-"""Poses in which bodies are measured by their triangles."""
+"""Poses in which distances of the triangles of bodies are computed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RequiredDistances:
-    """Distances kept by each of m pairs of bodies.
+    """Required distances of m pairs of bodies.
 
     Attributes:
-        margin: Least distance, shape (m,) [m].
-        spare: What a search keeps beyond it, shape (m,) [m].
+        margin: Smallest allowed distance, shape (m,) [m].
+        spare: Additional distance that a search keeps, shape (m,) [m].
         kind: `BY_CAPSULES`, `MEASURED` or `LEFT_OUT`, shape (m,).
         touching: Share of random poses in which bodies that are left out overlap, or are closer than the margin to
-            what the arm is mounted on, shape (m,).
-        close: Which pairs are close by construction, shape (m,).
+            the mount, shape (m,).
+        close: Mask of the pairs that are close by construction, shape (m,).
     """
 
     margin: Array
@@ -69,24 +76,24 @@ class RequiredDistances:
     close: NDArray[np.bool_]
 
     def of(self, kind: int) -> NDArray[np.bool_]:
-        """Tell which pairs are looked at in a way, shape (m,)."""
+        """Mask of the pairs of a kind, shape (m,)."""
         return self.kind == kind
 
     def lowered(self, distance: Array) -> RequiredDistances:
-        """The same where close pairs are closer yet in the start pose, at distances (m,) [m]: half of these."""
+        """Required distances, halved for close pairs that are closer still in the start pose, at distances (m,)."""
         lower = self.close & (distance > LEAST) & (distance < self.margin)
         return replace(self, margin=np.where(lower, HALF * distance, self.margin))
 
 
-def everything(margin: float, spare: Array) -> RequiredDistances:
-    """All pairs keep the same margin [m], and a search so much beyond it, shape (m,) [m]."""
+def uniform_distances(margin: float, spare: Array) -> RequiredDistances:
+    """Required distances with the same margin [m] for all pairs and spare distances (m,) [m] for a search."""
     count = len(spare)
     far = np.zeros(count, dtype=np.bool_)
     return RequiredDistances(np.full(count, margin), spare, np.full(count, BY_CAPSULES), np.zeros(count), far)
 
 
-def settled(
-    keeping: RequiredDistances,
+def adjusted_distances(
+    required: RequiredDistances,
     robot: Robot,
     shapes: Sequence[Shape],
     pairs: NDArray[np.intp],
@@ -94,19 +101,19 @@ def settled(
     around: Array,
     touching: Array,
 ) -> RequiredDistances:
-    """Return what pairs keep that are close by construction.
+    """Required distances adjusted for pairs that are close by construction.
 
     Args:
-        keeping: What all keep otherwise.
+        required: Required distances before.
         robot: The arm.
         shapes: The bodies, the surroundings last.
         pairs: Indices of two bodies each, shape (m, 2).
         tried: Random poses, shape (k, n) [rad or m].
-        around: Distances of what is around the bodies in these poses, shape (k, m) [m].
-        touching: Share of random poses in which that is closer than what is asked, shape (m,).
+        around: Distances of the bounding volumes in these poses, shape (k, m) [m].
+        touching: Share of random poses in which these are below the margin, shape (m,).
     """
-    margin, spare, share = keeping.margin.copy(), keeping.spare.copy(), keeping.touching.copy()
-    kind, close = keeping.kind.copy(), keeping.close.copy()
+    margin, spare, share = required.margin.copy(), required.spare.copy(), required.touching.copy()
+    kind, close = required.kind.copy(), required.close.copy()
     poses = forward_kinematics(robot, tried[:FEW])
     for k in np.flatnonzero(touching > CONSTRUCTION).tolist():
         apart = joints_between(robot, *(shapes[i].link for i in pairs[k]))

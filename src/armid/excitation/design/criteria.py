@@ -1,10 +1,11 @@
-"""Criteria of a motion: functions of the information matrix G = Σ Yᵀ Y / σ² and their exact derivatives.
+"""Optimality criteria of a motion: functions of the information matrix G = Σ Yᵀ Y / σ², with exact derivatives.
 
-The covariance of the base parameters is G⁻¹. Every criterion is made small, is of the order of one, and is returned
-with its derivative by G, symmetric. Extremes of eigenvalues have no derivative where two of them meet, and that is
-where an optimum is; they are taken as p-norms, whose sharpness p a search raises, and reported exactly.
+The covariance of the base parameters is G⁻¹. Every criterion is minimised, is of the order of one, and is returned
+with its symmetric derivative by G. An extreme eigenvalue has no derivative where two eigenvalues coincide, as they
+often do at an optimum. A search therefore replaces extremes by p-norms and raises their exponent p (the sharpness);
+reported values are exact.
 
-D-optimality does not depend on the units of the parameters; the others do [Swevers1997].
+D-optimality does not depend on the units of the parameters; the other criteria do [Swevers1997].
 """
 
 from __future__ import annotations
@@ -23,74 +24,74 @@ __all__ = ["CRITERIA", "Criterion", "condition_number", "make_criterion", "trace
 lapack: Any = import_module("scipy.linalg.lapack")
 
 Criterion = Callable[[Array], tuple[float, Array]]
-"""Value and derivative by G."""
+"""Function from G to the value of a criterion and its derivative by G."""
 
-FEW = 1e-13
-"""Slope by an eigenvalue, over the largest, below which its vector is left out: gradients need six digits."""
+NEGLIGIBLE = 1e-13
+"""Relative derivative by an eigenvalue below which its eigenvector is neglected: gradients need six digits."""
 
 FLOOR = 1e-15
-"""Smallest eigenvalue over the largest that counts; below it there is only rounding, and no way down."""
+"""Smallest relative eigenvalue; smaller ones are rounding errors, without a useful derivative."""
 
-SAFE = 1e-10
-"""Smallest pivot over the largest down to which Cholesky's inverse is good to more digits than gradients need."""
+WELL_CONDITIONED = 1e-10
+"""Smallest squared relative pivot at which the inverse by Cholesky is accurate enough for gradients."""
 
 SHARP = 30.0
-"""p above which a third of the eigenvalues or fewer decide a norm."""
+"""Exponent p above which a norm usually depends on at most a third of the eigenvalues."""
 
 WORK = 64
-"""Numbers of workspace a column that LAPACK's products with reflections ask for."""
+"""Workspace in numbers per column that LAPACK needs for products with Householder reflections."""
 
 
 def _dense(vectors: Array, slopes: Array) -> Array:
-    """Derivative by G of a function of its eigenvalues: vectors · slopes · vectorsᵀ, exactly symmetric."""
+    """Derivative by G of a function of its eigenvalues, vectors · slopes · vectorsᵀ, made exactly symmetric."""
     result = (vectors * slopes) @ vectors.T
     return 0.5 * (result + result.T)
 
 
-def _lifted(values: Array) -> Array:
-    """Eigenvalues, the smallest lifted from zero."""
+def _bounded_below(values: Array) -> Array:
+    """Eigenvalues in rising order, bounded below by a small positive number."""
     return np.maximum(values, FLOOR * values[-1] + np.finfo(float).tiny)
 
 
 def _by_extremes(G: Array, function: Callable[[Array], tuple[float, Array]], sharpness: float) -> tuple[float, Array]:
-    """A function of the eigenvalues, and its derivative by G.
+    """Value of a function of the eigenvalues, and its derivative by G.
 
-    Where it is sharp, few of them decide it: all eigenvalues of the tridiagonal form take half the time of all
-    vectors, and inverse iteration then finds those that count.
+    A sharp function depends on few eigenvalues. All eigenvalues of the tridiagonal form take half the time of all
+    eigenvectors; inverse iteration then computes only the eigenvectors that matter.
     """
     if sharpness > SHARP:
-        form, diagonal, beside, tau, _ = lapack.dsytrd(G, lower=1)
-        values, failed = lapack.dsterf(diagonal, beside)
-        found, slopes = function(_lifted(values))
-        counted = np.flatnonzero(np.abs(slopes) > FEW * np.abs(slopes).max())
-        size, r = len(G), len(counted)
-        whole = np.abs(beside).min(initial=np.inf) > FLOOR * np.abs(diagonal).max()
-        if not failed and whole and 3 * r < size:
+        form, diagonal, off_diagonal, tau, _ = lapack.dsytrd(G, lower=1)
+        values, failed = lapack.dsterf(diagonal, off_diagonal)
+        result, slopes = function(_bounded_below(values))
+        relevant = np.flatnonzero(np.abs(slopes) > NEGLIGIBLE * np.abs(slopes).max())
+        size, r = len(G), len(relevant)
+        unreduced = np.abs(off_diagonal).min(initial=np.inf) > FLOOR * np.abs(diagonal).max()
+        if not failed and unreduced and 3 * r < size:
             block, split = np.ones(size, dtype=np.int32), np.full(size, size, dtype=np.int32)
-            vectors, failed = lapack.dstein(diagonal, beside, values[counted], block, split)
+            vectors, failed = lapack.dstein(diagonal, off_diagonal, values[relevant], block, split)
             if not failed:
                 vectors[1:] = lapack.dormqr("L", "N", form[1:, :-1], tau, vectors[1:], WORK * r)[0]
-                return found, _dense(vectors, slopes[counted])
+                return result, _dense(vectors, slopes[relevant])
     values, vectors = np.linalg.eigh(G)
-    found, slopes = function(_lifted(values))
-    return found, _dense(vectors, slopes)
+    result, slopes = function(_bounded_below(values))
+    return result, _dense(vectors, slopes)
 
 
 def _inverse(G: Array) -> tuple[float, Array]:
-    """Logarithm of the determinant, and inverse; by Cholesky, a third of the time, where G is far from singular."""
+    """Log-determinant and inverse of G; by Cholesky, in a third of the time, where G is well conditioned."""
     factor, failed = lapack.dpotrf(G, lower=1)
     pivots = np.diag(factor)
-    if failed == 0 and pivots.min() ** 2 > SAFE * pivots.max() ** 2:
+    if failed == 0 and pivots.min() ** 2 > WELL_CONDITIONED * pivots.max() ** 2:
         lower = lapack.dpotri(factor, lower=1)[0]
         lower = np.tril(lower)
         return 2.0 * float(np.log(pivots).sum()), lower + np.tril(lower, -1).T
     values, vectors = np.linalg.eigh(G)
-    values = _lifted(values)
+    values = _bounded_below(values)
     return float(np.log(values).sum()), _dense(vectors, 1.0 / values)
 
 
 def d_optimal(G: Array) -> tuple[float, Array]:
-    """Minus the mean logarithm of the eigenvalues: the volume of the confidence ellipsoid."""
+    """D-optimality: minus the mean logarithm of the eigenvalues, from the volume of the confidence ellipsoid."""
     logarithm, inverse = _inverse(G)
     return -logarithm / len(G), -inverse / len(G)
 
@@ -107,7 +108,7 @@ def condition_number(G: Array, sharpness: float) -> tuple[float, Array]:
 
 
 def scaled_condition_number(G: Array, sharpness: float) -> tuple[float, Array]:
-    """The same of columns scaled to unit length."""
+    """Logarithm of the condition number of the stacked regressor with columns scaled to unit length."""
     lengths = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
     scaled = G / np.outer(lengths, lengths)
     value, H = condition_number(scaled, sharpness)
@@ -117,16 +118,20 @@ def scaled_condition_number(G: Array, sharpness: float) -> tuple[float, Array]:
 
 
 def trace_of_covariance(G: Array, weight: Array) -> tuple[float, Array]:
-    """Logarithm of trace(weight · G⁻¹): of the sum of variances, or of the variance of what weight predicts."""
+    """Logarithm of trace(weight · G⁻¹).
+
+    With the identity as weight this is the sum of the variances; with the information matrix of other motions it is
+    the variance of the torque predicted along them.
+    """
     inverse = _inverse(G)[1]
-    through = inverse @ weight
-    trace = float(np.trace(through))
-    slopes = -(through @ inverse) / trace
+    product = inverse @ weight
+    trace = float(np.trace(product))
+    slopes = -(product @ inverse) / trace
     return float(np.log(trace)), 0.5 * (slopes + slopes.T)
 
 
 def e_optimal(G: Array, sharpness: float) -> tuple[float, Array]:
-    """Logarithm of the largest eigenvalue of the covariance."""
+    """E-optimality: logarithm of the largest eigenvalue of the covariance."""
 
     def function(values: Array) -> tuple[float, Array]:
         smallest = (values[0] / values) ** sharpness
@@ -137,14 +142,14 @@ def e_optimal(G: Array, sharpness: float) -> tuple[float, Array]:
 
 
 def worst_deviation(G: Array, scale: Array, sharpness: float) -> tuple[float, Array]:
-    """Logarithm of the largest standard deviation of a parameter over its size; infinite sizes do not count."""
+    """Logarithm of the largest standard deviation of a parameter relative to its size; infinite sizes are ignored."""
     inverse = _inverse(G)[1]
     variance = np.diag(inverse)
     relative = variance / scale**2
     highest = relative.max()
-    worth = (relative / highest) ** sharpness
-    value = 0.5 * (np.log(highest) + np.log(worth.sum()) / sharpness)
-    slopes = 0.5 * worth / (variance * worth.sum())
+    powers = (relative / highest) ** sharpness
+    value = 0.5 * (np.log(highest) + np.log(powers.sum()) / sharpness)
+    slopes = 0.5 * powers / (variance * powers.sum())
     return float(value), -(inverse * slopes) @ inverse
 
 
@@ -157,22 +162,22 @@ CRITERIA = {
     "prediction": "variance of the torque predicted along given motions",
     "worst": "largest deviation of a base parameter over its size, where sizes are known, else as it is",
 }
-"""Names of the criteria, and what each makes small."""
+"""Names of the criteria and the quantity that each minimises."""
 
 
 def make_criterion(
     name: str, sharpness: float, prediction: Array | None = None, scale: Array | None = None
 ) -> Criterion:
-    """A criterion by name.
+    """Criterion of a given name.
 
     Args:
         name: One of `CRITERIA`.
-        sharpness: p of the norms that stand for extremes of eigenvalues.
+        sharpness: Exponent p of the norms that replace extreme eigenvalues.
         prediction: Information matrix (b, b) of the motions whose torque is to be predicted.
-        scale: Sizes of the parameters, shape (b,), infinite for those that do not count; one where not given.
+        scale: Sizes of the parameters, shape (b,), infinite for those to be ignored; one where not given.
 
     Raises:
-        ArmidError: No such criterion, or `prediction` without motions.
+        ArmidError: The name is unknown, or `prediction` is asked without motions.
     """
     if name not in CRITERIA:
         raise ArmidError(

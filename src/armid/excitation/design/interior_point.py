@@ -1,13 +1,13 @@
-"""A descent that never leaves the limits, for problems where leaving them is the end of it.
+"""Interior-point descent that stays feasible, for problems with collision constraints.
 
-Where bodies may meet, a step that goes through a floor or a forearm leads to places from which distances point
-further in, and a sequential quadratic method does not come back. So a scout first goes down
+Inside an obstacle the gradient of the distance may point further in, and a sequential quadratic method that steps
+into a body does not come out again. The first stage of a short descent therefore minimises
 
     f(x) - μ Σ log(1 - u_k(x)),
 
-u the soft maxima of all channels, with μ falling, by a quasi-Newton method whose line search takes no step outside
-[Nocedal2006, chapters 7 and 19]. It ends near the limits with the shape of the motion settled, which is what
-the stages of `armid.excitation.design.sqp` need.
+with u the soft maxima of all channels and a decreasing weight μ. The quasi-Newton method shortens every step that
+would leave the limits [Nocedal2006, chapters 7 and 19]. It ends near the limits with the final shape of the motion,
+which is a good start for the stages of `armid.excitation.design.sqp`.
 """
 
 from __future__ import annotations
@@ -25,48 +25,51 @@ from armid.values import Array
 __all__ = ["descend_inside", "quasi_newton"]
 
 WEIGHTS = ((0.1, 60), (0.01, 60), (0.004, 50))
-"""Weight μ of the barrier, and iterations with it."""
+"""Weights μ of the barrier and the number of iterations with each."""
 
 ROOM = 0.9
-"""Share of its limits that the motion begins with: at a limit the barrier is infinite."""
+"""Utilisation of the limits at the start: at a limit the barrier is infinite."""
 
 REMEMBERED = 20
-"""Steps from which the curvature is known."""
+"""Steps from which the quasi-Newton method estimates the curvature."""
 
 SHORTENED = (0.5, 0.3)
-"""A step that gains too little, or that leaves the limits, is shortened to this share."""
+"""Factors by which a step is shortened that decreases the value too little, and one that leaves the limits."""
 
 TRIALS = 14
-"""Shortenings of one step."""
+"""Largest number of times that one step is shortened."""
 
 DECREASE = 1e-4
-"""Share of the slope along a step that the value has to fall."""
+"""Required decrease of the value, relative to that predicted by the slope (Armijo condition)."""
 
 SETTLED = 1e-6
-"""Relative gain of a step that is not worth another."""
+"""Relative decrease of the value by a step below which the iteration ends."""
 
 FIRST = 0.1
-"""Length of the very first step, root sum of squares of the unknowns [rad/s or m/s]."""
+"""Euclidean length of the first step in the unknowns [rad/s or m/s]."""
 
 Function = Callable[[Array], tuple[float, Array]]
 
 
 def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: float = np.inf) -> Array:
-    """Go down without leaving the limits on the grid of a stage.
+    """Minimises the criterion with a logarithmic barrier, inside the limits on the grid of a stage.
 
     Args:
-        problem: What is asked.
-        x: Where to begin, shape (n k,); it is drawn together into the limits.
-        stage: How smooth everything is.
-        deadline: Of `time.time` [s]; what is reached by then is returned.
+        problem: Criterion, unknowns and limits.
+        x: Starting point, shape (n k,); it is shrunk into the limits.
+        stage: Smoothing.
+        deadline: Time as of `time.time` [s]; the point reached by then is returned.
+
+    Returns:
+        Unknowns (n k,); `x` itself where the start pose violates a limit.
     """
-    begun = shrink_to_feasible(problem, problem.fine, x, ROOM)
-    if begun is None:  # the start pose itself is nearer to a limit than that
+    interior = shrink_to_feasible(problem, problem.fine, x, ROOM)
+    if interior is None:  # the start pose itself is closer to a limit
         still = max_utilisation(problem, problem.fine, about_start(problem.basis, x, 0.0))
-        begun = shrink_to_feasible(problem, problem.fine, x, 0.5 * (1.0 + still)) if still < 1.0 else None
-    if begun is None:
+        interior = shrink_to_feasible(problem, problem.fine, x, 0.5 * (1.0 + still)) if still < 1.0 else None
+    if interior is None:
         return x
-    x = begun
+    x = interior
     objective, sharpness = problem.objective(stage), stage.limit_sharpness
     for weight, iterations in WEIGHTS:
         states, between = States(objective, x), States(problem.fine, x)
@@ -86,42 +89,45 @@ def descend_inside(problem: DescentProblem, x: Array, stage: Stage, deadline: fl
                 return math.inf, np.zeros_like(x)
             states = States(objective, x)
             parts: list[tuple[Array, Array]] = []
-            for channel, more in zip(channels, excess, strict=True):
+            for channel, offset in zip(channels, excess, strict=True):
                 soft, weights = soft_maximum(channel.values(states), sharpness)
-                room = 1.0 - (soft - more)
-                if not (room > 0.0).all():
+                margin = 1.0 - (soft - offset)
+                if not (margin > 0.0).all():
                     return math.inf, np.zeros_like(x)
-                parts.append((room, weights))
+                parts.append((margin, weights))
             value, gradient = objective(x)
             filled = States(objective, x, filled=True)
             filled.nearest, filled.hulls = states.nearest, states.hulls
-            for channel, (room, weights) in zip(channels, parts, strict=True):
-                value -= weight * float(np.log(room).sum())
-                gradient = gradient + weight * channel.pull(filled, weights / room).sum(axis=0)
+            for channel, (margin, weights) in zip(channels, parts, strict=True):
+                value -= weight * float(np.log(margin).sum())
+                gradient = gradient + weight * channel.pullback(filled, weights / margin).sum(axis=0)
             return value, gradient
 
         x = quasi_newton(barrier, x, iterations)
-        if channels != list(problem.channels):  # a pair that was far away may have come near
+        if channels != list(problem.channels):  # a pair of bodies that was far apart may now be close
             inside = shrink_to_feasible(problem, problem.fine, x)
             x = x if inside is None else inside
     return x
 
 
 def quasi_newton(function: Function, x: Array, iterations: int) -> Array:
-    """Make a function small that is infinite outside its domain, by its value and gradient.
+    """Minimises a function that is infinite outside its domain, by limited-memory BFGS with backtracking.
 
     Args:
-        function: Value and gradient (d,); the gradient is not looked at where the value is infinite.
-        x: Where to begin, shape (d,).
-        iterations: At most.
+        function: Value and gradient (d,); the gradient is ignored where the value is infinite.
+        x: Starting point, shape (d,).
+        iterations: Largest number of iterations.
+
+    Returns:
+        The point reached, shape (d,).
     """
     value, gradient = function(x)
     steps: list[Array] = []
-    turns: list[Array] = []
+    changes: list[Array] = []
     for _ in range(iterations):
         if not math.isfinite(value):
             break
-        direction = _direction(gradient, steps, turns)
+        direction = _direction(gradient, steps, changes)
         slope = float(gradient @ direction)
         if not slope < 0.0:
             break
@@ -133,9 +139,9 @@ def quasi_newton(function: Function, x: Array, iterations: int) -> Array:
             reached = function(x + length * direction)
         else:
             break
-        step, turn = length * direction, reached[1] - gradient
-        if step @ turn > 1e-10 * math.sqrt(float(step @ step) * float(turn @ turn)):
-            steps, turns = [*steps[1 - REMEMBERED :], step], [*turns[1 - REMEMBERED :], turn]
+        step, change = length * direction, reached[1] - gradient
+        if step @ change > 1e-10 * math.sqrt(float(step @ step) * float(change @ change)):
+            steps, changes = [*steps[1 - REMEMBERED :], step], [*changes[1 - REMEMBERED :], change]
         gain = value - reached[0]
         x, value, gradient = x + step, *reached
         if gain < SETTLED * abs(value):
@@ -143,16 +149,16 @@ def quasi_newton(function: Function, x: Array, iterations: int) -> Array:
     return x
 
 
-def _direction(gradient: Array, steps: list[Array], turns: list[Array]) -> Array:
-    """Two loops over the remembered steps and the turns of the gradient along them."""
+def _direction(gradient: Array, steps: list[Array], changes: list[Array]) -> Array:
+    """Quasi-Newton direction by the two-loop recursion over past steps and the changes of the gradient along them."""
     result = -gradient
     if not steps:
         return result * (FIRST / max(float(np.linalg.norm(gradient)), FIRST))
     shares: list[float] = []
-    for step, turn in zip(reversed(steps), reversed(turns), strict=True):
-        shares.append(float(step @ result / (step @ turn)))
-        result = result - shares[-1] * turn
-    result = result * float((steps[-1] @ turns[-1]) / (turns[-1] @ turns[-1]))
-    for step, turn, share in zip(steps, turns, reversed(shares), strict=True):
-        result = result + (share - float(turn @ result / (step @ turn))) * step
+    for step, change in zip(reversed(steps), reversed(changes), strict=True):
+        shares.append(float(step @ result / (step @ change)))
+        result = result - shares[-1] * change
+    result = result * float((steps[-1] @ changes[-1]) / (changes[-1] @ changes[-1]))
+    for step, change, share in zip(steps, changes, reversed(shares), strict=True):
+        result = result + (share - float(change @ result / (step @ change))) * step
     return result

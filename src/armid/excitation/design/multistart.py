@@ -1,9 +1,10 @@
-"""The search: many starts, shared among processes, the same for a seed whatever their number, stopped at any time.
+"""Multi-start search for the best excitation, parallel over processes and reproducible for a seed.
 
-Work comes in rounds. A round scouts from a few starts, some of them uniform random coefficients as in the thesis and,
-from the second round on, some of them the best plan so far, shaken; the best two scouts are then refined. What a
-round does follows from the seed and from the rounds before it alone, so processes and their haste decide only how
-many rounds fit into the time.
+The search works in rounds. Each round first runs short descents from a few starting points. Some of these are uniform
+random coefficients, as in the thesis; from the second round on, others are random perturbations of the best plan so
+far. The best two results are then refined. A round depends only on the seed and on the rounds before it. The number
+and the speed of the processes therefore decide only how many rounds fit into the time. A search can be stopped at any
+time.
 """
 
 from __future__ import annotations
@@ -43,34 +44,34 @@ from armid.values import Array
 __all__ = ["Progress", "Search", "SearchCandidate", "search", "single_threaded_pool"]
 
 SCOUTS, REFINED = 6, 2
-"""Starts of a round, and how many of them are worth the sharp stages: the value after the smooth ones tells most of
-the final one."""
+"""Starts of a round, and how many of them are refined by the sharp stages: the value after the smooth stages is a
+good predictor of the final value."""
 
 SMOOTH = 2
-"""Stages that a scout runs."""
+"""Number of stages of the short descents."""
 
-UNIFORM = 1.5
-"""Coefficients of random starts lie in ± this, as in the thesis; they are scaled into the limits afterwards."""
+AMPLITUDE = 1.5
+"""Bound of the uniform random coefficients, as in the thesis; they are scaled into the limits afterwards."""
 
-SHAKES = (0.1, 0.3, 0.8)
-"""Root mean square of what is added to the best plan, over the plan's own."""
+PERTURBATIONS = (0.1, 0.3, 0.8)
+"""RMS of the perturbations of the best plan, relative to the RMS of the plan."""
 
-FIRST_SCALE = 0.95
-"""Random starts begin at this share of their limits."""
+START_UTILISATION = 0.95
+"""Utilisation of the limits to which random starts are scaled."""
 
 Progress = Callable[["SearchCandidate", float, int], None]
-"""Told the best plan so far, the seconds gone, and how many descents are done."""
+"""Callback with the best plan so far, the elapsed time [s] and the number of descents done."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SearchCandidate:
-    """A plan that keeps every limit on the grid of the search.
+    """Plan that keeps every limit on the grid of the search.
 
     Attributes:
         x: Unknowns, shape (n k,).
         value: The criterion, without smoothing.
-        round: When it was found.
-        kind: How: `random`, `shaken` or `given`.
+        round: Number of the round that found it.
+        kind: Kind of its start: `start`, `random`, `shaken` (a perturbed plan) or `given`.
     """
 
     x: Array
@@ -87,9 +88,9 @@ class Search:
         best: The best plan.
         rounds: Whole rounds done.
         descents: Descents done.
-        seconds: Wall time.
-        interrupted: Whether somebody stopped it.
-        history: Seconds, and value of the best so far, at the start and after each descent.
+        seconds: Wall time [s].
+        interrupted: Whether the user stopped it.
+        history: Elapsed time [s] and value of the best plan so far, at the start and after each descent.
     """
 
     best: SearchCandidate
@@ -102,7 +103,7 @@ class Search:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Task:
-    """One descent."""
+    """Input of one descent."""
 
     round: int
     number: int
@@ -115,7 +116,15 @@ class _Task:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Outcome:
-    """End of a descent: where it came to, that drawn together into the limits, the criterion there, if it began."""
+    """Result of one descent.
+
+    Attributes:
+        task: Its input.
+        reached: Unknowns at its end; `None` where they cannot be scaled into the limits.
+        inside: These scaled about the start pose into the limits.
+        value: The criterion there.
+        begun: Whether it began before the deadline.
+    """
 
     task: _Task
     reached: Array | None = None
@@ -126,15 +135,15 @@ class _Outcome:
 
 @lru_cache(maxsize=4)
 def _problem(pickled: bytes) -> tuple[DescentProblem, Objective]:
-    """The problem as it came, and the grid that candidates are compared on."""
+    """Unpickled problem and the grid on which candidates are compared."""
     problem: DescentProblem = pickle.loads(pickled)
     return problem, problem.fine
 
 
 def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Generator) -> Array:
-    """Uniform random coefficients at rest at the start pose, each joint scaled to its own limits."""
+    """Random series at rest at the start pose, each joint scaled to its own limits."""
     basis = problem.basis
-    c = rng.uniform(-UNIFORM, UNIFORM, (basis.n, 2 * basis.harmonics + 1))
+    c = rng.uniform(-AMPLITUDE, AMPLITUDE, (basis.n, 2 * basis.harmonics + 1))
     c[:, -1] = basis.start
     x = basis.project(c).reshape(basis.n, -1)
     by_name = {name: j for j, name in enumerate(problem.goal.model.robot.joint_names)}
@@ -143,15 +152,15 @@ def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Genera
         for label, peak in zip(channel.labels, u.max(axis=0), strict=True):
             if label in by_name:
                 share[by_name[label]] = max(share[by_name[label]], peak)
-    x *= (FIRST_SCALE / np.where(share > 0.0, share, FIRST_SCALE))[:, None]
+    x *= (START_UTILISATION / np.where(share > 0.0, share, START_UTILISATION))[:, None]
     inside = shrink_to_feasible(problem, grid, x.ravel())
-    if inside is None and basis.free:  # random coefficients may begin in a pose that is none
+    if inside is None and basis.free:  # random coefficients may begin in an infeasible pose
         inside = shrink_to_feasible(problem, grid, from_pose(basis, x.ravel()))
     return x.ravel() if inside is None else inside
 
 
 def _run(pickled: bytes, task: _Task) -> _Outcome:
-    """One descent, in whatever process; nothing where it has not come inside the limits, or begins too late."""
+    """Runs one descent; the result is empty where it does not reach the limits or would begin after the deadline."""
     if time.time() > task.deadline:
         return _Outcome(task, begun=False)
     problem, grid = _problem(pickled)
@@ -161,11 +170,11 @@ def _run(pickled: bytes, task: _Task) -> _Outcome:
     elif task.refine:
         x = task.x
     else:
-        size = SHAKES[task.number % len(SHAKES)] * float(np.sqrt(np.mean(task.x**2)))
+        size = PERTURBATIONS[task.number % len(PERTURBATIONS)] * float(np.sqrt(np.mean(task.x**2)))
         x = task.x + size * rng.standard_normal(len(task.x))
     stages = STAGES[SMOOTH:] if task.refine else STAGES[:SMOOTH]
     if not task.refine and any(isinstance(channel, Clearance | Workspace) for channel in problem.channels):
-        # What bodies leave free is bent: the first stage stays inside it.
+        # The collision-free set is not convex: the first stage stays inside it.
         x, stages = descend_inside(problem, x, stages[0], task.deadline), stages[1:]
     x = descend(problem, x, stages, task.deadline)
     inside = shrink_to_feasible(problem, grid, x)
@@ -173,25 +182,25 @@ def _run(pickled: bytes, task: _Task) -> _Outcome:
 
 
 def _ignore_interrupts() -> None:
-    """In a worker: Ctrl-C is for the process that waits."""
+    """Ignores Ctrl-C in a worker process: the parent process handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _context() -> BaseContext:
-    """Choose how processes are made: by fork where nothing else runs here, which takes milliseconds; else anew."""
+    """Start method of processes: fork, which takes milliseconds, where this process has one thread; else spawn."""
     tasks = Path("/proc/self/task")
-    alone = tasks.is_dir() and len(list(tasks.iterdir())) == 1
-    return multiprocessing.get_context("fork" if alone else "spawn")
+    one_thread = tasks.is_dir() and len(list(tasks.iterdir())) == 1
+    return multiprocessing.get_context("fork" if one_thread else "spawn")
 
 
 @contextmanager
 def single_threaded_pool(workers: int) -> Generator[Executor]:
-    """Processes whose BLAS has one thread each: matrices here are small, and threads would wait for one another.
+    """Pool of processes whose BLAS uses one thread each, which is faster for small matrices.
 
-    A process that was itself started with `OPENBLAS_NUM_THREADS=1` forks its workers and loses no time.
+    A process that was itself started with `OPENBLAS_NUM_THREADS=1` forks its workers, which takes less time.
 
     Args:
-        workers: How many processes.
+        workers: Number of processes.
     """
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
@@ -207,7 +216,7 @@ def single_threaded_pool(workers: int) -> Generator[Executor]:
                 os.environ[name] = value
         yield pool
     finally:
-        # Nobody waits for what they are still at: a search has gathered what it wants, or was stopped by hand.
+        # Running tasks are abandoned: the search has collected its results, or the user has stopped it.
         pool.shutdown(wait=False, cancel_futures=True)
         for process in set(multiprocessing.active_children()) - others:
             process.terminate()
@@ -215,7 +224,7 @@ def single_threaded_pool(workers: int) -> Generator[Executor]:
 
 
 class _Round:
-    """The tasks of one round, first the scouts, then the refinement of the best of them."""
+    """Tasks of one round: the short descents, then the refinement of the best of them."""
 
     def __init__(self, number: int, seed: int, best: SearchCandidate | None, deadline: float) -> None:
         self.number = number
@@ -234,18 +243,18 @@ class _Round:
         ]
         self._seed, self._deadline = seed, deadline
 
-    def refinements(self, found: Sequence[_Outcome]) -> list[_Task]:
-        """The best scouts, once more; in the order of their numbers where values are equal."""
-        good = [(o.value, o.task.number, o.reached, o.task.kind) for o in found if o.reached is not None]
-        good.sort(key=lambda each: each[:2])
+    def refinements(self, outcomes: Sequence[_Outcome]) -> list[_Task]:
+        """Refinements of the best short descents; equal values in the order of their numbers."""
+        feasible = [(o.value, o.task.number, o.reached, o.task.kind) for o in outcomes if o.reached is not None]
+        feasible.sort(key=lambda each: each[:2])
         return [
             _Task(self.number, SCOUTS + k, kind, x, (self._seed, self.number, SCOUTS + k), True, self._deadline)
-            for k, (_, _, x, kind) in enumerate(good[:REFINED])
+            for k, (_, _, x, kind) in enumerate(feasible[:REFINED])
         ]
 
 
-class _Board:
-    """The best so far, and who is told of it."""
+class _Incumbent:
+    """Best plan so far, with the history of its value and the callback that reports it."""
 
     def __init__(self, problem: DescentProblem, progress: Progress | None, began: float) -> None:
         self.pickled = pickle.dumps(problem)
@@ -255,24 +264,24 @@ class _Board:
         self.history: list[tuple[float, float]] = []
         self._progress, self._began = progress, began
 
-    def offer(self, x: Array, value: float, number: int, kind: str) -> None:
-        """A plan inside the limits; kept where it is better."""
+    def update(self, x: Array, value: float, number: int, kind: str) -> None:
+        """Replaces the best plan where a feasible plan has a smaller criterion."""
         if self.best is None or value < self.best.value:
             self.best = SearchCandidate(x, value, number, kind)
         if self._progress is not None:
             self._progress(self.best, time.time() - self._began, self.descents)
 
-    def take(self, outcome: _Outcome) -> None:
-        """The outcome of a descent."""
+    def add_outcome(self, outcome: _Outcome) -> None:
+        """Counts a descent and updates the best plan and its history."""
         self.descents += outcome.begun
         if outcome.inside is not None:
-            self.offer(outcome.inside, outcome.value, outcome.task.round, outcome.task.kind)
+            self.update(outcome.inside, outcome.value, outcome.task.round, outcome.task.kind)
         if outcome.begun:
-            self.note()
+            self.append_history()
 
-    def note(self) -> None:
-        """Write down how far the search has come."""
-        assert self.best is not None  # the start is there before any descent
+    def append_history(self) -> None:
+        """Appends the elapsed time and the value of the best plan to the history."""
+        assert self.best is not None  # the first plan is known before any descent
         self.history.append((time.time() - self._began, self.best.value))
 
 
@@ -286,19 +295,19 @@ def search(
     given: Sequence[Array] = (),
     progress: Progress | None = None,
 ) -> Search:
-    """Look for the best plan.
+    """Searches for the plan with the smallest criterion that keeps every limit.
 
     Args:
-        problem: What is asked.
-        seed: Of random starts and shakes.
+        problem: Criterion, unknowns and limits.
+        seed: Seed of the random starts and perturbations.
         budget: Wall time [s]; `None` for no end other than `rounds`.
-        rounds: Whole rounds at most; a search that ends by them gives the same plan on any machine of a kind.
-        executor: Runs the descents; in this process where left out.
-        given: Plans to begin with.
-        progress: Told of every descent.
+        rounds: Largest number of whole rounds; a search that ends by it gives the same plan on any machine of a kind.
+        executor: Runs the descents; this process runs them where left out.
+        given: Plans to begin with, each of shape (n k,).
+        progress: Called after each plan that is compared with the best one.
 
     Raises:
-        ArmidError: No time, or not even standing still keeps the limits.
+        ArmidError: The budget is not positive, or standing still at the start pose violates a limit.
     """
     if (budget is not None and not budget > 0.0) or (rounds is not None and rounds < 1):
         raise ArmidError(
@@ -307,57 +316,61 @@ def search(
         )
     began = time.time()
     deadline = np.inf if budget is None else began + budget
-    board = _Board(problem, progress, began)
-    first = random_start(board.problem, board.grid, np.random.default_rng((seed, 0, 0)))
-    if max_utilisation(board.problem, board.grid, first) > 1.0 + 1e-6:
-        raise ArmidError("Not even standing still at the start pose keeps the limits.", remedy=_blame(board, first))
-    board.offer(first, board.grid.value(first), 0, "start")
+    incumbent = _Incumbent(problem, progress, began)
+    first = random_start(incumbent.problem, incumbent.grid, np.random.default_rng((seed, 0, 0)))
+    if max_utilisation(incumbent.problem, incumbent.grid, first) > 1.0 + 1e-6:
+        raise ArmidError(
+            "Not even standing still at the start pose keeps the limits.", remedy=_most_violated(incumbent, first)
+        )
+    incumbent.update(first, incumbent.grid.value(first), 0, "start")
     for x in given:
-        inside = shrink_to_feasible(board.problem, board.grid, x)
+        inside = shrink_to_feasible(incumbent.problem, incumbent.grid, x)
         if inside is not None:
-            board.offer(inside, board.grid.value(inside), 0, "given")
-    board.note()
+            incumbent.update(inside, incumbent.grid.value(inside), 0, "given")
+    incumbent.append_history()
     done, interrupted = 0, False
     try:
         while (rounds is None or done < rounds) and time.time() < deadline:
-            current = _Round(done, seed, board.best, deadline)
-            found = _gather(board, current.scouts, executor)
-            _gather(board, current.refinements(found), executor)
+            current = _Round(done, seed, incumbent.best, deadline)
+            scouted = _run_tasks(incumbent, current.scouts, executor)
+            _run_tasks(incumbent, current.refinements(scouted), executor)
             done += time.time() < deadline
     except KeyboardInterrupt:
         interrupted = True
-    assert board.best is not None
-    return Search(board.best, done, board.descents, time.time() - began, interrupted, tuple(board.history))
+    assert incumbent.best is not None
+    return Search(
+        incumbent.best, done, incumbent.descents, time.time() - began, interrupted, tuple(incumbent.history)
+    )
 
 
-def _gather(board: _Board, tasks: Sequence[_Task], executor: Executor | None) -> list[_Outcome]:
-    """Run tasks; the board learns of each as it ends, but in the order of their numbers where there is a choice."""
+def _run_tasks(incumbent: _Incumbent, tasks: Sequence[_Task], executor: Executor | None) -> list[_Outcome]:
+    """Runs tasks and adds each outcome as it ends; those that end together in the order of their numbers."""
     results: list[_Outcome] = []
     if executor is None:
         for task in tasks:
-            results.append(_run(board.pickled, task))
-            board.take(results[-1])
+            results.append(_run(incumbent.pickled, task))
+            incumbent.add_outcome(results[-1])
     else:
-        waiting: set[Future[_Outcome]] = {executor.submit(_run, board.pickled, task) for task in tasks}
+        waiting: set[Future[_Outcome]] = {executor.submit(_run, incumbent.pickled, task) for task in tasks}
         try:
             while waiting:
                 ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
                 for outcome in sorted((future.result() for future in ready), key=lambda each: each.task.number):
                     results.append(outcome)
-                    board.take(outcome)
+                    incumbent.add_outcome(outcome)
         finally:
             for future in waiting:
                 future.cancel()
     return results
 
 
-def _blame(board: _Board, x: Array) -> str:
-    """Tell which limit to relax, and where."""
+def _most_violated(incumbent: _Incumbent, x: Array) -> str:
+    """Remedy that names the most violated limit and its joint."""
     worst = max(
         (
             (float(u[:, k].max()), channel.name, label)
             for channel, u in zip(
-                board.problem.channels, utilisation(board.problem, board.grid, 0.0 * x), strict=True
+                incumbent.problem.channels, utilisation(incumbent.problem, incumbent.grid, 0.0 * x), strict=True
             )
             for k, label in enumerate(channel.labels)
         ),

@@ -1,8 +1,8 @@
-"""The number that a design makes small, with its exact gradient by the unknowns of the series.
+"""Objective function of a design, with its exact gradient by the unknowns of the series.
 
-The gradient takes one sweep: the criterion's derivative by G turns columns into what each of them is worth, the
-kernel's adjoint turns that into worths of positions, velocities and accelerations, and these are linear in the
-unknowns.
+The gradient is computed in reverse mode. The criterion's derivative by G gives the derivative by each column of the
+regressor; the adjoint of the kernel turns that into derivatives by positions, velocities and accelerations; these are
+linear in the unknowns.
 """
 
 from __future__ import annotations
@@ -26,25 +26,26 @@ from armid.values import Array, array
 __all__ = ["CriterionGoal", "Objective", "along", "information_along", "known_sizes"]
 
 
-TOLD = 3.0
-"""Deviations from zero from which on a parameter counts as told from it; three zeros in a thousand do by chance."""
+SIGNIFICANT = 3.0
+"""Standard deviations from zero from which a parameter counts as significant; by chance three in a thousand
+parameters that are zero exceed it."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CriterionGoal:
-    """Purpose of a motion.
+    """Criterion of a motion, with the model and the noise that its information depends on.
 
     Attributes:
         model: Arm and torque terms.
         base: Its base parameters; their columns make the information.
         criterion: Name, see `criteria.CRITERIA`.
         noise: Standard deviation of each joint's torque, shape (n,) [N·m or N]; one where not given.
-        rate: Samples a second that will count [Hz].
+        rate: Independent samples per second [Hz].
         repetitions: Periods that will be recorded.
-        prior: Information that is there already, shape (b, b), in units of the same noise; none where not given.
+        prior: Information from earlier data, shape (b, b), with the same noise; none where not given.
         prediction: Information matrix (b, b) of the motions whose torque is to be predicted.
-        scale: Sizes of the base parameters, to which deviations are compared by `worst`, shape (b,); infinite for
-            those that do not count.
+        scale: Sizes of the base parameters, to which the criterion `worst` compares their standard deviations, shape
+            (b,); infinite for those to be ignored.
     """
 
     model: DynamicsModel
@@ -79,20 +80,20 @@ class CriterionGoal:
         return column_source(self.model, self.base)
 
     def value(self, G: Array) -> float:
-        """The criterion itself, without smoothing."""
+        """Criterion of an information matrix, without smoothing."""
         return make_criterion(self.criterion, np.inf, self.prediction, self.scale)(G)[0]
 
 
 class Objective:
-    """The criterion of a goal along a series, on an even grid of one period.
+    """Criterion of a series, on a uniform grid of one period.
 
     Args:
-        goal: What the motion is for.
+        goal: Criterion, model and noise.
         basis: The unknowns.
-        samples: Points of the grid; sums over them stand for those at the goal's rate.
-        width: Width of tanh in the place of signs [rad/s or m/s]; 0 leaves the laws as they are.
-        sharpness: p of the norms that stand for extremes of eigenvalues.
-        times: Points of the grid where they are not even ones of a period, shape (samples,) [s].
+        samples: Points of the grid; sums over them are scaled to the goal's rate.
+        width: Width of the tanh that replaces signs [rad/s or m/s]; 0 keeps the laws as they are.
+        sharpness: Exponent p of the norms that replace extreme eigenvalues.
+        times: Points of the grid where it is not uniform over a period, shape (samples,) [s].
     """
 
     def __init__(
@@ -118,62 +119,63 @@ class Objective:
 
     @cached_property
     def columns(self) -> Columns:
-        """The base parameters' columns, made when they are first asked for: limits of the motion need none."""
+        """Columns of the base parameters, allocated at first use because limits of the motion do not need them."""
         return Columns(self.goal.source, len(self.times), self._width)
 
     def states(self, x: ArrayLike) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (N, n) of unknowns (n k,)."""
+        """Positions, velocities and accelerations (N, n) at unknowns (n k,)."""
         unknowns = np.asarray(x).reshape(self._shape).T
         q, dq, ddq = (matrix @ unknowns for matrix in self.matrices[:3])
         q += self.basis.start
         return q, dq, ddq
 
     def information(self, x: ArrayLike) -> Array:
-        """G of a series, prior included, shape (b, b)."""
+        """Information matrix G (b, b) of a series, prior included."""
         self.columns.fill(*self.states(x))
         G = self.columns.information(self._weights)
         return G if self.goal.prior is None else G + self.goal.prior
 
     def value(self, x: ArrayLike) -> float:
-        """The criterion."""
+        """Criterion at unknowns (n k,)."""
         return self._criterion(self.information(x))[0]
 
     def __call__(self, x: ArrayLike) -> tuple[float, Array]:
-        """The criterion and its gradient (n k,)."""
+        """Criterion and its gradient (n k,) at unknowns (n k,)."""
         value, slopes = self._criterion(self.information(x))
-        return value, self.pull(self.columns.information_gradient(slopes, self._weights))
+        return value, self.pullback(self.columns.information_gradient(slopes, self._weights))
 
-    def pull(self, gradient: tuple[Array, ...]) -> Array:
-        """Gradient (n k,) of what has gradients by positions, velocities, accelerations and so on, each (N, n)."""
+    def pullback(self, gradient: tuple[Array, ...]) -> Array:
+        """Gradient (n k,) by the unknowns from gradients by positions and their derivatives in order, each (N, n)."""
         total = sum(matrix.T @ part for matrix, part in zip(self.matrices, gradient, strict=False))
         return np.asarray(total).T.ravel()
 
 
 def information_along(goal: CriterionGoal, motion: Motion) -> Array:
-    """G of any motion sampled at the goal's rate, with the laws as they are, once; shape (b, b)."""
+    """Information matrix G (b, b) of one pass of a motion that is sampled at the goal's rate, without smoothing."""
     columns = Columns(goal.source, motion.samples)
     columns.fill(motion.q, motion.dq, motion.ddq)
     return columns.information(1.0 / goal.noise**2)
 
 
 def along(goal: CriterionGoal, motion: Motion) -> Array:
-    """G of a motion repeated as the goal says, with what is there already, shape (b, b)."""
+    """Information matrix G (b, b) of a motion with the goal's repetitions and prior."""
     G = goal.repetitions * information_along(goal, motion)
     return G if goal.prior is None else G + goal.prior
 
 
 def known_sizes(values: Array, deviations: Array) -> Array | None:
-    """Sizes of parameters that deviations are put beside by the criterion `worst`, infinite where there are none.
+    """Sizes of parameters to which the criterion `worst` compares standard deviations.
 
-    Relative is only the deviation of a parameter that is told from zero, `TOLD` deviations away. The others, which
-    the arm's symmetry makes vanish or noise hides, have no size that a deviation could be compared with.
+    A parameter has a size if its estimate is at least `SIGNIFICANT` standard deviations from zero. The others vanish
+    by symmetry of the arm or are hidden by noise, so that a relative deviation has no meaning for them; their size is
+    infinite.
 
     Args:
         values: Estimates, shape (b,).
         deviations: Their standard deviations, shape (b,).
 
     Returns:
-        Shape (b,), or `None` where no parameter is told from zero.
+        Shape (b,), or `None` where no parameter differs significantly from zero.
     """
-    told = np.abs(values) > TOLD * deviations
-    return np.where(told, np.abs(values), np.inf) if told.any() else None
+    significant = np.abs(values) > SIGNIFICANT * deviations
+    return np.where(significant, np.abs(values), np.inf) if significant.any() else None

@@ -1,7 +1,7 @@
-"""Columns of the base parameters along a series, and the exact gradient of anything made of them.
+"""Regressor columns of the base parameters along a series, with exact gradients by the states.
 
-Rigid bodies go through the kernel, which makes their columns where they are used, the other terms through the
-derivatives of their laws.
+Columns of rigid bodies and their adjoints come from the kernel; those of the other terms come from their laws and the
+derivatives of these.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid import kernel
-from armid.excitation.design.term_columns import Laws
+from armid.excitation.design.term_columns import TermRows
 from armid.information.column_source import ColumnSource
 from armid.values import Array
 
@@ -17,39 +17,39 @@ __all__ = ["Columns"]
 
 
 class Columns:
-    """Columns along N samples, the information in them, and gradients back to the states.
+    """Columns along N samples, their information matrix, and gradients by the states.
 
     Args:
         source: Model and layout of the columns.
         samples: N.
-        width: Width over which laws with corners are spread [rad/s or m/s]; 0 leaves them as they are.
+        width: Width over which laws with corners are smoothed [rad/s or m/s]; 0 keeps them as they are.
     """
 
     def __init__(self, source: ColumnSource, samples: int, width: float = 0.0) -> None:
         self.source = source
         self.samples = samples
         self._layout = source.layout
-        self._laws = Laws(source, width)
+        self._term_rows = TermRows(source, width)
         self._terms = np.zeros((len(self._layout.term), samples))
         self._none = np.zeros((samples, source.tree.n))
         self._states = (self._none, self._none, self._none)
 
     def fill(self, q: Array, dq: Array, ddq: Array) -> None:
-        """Go to states (N, n)."""
+        """Evaluates the columns at states (N, n)."""
         self._states = (q, dq, ddq)
-        self._laws.fill(self._states, self._terms)
+        self._term_rows.fill(self._states, self._terms)
 
     def information(self, weights: Array) -> Array:
-        """G = Σ_j weights_j Y_jᵀ Y_j there, shape (b, b)."""
+        """Information matrix G = Σ_j weights_j Y_jᵀ Y_j, shape (b, b), for weights (n,)."""
         count = len(self.source.names)
         return kernel.information(self.source.tree, self._layout, *self._states, self._terms, weights, count)
 
     def information_gradient(self, slopes: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Gradient by q, dq, ddq (N, n) of a function of G whose derivative is `slopes`, symmetric, shape (b, b)."""
-        *gradient, worth = kernel.information_adjoint(
+        *gradient, adjoint = kernel.information_adjoint(
             self.source.tree, self._layout, *self._states, self._terms, weights, slopes
         )
-        self._laws.pull(worth, tuple(gradient))
+        self._term_rows.pullback(adjoint, tuple(gradient))
         return gradient[0], gradient[1], gradient[2]
 
     def torque(self, values: Array) -> Array:
@@ -66,5 +66,5 @@ class Columns:
         p, start = self._layout.parameters[joint], self._layout.offset[joint]
         np.multiply(values[p][:, None], slopes, out=cotangent[start : start + len(p)])
         gradient = kernel.columns_adjoint(self.source.tree, self._layout, *self._states, cotangent)
-        self._laws.pull(cotangent[self._layout.term], gradient)
+        self._term_rows.pullback(cotangent[self._layout.term], gradient)
         return gradient

@@ -1,9 +1,9 @@
-"""Laws with corners, made smooth for a search.
+"""Smooth approximations of friction laws with corners, for a search by gradients.
 
-A design by derivatives sees nothing of sign(q̇): its derivative is zero wherever it exists, so friction columns
-would have no say in where the joints reverse. During a search every sign is therefore a tanh of some width [rad/s or
-m/s], which a search makes narrower step by step; a tanh in a law is made as wide where it is narrower. What a design
-reports is always computed with the laws as they are.
+The derivative of sign(q̇) is zero wherever it exists. Without smoothing, friction columns would therefore not
+influence where the joints reverse. A search replaces every sign by a tanh of some width [rad/s or m/s] and reduces
+the width from stage to stage; a tanh of the law that is narrower is widened to the same width. Reported values are
+computed with the laws as they are.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from functools import lru_cache
 
 from armid.model.expression import Expression, derivative, number, tanh
 
-__all__ = ["softened"]
+__all__ = ["smoothed"]
 
 
 @lru_cache(maxsize=256)
-def softened(expression: Expression, width: float) -> Expression:
-    """The law with every sign and steep tanh spread over a width; the law itself where the width is zero."""
+def smoothed(expression: Expression, width: float) -> Expression:
+    """Law with every sign and steep tanh smoothed over a width [rad/s or m/s]; the law itself for zero width."""
     if width == 0.0 or not expression.arguments:
         return expression
-    arguments = tuple(softened(argument, width) for argument in expression.arguments)
+    arguments = tuple(smoothed(argument, width) for argument in expression.arguments)
     if expression.head == "sign":
         return tanh(arguments[0] / width)
     if expression.head == "abs":  # |x| = x sign(x)

@@ -1,9 +1,10 @@
-"""One descent: from a point of the unknowns to a better one inside the limits, stage by stage.
+"""Local optimisation of a series by sequential quadratic programming, in stages of decreasing smoothness.
 
-Non-smooth things are handled on purpose. Signs in friction laws are tanh whose width shrinks, extremes of eigenvalues
-and highest values along a channel are soft maxima whose sharpness grows, from stage to stage; SLSQP, a sequential
-quadratic method with exact gradients, runs in each. What comes out is drawn together about its start pose as far as
-it takes to be inside every limit on a grid, so that feasibility never rests on where a solver happened to stop.
+Criterion and limits are not smooth, so each stage smooths them: signs in friction laws become tanh, extreme
+eigenvalues and maxima along a constraint channel become soft maxima. From stage to stage the tanh becomes narrower
+and the maxima become sharper. SLSQP, a sequential quadratic method with exact gradients, solves each stage. The
+result is then shrunk about its start pose until every limit holds on a grid. Feasibility therefore does not depend on
+where the solver stops.
 """
 
 from __future__ import annotations
@@ -35,29 +36,29 @@ __all__ = [
 ]
 
 CHECKED = 80.0
-"""Points of the grid on which candidates are compared, per period of the highest harmonic: a peak between two of them
-is missed by less than a thousandth."""
+"""Points per period of the highest harmonic of the grid on which candidates are compared: the grid misses less than a
+thousandth of a peak."""
 
 FEASIBLE = 1.0 + 1e-9
-"""Share of a limit that still counts as inside: rounding."""
+"""Utilisation up to which a limit counts as kept; the excess allows for rounding."""
 
-RUN_AWAY = 2.0
-"""Share of a limit beyond which a stage counts as lost: steps far outside lead further out, where bodies overlap."""
+DIVERGED = 2.0
+"""Utilisation from which a stage counts as diverged: where bodies overlap, steps far outside lead further out."""
 
 HALVINGS = 14
-"""Of the interval in which the largest feasible amplitude is looked for: 6e-5 of it."""
+"""Bisections of the interval of amplitude factors, which leave 6e-5 of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Smoothness of everything, and its duration.
+    """Smoothing and iterations of one stage.
 
     Attributes:
         density: Points of the grid per period of the highest harmonic.
-        width: Of the tanh in the place of signs, over the width of the last stage's.
-        sharpness: p of norms of eigenvalues.
-        limit_sharpness: p of soft maxima of channels.
-        iterations: At most.
+        width: Width of the tanh that replaces signs, relative to the problem's `scale`.
+        sharpness: Exponent p of the norms of eigenvalues.
+        limit_sharpness: Exponent p of the soft maxima of channels.
+        iterations: Largest number of iterations.
     """
 
     density: float
@@ -75,18 +76,19 @@ STAGES = (
     Stage(20.0, 0.02, 200.0, 3000.0, 60),
     Stage(20.0, 0.02, 200.0, 3000.0, 40),
 )
-"""From smooth to sharp. Two widths less or more change the result by a few percent of a random start's spread."""
+"""Stages from smooth to sharp. Two widths more or fewer change the result by a few percent of the spread over random
+starts."""
 
 
 @dataclass(frozen=True, eq=False)
 class DescentProblem:
-    """Message to a search.
+    """Optimisation problem of an excitation.
 
     Attributes:
-        goal: What the motion is for.
+        goal: Criterion of the motion.
         basis: The unknowns.
-        channels: What must not be exceeded.
-        scale: Speed [rad/s or m/s] that widths of signs are shares of.
+        channels: The limits.
+        scale: Speed [rad/s or m/s] to which the widths of the smoothed signs are relative.
     """
 
     goal: CriterionGoal
@@ -95,30 +97,30 @@ class DescentProblem:
     scale: float = 1.0
 
     def objective(self, stage: Stage) -> Objective:
-        """The criterion as a stage sees it."""
+        """Criterion with the smoothing of a stage."""
         samples = max(64, round(stage.density * self.basis.harmonics))
         return Objective(self.goal, self.basis, samples, width=stage.width * self.scale, sharpness=stage.sharpness)
 
     def near(self, states: States) -> list[ConstraintChannel]:
-        """Return what motions like the one at hand must not exceed; of many pairs of bodies, those that come near."""
+        """Limits of motions near the given one; of many pairs of bodies only those that come near each other."""
         return [channel.near(states) if isinstance(channel, Clearance) else channel for channel in self.channels]
 
     @cached_property
     def fine(self) -> Objective:
-        """The grid on which plans are compared and drawn together."""
+        """Grid on which plans are compared and shrunk into the limits."""
         return self.grid(max(200, round(CHECKED * self.basis.harmonics)))
 
     def grid(self, samples: int) -> Objective:
-        """A grid on which limits are looked at."""
+        """Grid of one period with the laws not smoothed."""
         return Objective(self.goal, self.basis, samples)
 
 
-class _Late(Exception):  # noqa: N818  (no error: the time is up)
-    """The time is up."""
+class _DeadlinePassed(Exception):  # noqa: N818  (ends an optimisation without an error)
+    """End of the time that a descent has."""
 
 
 class _Evaluation:
-    """Value, limits and their gradients of a stage; SLSQP asks for them one after the other at the same point."""
+    """Criterion, limits and their gradients in a stage, computed once for each point that SLSQP evaluates."""
 
     def __init__(self, problem: DescentProblem, stage: Stage, x: Array, deadline: float) -> None:
         self._objective = problem.objective(stage)
@@ -130,31 +132,31 @@ class _Evaluation:
         self.x = x.copy()
         states, between = States(self._objective, x), States(problem.fine, x)
         self._channels = problem.near(between)
-        # What the soft maximum lies above the highest, which is sought between the points of the grid, too.
+        # Excess of the soft maximum on the stage's grid over the maximum on the fine grid.
         self._excess = [
             soft_maximum(channel.values(states), self._sharpness)[0] - channel.values(between).max(axis=0)
             for channel in self._channels
         ]
 
     def objective(self, x: Array) -> tuple[float, Array]:
-        """The criterion and its gradient."""
+        """Criterion and its gradient."""
         if time.time() > self._deadline:
-            raise _Late
-        self._look(x)
+            raise _DeadlinePassed
+        self._evaluate(x)
         return self._value, self._gradient
 
     def limits(self, x: Array) -> Array:
-        """Room that each limit leaves."""
-        self._look(x)
+        """Margins to the limits, one minus the utilisation."""
+        self._evaluate(x)
         return 1.0 - np.concatenate(self._values)
 
     def limit_slopes(self, x: Array) -> Array:
-        """Gradients of the room."""
-        self._look(x)
+        """Gradients of the margins."""
+        self._evaluate(x)
         return -np.concatenate(self._slopes)
 
-    def _look(self, x: Array) -> None:
-        """Compute everything at x, unless that is where it was computed last."""
+    def _evaluate(self, x: Array) -> None:
+        """Computes criterion, limits and gradients at x, unless x is the point of the last evaluation."""
         point = x.tobytes()
         if point == self._point:
             return
@@ -165,18 +167,22 @@ class _Evaluation:
         for channel, excess in zip(self._channels, self._excess, strict=True):
             soft, weights = soft_maximum(channel.values(states), self._sharpness)
             self._values.append(soft - excess)
-            self._slopes.append(channel.pull(states, weights))
+            self._slopes.append(channel.pullback(states, weights))
         self._point = point
 
 
 def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadline: float = np.inf) -> Array:
-    """Run stages one after the other, each from where the one before has stopped.
+    """Runs stages in order, each from the result of the stage before.
 
     Args:
-        problem: What is asked.
-        x: Where to begin, shape (n k,).
-        stages: From smooth to sharp.
-        deadline: Of `time.time` [s], which means the same in every process; what is reached by then is returned.
+        problem: Criterion, unknowns and limits.
+        x: Starting point, shape (n k,).
+        stages: Stages from smooth to sharp.
+        deadline: Time as of `time.time` [s], which is the same in every process; the point reached by then is
+            returned.
+
+    Returns:
+        Unknowns, shape (n k,).
     """
     for stage in stages:
         if time.time() > deadline:
@@ -187,7 +193,7 @@ def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadli
         )
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", RuntimeWarning)  # steps that are clipped
+                warnings.simplefilter("ignore", RuntimeWarning)  # SLSQP warns of each clipped step
                 result = minimize(
                     evaluation.objective,
                     x,
@@ -196,18 +202,18 @@ def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadli
                     constraints=constraints,
                     options={"maxiter": stage.iterations, "ftol": 1e-7},
                 )
-        except _Late:
-            x = _sane(problem, evaluation.x, x)
+        except _DeadlinePassed:
+            x = _safeguarded(problem, evaluation.x, x)
             break
-        x = _sane(problem, result.x, x)
+        x = _safeguarded(problem, result.x, x)
     return x
 
 
-def _sane(problem: DescentProblem, reached: Array, before: Array) -> Array:
-    """Return what a stage has reached, unless it has run away: then that drawn together, or where the stage began."""
+def _safeguarded(problem: DescentProblem, reached: Array, before: Array) -> Array:
+    """Result of a stage; where it has diverged, the result shrunk into the limits or the stage's starting point."""
     if not np.isfinite(reached).all():
         return before
-    if max_utilisation(problem, problem.fine, reached) < RUN_AWAY:
+    if max_utilisation(problem, problem.fine, reached) < DIVERGED:
         return reached
     inside = shrink_to_feasible(problem, problem.fine, reached)
     if inside is None or problem.fine.value(inside) > problem.fine.value(before):
@@ -216,27 +222,33 @@ def _sane(problem: DescentProblem, reached: Array, before: Array) -> Array:
 
 
 def utilisation(problem: DescentProblem, grid: Objective, x: Array) -> list[Array]:
-    """Shares of the limits along a grid, channel by channel, (N, m) each."""
+    """Utilisation of the limits along a grid, one array (N, m) for each channel."""
     states = States(grid, np.asarray(x))
     return [channel.values(states) for channel in problem.channels]
 
 
 def max_utilisation(problem: DescentProblem, grid: Objective, x: Array) -> float:
-    """Largest share of any limit along a grid."""
+    """Largest utilisation of any limit along a grid."""
     return max((float(u.max()) for u in utilisation(problem, grid, x)), default=0.0)
 
 
 def _inside(problem: DescentProblem, grid: Objective, x: Array, limit: float) -> bool:
-    """Tell whether every limit is kept along a grid; bodies, which take longest, are looked at last."""
+    """Test of every limit along a grid; collisions, which take longest, are tested last."""
     states = States(grid, np.asarray(x))
     return all(float(channel.values(states).max()) <= limit for channel in problem.channels)
 
 
 def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit: float = FEASIBLE) -> Array | None:
-    """The largest multiple, at most one, of a series about its start pose that keeps every limit on a grid.
+    """Scales a series about its start pose by the largest factor, at most one, that keeps every limit on a grid.
+
+    Args:
+        problem: The limits.
+        grid: Points at which they are evaluated.
+        x: The series, shape (n k,).
+        limit: Largest utilisation that counts as kept.
 
     Returns:
-        The unknowns, or `None` where not even standing still at the start pose keeps the limits.
+        Unknowns (n k,), or `None` where standing still at the start pose violates a limit.
     """
     if _inside(problem, grid, x, limit):
         return x
@@ -244,7 +256,7 @@ def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit
     if not _inside(problem, grid, about_start(problem.basis, x, 0.0), limit):
         return None
     for _ in range(HALVINGS):
-        # Limits are usually missed by little; then the first guess is near.
+        # Limits are usually exceeded by little, so the first factor is close to one.
         middle = 0.5 * (low + high) if low or high < 1.0 else 0.99
         inside = _inside(problem, grid, about_start(problem.basis, x, middle), limit)
         low, high = (middle, high) if inside else (low, middle)
@@ -252,7 +264,7 @@ def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit
 
 
 def about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:
-    """The series with its amplitudes multiplied, its start pose kept."""
+    """Unknowns (n k,) of the series with its amplitudes scaled and the same start pose."""
     c, L = basis.coefficients(x), basis.harmonics
     begin = c[:, -1] - c[:, L : 2 * L] @ (1.0 / (basis.base_frequency * np.arange(1, L + 1)))
     scaled = factor * c
@@ -261,7 +273,7 @@ def about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:
 
 
 def from_pose(basis: SeriesBasis, x: Array) -> Array:
-    """The same motion moved to where it begins in the pose of its basis."""
+    """Unknowns (n k,) of the same motion shifted so that it begins in the start pose of its basis."""
     c, L = basis.coefficients(x), basis.harmonics
     c[:, -1] = basis.start + c[:, L : 2 * L] @ (1.0 / (basis.base_frequency * np.arange(1, L + 1)))
     return basis.project(c)

@@ -1,7 +1,7 @@
-"""The terms' columns along a motion, and what they are worth to its states.
+"""Regressor columns of the torque terms other than rigid bodies along a motion, and their gradients by its states.
 
-Columns that share a law are evaluated together, and a law and its slopes share what they have in common: of tanh(x/w)
-and its derivative only one tanh is taken.
+Columns with the same law are evaluated together. A law and its derivatives share common subexpressions: tanh(x/w) and
+its derivative need only one tanh.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ModelError
-from armid.excitation.design.smoothed_laws import softened
+from armid.excitation.design.smoothed_laws import smoothed
 from armid.information.column_source import ColumnSource
 from armid.model.expression import FUNCTIONS, Expression, derivative
 from armid.values import Array
 
-__all__ = ["Laws"]
+__all__ = ["TermRows"]
 
 STATES = ("q", "dq", "ddq")
 
 
-class _Steps:
-    """Several expressions of the states, evaluated in one go: every part of them once.
+class _ExpressionProgram:
+    """Evaluation of several expressions of the states that computes each common subexpression once.
 
     Args:
-        expressions: What is wanted.
+        expressions: The expressions.
     """
 
     def __init__(self, expressions: Sequence[Expression]) -> None:
@@ -44,7 +44,7 @@ class _Steps:
         number = isinstance(expression.head, float)
         if not number and not inputs and expression.head not in STATES:
             raise ModelError(
-                f"A law depends on {expression.head!r}, which a motion alone does not tell.",
+                f"A law depends on {expression.head!r}, which a motion alone does not determine.",
                 remedy="design with terms of position, velocity and acceleration.",
             )
         self._steps.append(("" if number else str(expression.head), inputs))
@@ -53,7 +53,7 @@ class _Steps:
         return len(self._steps) - 1
 
     def __call__(self, states: dict[str, Array]) -> list[Array]:
-        """The expressions' values."""
+        """Values of the expressions."""
         values: list[Array] = []
         for (name, inputs), constant in zip(self._steps, self._constants, strict=True):
             if constant is not None:
@@ -67,15 +67,15 @@ class _Steps:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Group:
-    """Columns that share a law.
+    """Columns with the same law.
 
     Attributes:
-        rows: Which of the terms' rows, shape (e,).
-        coordinate: Joints that make the coordinate of each, shape (e, n).
-        joints: The one joint of each where no coordinate couples several, shape (e,).
+        rows: Indices of their rows among the terms' rows, shape (e,).
+        coordinate: Weights of the joints in the coordinate of each, shape (e, n).
+        joints: Joint of each where no coordinate couples several joints, shape (e,).
         weight: Factor of each row, shape (e, 1).
-        slopes: States that the law depends on.
-        steps: The law, softened, and its derivatives by them.
+        slopes: Indices of the states that the law depends on.
+        steps: Smoothed law and its derivatives by these states.
     """
 
     rows: NDArray[np.intp]
@@ -83,18 +83,18 @@ class _Group:
     joints: NDArray[np.intp] | None
     weight: Array
     slopes: tuple[int, ...]
-    steps: _Steps
+    steps: _ExpressionProgram
 
 
 def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
-    """The terms' kept rows, by law."""
+    """Rows of the terms that are kept in the layout, grouped by law."""
     by_law: dict[Expression, list[int]] = {}
     entries = [source.model.entries[e] for e in source.layout.kept]
     for row, (_, _, law, _) in enumerate(entries):
         by_law.setdefault(law.expression, []).append(row)
     groups: list[_Group] = []
     for expression, rows in by_law.items():
-        law = softened(expression, width)
+        law = smoothed(expression, width)
         slopes = {k: derivative(law, state) for k, state in enumerate(STATES)}
         slopes = {k: slope for k, slope in slopes.items() if slope != Expression(0.0)}
         coordinate = np.zeros((len(rows), source.model.n))
@@ -109,18 +109,18 @@ def _groups(source: ColumnSource, width: float) -> tuple[_Group, ...]:
                 coordinate.argmax(axis=1) if plain else None,
                 np.array([[entries[row][3]] for row in rows]),
                 tuple(slopes),
-                _Steps([law, *slopes.values()]),
+                _ExpressionProgram([law, *slopes.values()]),
             )
         )
     return tuple(groups)
 
 
-class Laws:
-    """The terms' rows (e, N) of a model at the states that they were last filled with.
+class TermRows:
+    """Rows (e, N) of a model's torque terms at the states of the last `fill`.
 
     Args:
         source: Model and layout of the columns.
-        width: Width over which laws with corners are spread [rad/s or m/s]; 0 leaves them as they are.
+        width: Width over which laws with corners are smoothed [rad/s or m/s]; 0 keeps them as they are.
     """
 
     def __init__(self, source: ColumnSource, width: float) -> None:
@@ -128,7 +128,7 @@ class Laws:
         self._slopes: list[list[Array]] = []
 
     def fill(self, states: tuple[Array, Array, Array], rows: Array) -> None:
-        """Fill rows (e, N) at states (N, n)."""
+        """Computes rows (e, N) at states (N, n)."""
         self._slopes = []
         for group in self._groups:
             environment: dict[str, Array] = {}
@@ -139,9 +139,9 @@ class Laws:
             rows[group.rows] = group.weight * values
             self._slopes.append(slopes)
 
-    def pull(self, worth: Array, gradient: tuple[Array, ...]) -> None:
-        """Add the gradient of Σ worth · rows to those by q, dq, ddq, each (N, n)."""
+    def pullback(self, adjoint: Array, gradient: tuple[Array, ...]) -> None:
+        """Adds the gradient of Σ adjoint · rows to the gradients by q, dq, ddq, each (N, n)."""
         for group, slopes in zip(self._groups, self._slopes, strict=True):
-            own = group.weight * worth[group.rows]
+            weighted = group.weight * adjoint[group.rows]
             for k, slope in zip(group.slopes, slopes, strict=True):
-                gradient[k][:] += (own * slope).T @ group.coordinate
+                gradient[k][:] += (weighted * slope).T @ group.coordinate

@@ -1,4 +1,4 @@
-"""Catalogue of the formats that controllers take motions in: one module each."""
+"""Catalogue of motion formats of controllers, with one module for each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plain table: time, then positions, velocities and accelerations of all joints, in SI units."""
+"""CSV table of time, positions, velocities and accelerations of all joints in SI units."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ RATE = 250.0
 
 
 def problem(track: SampledMotion) -> str:
-    """Nothing stands against a table."""
+    """Reason why a motion cannot be written; always empty."""
     del track
     return ""
 
 
 def write(track: SampledMotion) -> bytes:
-    """A header with the joints' names, then a row a sample."""
+    """Writes a header with the joints' names, then one row for each sample."""
     header = ",".join(["time", *(f"{kind}_{joint}" for kind in ("q", "dq", "ddq") for joint in track.joints)])
     motion = track.motion
     text = io.StringIO()
@@ -33,7 +33,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """The motion; the plan does not stand in a table.
+    """Reads the motion; a table does not contain the plan.
 
     Raises:
         ArmidError: Another table.

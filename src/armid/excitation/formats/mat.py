@@ -1,4 +1,4 @@
-"""MATLAB: arrays t, q, dq, ddq, names and the coefficients of the series, for `load`."""
+"""MATLAB file with arrays t, q, dq, ddq, names and the coefficients of the series."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ COEFFICIENTS = ("base_frequency", "a", "b", "offset")
 
 
 def problem(track: SampledMotion) -> str:
-    """Nothing stands against a file of arrays."""
+    """Reason why a motion cannot be written; always empty."""
     del track
     return ""
 
 
 def write(track: SampledMotion) -> bytes:
-    """A version 5 file, which every MATLAB reads."""
+    """Writes a file of version 5, which every MATLAB reads."""
     motion = track.motion
     values: dict[str, Any] = {"t": motion.time, "q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
     values["joints"] = np.array(track.joints, dtype=object)
@@ -43,7 +43,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Motion and plan.
+    """Reads motion and plan.
 
     Raises:
         ArmidError: Another file.

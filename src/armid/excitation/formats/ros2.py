@@ -1,4 +1,4 @@
-"""ROS 2: one `trajectory_msgs/msg/JointTrajectory` as YAML, as `ros2 topic pub` takes it."""
+"""ROS 2 `trajectory_msgs/msg/JointTrajectory` as YAML, as `ros2 topic pub` accepts it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ POINT = re.compile(
 
 
 def problem(track: SampledMotion) -> str:
-    """Nothing stands against a trajectory."""
+    """Reason why a motion cannot be written; always empty."""
     del track
     return ""
 
@@ -34,7 +34,7 @@ def _list(values: Array) -> str:
 
 
 def write(track: SampledMotion) -> bytes:
-    """Positions, velocities and accelerations at every point; the plan in a comment."""
+    """Writes positions, velocities and accelerations of every point, and the plan in a comment."""
     lines = [f"# {PLAN_MARK}{track.plan}"] if track.plan else []
     lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in track.joints), "points:"]
     motion = track.motion
@@ -50,7 +50,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Points and plan.
+    """Reads points and plan.
 
     Raises:
         ArmidError: No trajectory that `write` has written.

@@ -1,4 +1,4 @@
-"""Input of a controller: a motion sampled at its rate, and the plan that it comes from as text."""
+"""Motion sampled at the rate of a controller, with its plan as text, and the interface of formats."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ PLAN_MARK = "armid-plan "
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SampledMotion:
-    """A motion for a controller.
+    """Motion sampled for a controller.
 
     Attributes:
-        name: Of the arm.
+        name: Name of the arm.
         joints: Names of the joints.
-        prismatic: Which of them slide.
+        prismatic: Which of them are prismatic.
         motion: Samples at the controller's rate.
         plan: The plan as one line of JSON; empty where it is not known.
     """
@@ -42,37 +42,37 @@ class SampledMotion:
 
 
 class Format(Protocol):
-    """A module that writes and reads one format.
+    """Interface of a module that writes and reads one format.
 
     Attributes:
-        SUFFIX: What is put behind the name of a file.
-        RATE: Samples a second where nothing else is asked [Hz].
+        SUFFIX: Suffix of the file name.
+        RATE: Default rate [Hz].
     """
 
     SUFFIX: str
     RATE: float
 
     def problem(self, track: SampledMotion) -> str:
-        """Tell why the format cannot hold this track; empty where it can."""
+        """Reason why the format cannot hold a motion; empty where it can."""
         ...
 
     def write(self, track: SampledMotion) -> bytes:
-        """The file."""
+        """Writes a motion as bytes."""
         ...
 
     def read(self, content: bytes) -> SampledMotion:
-        """Return what `write` has written, as far as the format keeps it."""
+        """Reads a motion that `write` has written, as far as the format contains it."""
         ...
 
 
 def plan_in_comments(text: str, comment: str) -> str:
-    """The plan in a file's comments; empty where there is none."""
+    """Plan in the comments of a file; empty where there is none."""
     mark = f"{comment} {PLAN_MARK}"
     return next((line[len(mark) :] for line in text.splitlines() if line.startswith(mark)), "")
 
 
 def number_rows(text: str, columns: int | None = None) -> Array:
-    """Rows of numbers with commas between them, shape (N, columns).
+    """Comma-separated rows of numbers as an array, shape (N, columns).
 
     Raises:
         ArmidError: Something else.
@@ -89,6 +89,6 @@ def number_rows(text: str, columns: int | None = None) -> Array:
 
 
 def states_of_positions(time: Array, q: Array) -> Motion:
-    """A motion of which only positions are kept; velocities and accelerations are differences."""
+    """Motion from positions alone, with velocities and accelerations by differences."""
     dq = np.gradient(q, time, axis=0)
     return Motion(time, q, dq, np.gradient(dq, time, axis=0))

@@ -1,4 +1,4 @@
-"""Universal Robots: a URScript program that moves to the first pose and streams the rest through `servoj`."""
+"""URScript program for Universal Robots that moves to the first pose and streams the others by `servoj`."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ SERVO = re.compile(r"servoj\(\[(.*?)\], t=([\d.]+)")
 
 
 def problem(track: SampledMotion) -> str:
-    """These arms have six joints that turn."""
+    """Reason why a motion cannot be written: these arms have six revolute joints."""
     if len(track.joints) != JOINTS or any(track.prismatic):
         return f"URScript moves {JOINTS} joints that turn"
     return ""
 
 
 def write(track: SampledMotion) -> bytes:
-    """One `movej` at walking pace, then a `servoj` a sample, then a stop."""
+    """Writes one slow `movej`, then one `servoj` for each sample, then a stop."""
     rows = [", ".join(f"{x:.9f}" for x in q) for q in track.motion.q]
     lines = [f"# {PLAN_MARK}{track.plan}"] if track.plan else []
     lines += ["def armid_excitation():", f"  movej([{rows[0]}], a=0.5, v=0.3)", "  sleep(0.5)"]
@@ -46,7 +46,7 @@ def write(track: SampledMotion) -> bytes:
 
 
 def read(content: bytes) -> SampledMotion:
-    """Positions and plan.
+    """Reads positions and plan.
 
     Raises:
         ArmidError: No program of `servoj`.

@@ -1,1 +1,1 @@
-"""Limits that a trajectory keeps, with gradients: positions, velocities, torques, workspace."""
+"""Constraints of a motion with gradients: positions, velocities, torques, workspace."""

@@ -1,12 +1,12 @@
-"""Limits as numbers that are at most one, with exact gradients.
+"""Constraint channels: utilisations of limits along a series, with exact gradients.
 
-A channel has m values along N samples of a series, each a share of its limit: 1 is at the limit. A search needs one
-smooth number for the highest of them; it is taken as
+A channel has m values u along N samples of a series. Each is a utilisation, the value over its limit, and must be at
+most one. A search needs a smooth maximum over the samples, which is
 
-    max + log(Σ exp(p (u - max))) / p,
+    max + log(Σ exp(p (u - max))) / p.
 
-whose gradient is that of the channel, weighted along the samples by how near each comes to the highest. It lies above
-the highest by at most log(N) / p; how far, at the point where a stage of the search begins, is taken off again.
+Its gradient is the mean of the gradients at the samples, weighted by exp(p (u - max)). It exceeds the maximum by at
+most log(N) / p; the search subtracts the excess at the starting point of each stage.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from armid.values import Array
 __all__ = ["AmplitudeLimit", "CoefficientLimit", "ConstraintChannel", "RangeLimit", "States", "soft_maximum"]
 
 ROUND = 1e-8
-"""Added under the root of an amplitude, so that it has a slope where a harmonic vanishes [(rad/s)²]."""
+"""Number added under the root of an amplitude, so that it is differentiable where a harmonic vanishes [(rad/s)²]."""
 
 
 class States:
-    """A series at one point of a search, on the grid of an objective; what several channels need is made once.
+    """Motion of a series on the grid of an objective, with cached values that several channels share.
 
     Args:
         objective: Grid, matrices and columns.
-        x: The unknowns (n k,).
-        filled: Whether the objective's columns are those of x.
+        x: Unknowns (n k,).
+        filled: Whether the objective's columns have been evaluated at x.
     """
 
     def __init__(self, objective: Objective, x: Array, *, filled: bool = False) -> None:
@@ -56,7 +56,7 @@ class States:
 
     @cached_property
     def coefficients(self) -> Array:
-        """a, b and offset, shape (n, 2 L + 1)."""
+        """Coefficients a, b and offset of the series, shape (n, 2 L + 1)."""
         return self.basis.coefficients(self.x)
 
     @cached_property
@@ -66,18 +66,18 @@ class States:
 
     @cached_property
     def speed_bound(self) -> Array:
-        """Return what the speed of each joint cannot exceed at any time, shape (n,) [rad/s or m/s]."""
+        """Upper bound of the speed of each joint at all times, shape (n,) [rad/s or m/s]."""
         return np.minimum(
             self.basis.peaks_between(self.x, 1),
             np.abs(self.derivatives[1]).max(axis=0) + self._rise(1),
         )
 
     def _rise(self, order: int) -> Array:
-        """Tell how far a derivative of the positions may rise between points of the grid, shape (n,)."""
+        """Bound of the rise of a derivative of the positions between points of the grid, shape (n,)."""
         step = self.basis.period / len(self.derivatives[0])
         return step**2 / 8.0 * self.basis.peaks_between(self.x, order + 2)
 
-    def pull_positions(self, by_q: Array) -> Array:
+    def pullback_positions(self, by_q: Array) -> Array:
         """Gradients (m, n k) of m sums whose gradients by the positions are (N, m, n)."""
         matrix = self.objective.matrices[0]
         return np.tensordot(by_q, matrix, axes=(0, 0)).reshape(by_q.shape[1], -1)
@@ -91,55 +91,55 @@ class States:
 
 
 class ConstraintChannel(Protocol):
-    """Something along a series that has a limit.
+    """Quantity along a series that has a limit.
 
     Attributes:
-        name: What it is, for instance `velocity`.
-        labels: Which joint, pair or place each of its m values belongs to.
+        name: Name of the quantity, for instance `velocity`.
+        labels: Joint, pair of bodies or plane of each of its m values.
     """
 
     @property
     def name(self) -> str:
-        """Return what it is."""
+        """Name of the quantity."""
         ...
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Return what each value belongs to."""
+        """Joint, pair of bodies or plane of each value."""
         ...
 
     def values(self, states: States) -> Array:
-        """Shares of the limits, shape (N, m); (1, m) for what has no time."""
+        """Utilisations of the limits, shape (N, m); (1, m) for limits that do not depend on time."""
         ...
 
-    def pull(self, states: States, weights: Array) -> Array:
-        """Gradient (m, n k) of the sums of values weighted by (N, m)."""
+    def pullback(self, states: States, weights: Array) -> Array:
+        """Gradients (m, n k) of the sums of the values over the samples with weights (N, m)."""
         ...
 
     def between(self, states: States, step: float) -> Array:
-        """Tell how far each value may rise between points of the grid, whose step is given [s]; shape (m,)."""
+        """Bound of the rise of each value between points of a grid with the given step [s], shape (m,)."""
         ...
 
 
 def soft_maximum(values: Array, sharpness: float) -> tuple[Array, Array]:
-    """Smooth highest of each column of (N, m), and its derivative by the values, shape (N, m)."""
+    """Smooth maximum (m,) of each column of values (N, m), and its derivative by the values, shape (N, m)."""
     highest = values.max(axis=0)
-    worth = np.exp(sharpness * (values - highest))
-    total = worth.sum(axis=0)
-    return highest + np.log(total) / sharpness, worth / total
+    weights = np.exp(sharpness * (values - highest))
+    total = weights.sum(axis=0)
+    return highest + np.log(total) / sharpness, weights / total
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RangeLimit:
-    """A derivative of the joints' positions that stays within a middle and half a width.
+    """Range of the joints' positions or of a derivative of them.
 
     Attributes:
-        name: What it is.
+        name: Name of the quantity.
         order: 0 position, 1 velocity, 2 acceleration, 3 jerk.
-        joints: Which joints have a limit.
+        joints: Indices of the joints with a limit.
         labels: Their names.
-        middle: Shape (m,).
-        half: Half the width, shape (m,), positive.
+        middle: Middle of the range, shape (m,).
+        half: Half the width of the range, shape (m,), positive.
     """
 
     name: str
@@ -156,28 +156,28 @@ class RangeLimit:
         """Distance from the middle over half the width, shape (N, m)."""
         return np.abs(self._relative(states))
 
-    def pull(self, states: States, weights: Array) -> Array:
-        """Each joint's gradient by its own unknowns, shape (m, n k)."""
+    def pullback(self, states: States, weights: Array) -> Array:
+        """Gradients (m, n k); each joint depends on its own unknowns only."""
         slopes = weights * np.sign(self._relative(states)) / self.half
-        own = slopes.T @ states.objective.matrices[self.order]
+        blocks = slopes.T @ states.objective.matrices[self.order]
         gradient = np.zeros((len(self.joints), states.basis.n, states.basis.size))
-        gradient[np.arange(len(self.joints)), list(self.joints)] = own
+        gradient[np.arange(len(self.joints)), list(self.joints)] = blocks
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
-        """A maximum between two points lies above both by at most step²/8 times the highest second derivative."""
+        """Bound of the rise between points, step²/8 times the bound of the second derivative, shape (m,)."""
         rise = step**2 / 8.0 * states.basis.peaks_between(states.x, self.order + 2)
         return rise[list(self.joints)] / self.half
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AmplitudeLimit:
-    """Sums of the harmonics' amplitudes, a bound of a motion whatever its phases: (3.55d) and (3.55e).
+    """Sum of the amplitudes of the harmonics, which bounds a motion for all phases: (3.55d) and (3.55e).
 
     Attributes:
-        name: What it is.
+        name: Name of the quantity.
         order: 0 for Σ √(a²+b²) / (ω l), a bound of the distance from the offset; 1 for Σ √(a²+b²), one of velocity.
-        joints: Which joints have a limit.
+        joints: Indices of the joints with a limit.
         labels: Their names.
         limit: Shape (m,).
     """
@@ -193,23 +193,23 @@ class AmplitudeLimit:
         c = states.coefficients[list(self.joints)]
         amplitude = np.sqrt(c[:, :L] ** 2 + c[:, L : 2 * L] ** 2 + ROUND)
         number: Array = np.arange(1.0, L + 1.0)
-        worth = np.ones(L) if self.order else 1.0 / (states.basis.base_frequency * number)
-        return c, amplitude, worth
+        factors = np.ones(L) if self.order else 1.0 / (states.basis.base_frequency * number)
+        return c, amplitude, factors
 
     def values(self, states: States) -> Array:
         """Sums over limits, shape (1, m)."""
-        _, amplitude, worth = self._parts(states)
-        return (amplitude @ worth / self.limit)[None]
+        _, amplitude, factors = self._parts(states)
+        return (amplitude @ factors / self.limit)[None]
 
-    def pull(self, states: States, weights: Array) -> Array:
+    def pullback(self, states: States, weights: Array) -> Array:
         """Gradient (m, n k)."""
-        c, amplitude, worth = self._parts(states)
+        c, amplitude, factors = self._parts(states)
         L = states.basis.harmonics
         slopes = np.zeros_like(c)
-        slopes[:, : 2 * L] = c[:, : 2 * L] * np.tile(worth / amplitude, 2)
-        own = (weights[0] / self.limit)[:, None] * (slopes @ states.basis.null_space)
+        slopes[:, : 2 * L] = c[:, : 2 * L] * np.tile(factors / amplitude, 2)
+        blocks = (weights[0] / self.limit)[:, None] * (slopes @ states.basis.null_space)
         gradient = np.zeros((len(self.joints), states.basis.n, states.basis.size))
-        gradient[np.arange(len(self.joints)), list(self.joints)] = own
+        gradient[np.arange(len(self.joints)), list(self.joints)] = blocks
         return gradient.reshape(len(self.joints), -1)
 
     def between(self, states: States, step: float) -> Array:
@@ -220,13 +220,13 @@ class AmplitudeLimit:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CoefficientLimit:
-    """Every coefficient by itself: (3.55f).
+    """Limit of every single coefficient: (3.55f).
 
     Attributes:
-        name: What it is.
-        joints: Which joints have limits.
+        name: Name of the quantity.
+        joints: Indices of the joints with limits.
         labels: Joint of each coefficient, 2 L a joint.
-        limit: Of a and b alike, shape (joints, L).
+        limit: Limit of both a and b, shape (joints, L).
     """
 
     name: str
@@ -242,7 +242,7 @@ class CoefficientLimit:
         """Coefficients over limits, shape (1, m)."""
         return np.abs(self._relative(states))[None]
 
-    def pull(self, states: States, weights: Array) -> Array:
+    def pullback(self, states: States, weights: Array) -> Array:
         """Gradient (m, n k)."""
         L = states.basis.harmonics
         slopes = weights[0] * np.sign(self._relative(states)) / np.tile(self.limit, 2).ravel()

@@ -1,4 +1,4 @@
-"""Limits of the joints' motion, and what a search makes of them."""
+"""Limits of the joints, and the constraint channels that a search makes from them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
-"""What a joint may have a limit of."""
+"""Kinds of limits of a joint."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,13 +38,13 @@ class Limits:
     """Limits of all joints; infinite where there is none.
 
     Attributes:
-        joints: Their names.
-        lower: Lowest positions, shape (n,) [rad or m].
-        upper: Highest positions, shape (n,) [rad or m].
+        joints: Names of the joints.
+        lower: Lower position limits, shape (n,) [rad or m].
+        upper: Upper position limits, shape (n,) [rad or m].
         velocity: Shape (n,) [rad/s or m/s].
         acceleration: Shape (n,) [rad/s² or m/s²].
         jerk: Shape (n,) [rad/s³ or m/s³].
-        effort: Shape (n,) [N·m or N].
+        effort: Limits of torque or force, shape (n,) [N·m or N].
     """
 
     joints: tuple[str, ...]
@@ -71,12 +71,12 @@ class Limits:
             )
 
     def narrowed(self, motion: Motion, *, by_joint: bool = True) -> Limits:
-        """The same with velocity and acceleration no higher than those of a motion that has been run.
+        """Limits with velocity and acceleration reduced to the peaks of a motion.
 
         Args:
             motion: The motion.
-            by_joint: Each joint keeps to its own peaks. Otherwise all joints may use the highest share of a velocity
-                limit and the highest acceleration that any joint has reached.
+            by_joint: Whether each joint is limited to its own peaks. Otherwise all joints may use the highest share
+                of a velocity limit and the highest acceleration that any joint has reached.
         """
         tiny = np.finfo(float).tiny
         velocity, acceleration = (np.maximum(np.abs(x).max(axis=0), tiny) for x in (motion.dq, motion.ddq))
@@ -92,7 +92,7 @@ class Limits:
 
 
 def described_limits(robot: Robot) -> Limits:
-    """Return what the description says; nothing is known there of acceleration and jerk."""
+    """Limits of the robot description, which has none of acceleration and jerk."""
     lower, upper = np.array([joint.position_limits for joint in robot.joints]).T
     velocity = np.array([joint.velocity_limit for joint in robot.joints])
     effort = np.array([joint.effort_limit for joint in robot.joints])
@@ -107,18 +107,18 @@ def limits_of(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> Limits:
-    """Return what the description says, with what is given in its place.
+    """Limits of the robot description, with given limits in their place.
 
     Args:
         robot: The arm.
         given: Limits by joint and kind; of positions a lower and an upper one. Joints are names or patterns such as
-            `*`; a name goes before a pattern, a later pattern before an earlier one.
-        acceleration: Of every joint [rad/s² or m/s²]; none where left out.
-        jerk: Of every joint [rad/s³ or m/s³]; none where left out.
+            `*`; a name takes precedence over a pattern, a later pattern over an earlier one.
+        acceleration: Limit of every joint [rad/s² or m/s²]; none where left out.
+        jerk: Limit of every joint [rad/s³ or m/s³]; none where left out.
 
     Raises:
-        ArmidError: A joint or kind that is not there, or a joint without a limit of position or velocity; a
-            continuous joint needs none of position.
+        ArmidError: A joint or kind does not exist, or a joint has no limit of position or velocity; a continuous
+            joint needs none of position.
     """
     values = _given(described_limits(robot), robot, given or {}, acceleration, jerk)
     limits = Limits(robot.joint_names, **values)
@@ -143,7 +143,7 @@ def _given(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> dict[str, Array]:
-    """Limits by kind, each (n,), with what is given in the place of what is described."""
+    """Limits by kind, each (n,), with given ones in the place of those of the description."""
     values = {
         "lower": described.lower.copy(),
         "upper": described.upper.copy(),
@@ -169,10 +169,10 @@ def _given(
 
 
 def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[float, float]]) -> Robot:
-    """The arm with limits in the place of its own; arguments as of `limits_of`.
+    """Robot with given limits in the place of its own; the arguments are those of `limits_of`.
 
     Raises:
-        ArmidError: A joint or kind that is not there.
+        ArmidError: A joint or kind does not exist.
     """
     values = _given(described_limits(robot), robot, given)
     joints = [
@@ -188,14 +188,14 @@ def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[floa
 
 
 def _examples(without: list[str], joints: int) -> str:
-    """Options that give limits which are missing; a pattern only where no joint has a limit of its own."""
-    said: list[str] = []
+    """Command options that give the missing limits; with a pattern only where all joints lack a limit."""
+    options: list[str] = []
     for kind, value in (("position", "-1.5:1.5"), ("velocity", "1.0")):
-        own = [name for name in without if name.endswith(f".{kind}")]
-        if own:
-            each = [f"'*.{kind}={value}'"] if len(own) == joints > 1 else [f"{name}={value}" for name in own]
-            said.append(f"--limit {','.join(each)}")
-    return f"give them, for instance {' '.join(said)}, in radians, metres and seconds."
+        missing = [name for name in without if name.endswith(f".{kind}")]
+        if missing:
+            each = [f"'*.{kind}={value}'"] if len(missing) == joints > 1 else [f"{name}={value}" for name in missing]
+            options.append(f"--limit {','.join(each)}")
+    return f"give them, for instance {' '.join(options)}, in radians, metres and seconds."
 
 
 def _finite(values: Array) -> NDArray[np.intp]:
@@ -203,7 +203,7 @@ def _finite(values: Array) -> NDArray[np.intp]:
 
 
 def motion_channels(limits: Limits) -> tuple[ConstraintChannel, ...]:
-    """Position, velocity, acceleration and jerk of the motion itself."""
+    """Constraint channels of position, velocity, acceleration and jerk."""
     names = limits.joints
     bounded = _finite(limits.upper - limits.lower)
     low, high = limits.lower[bounded], limits.upper[bounded]
@@ -214,35 +214,40 @@ def motion_channels(limits: Limits) -> tuple[ConstraintChannel, ...]:
         result.append(RangeLimit("position", 0, tuple(bounded.tolist()), labels, middle, half))
     for order, kind in enumerate(("velocity", "acceleration", "jerk"), 1):
         values: Array = getattr(limits, kind)
-        own = _finite(values)
-        if len(own):
-            labels = tuple(names[j] for j in own)
-            result.append(RangeLimit(kind, order, tuple(own.tolist()), labels, np.zeros(len(own)), values[own]))
+        limited = _finite(values)
+        if len(limited):
+            labels, middle = tuple(names[j] for j in limited), np.zeros(len(limited))
+            result.append(RangeLimit(kind, order, tuple(limited.tolist()), labels, middle, values[limited]))
     return tuple(result)
 
 
 def thesis_channels(
     limits: Limits, basis: SeriesBasis, *, form: Literal["thesis", "thesis-literal"] = "thesis"
 ) -> tuple[ConstraintChannel, ...]:
-    """(3.55d-f), bounds by the amplitudes of the harmonics whatever their phases.
+    """Constraint channels (3.55d-f) of the thesis: bounds by the amplitudes of the harmonics for all phases.
 
-    (3.55f) is printed with 1/L, which the thesis's own tables violate. Without it, it follows from (3.55d) and
-    (3.55e) and needs no saying; `thesis-literal` holds it as printed.
+    (3.55f) is printed with a factor 1/L, which the tables of the thesis violate. Without the factor it follows from
+    (3.55d) and (3.55e) and is not needed; `thesis-literal` enforces it as printed.
+
+    Args:
+        limits: Limits of the joints.
+        basis: Unknowns of the series, with its start pose.
+        form: `thesis` for (3.55d) and (3.55e), `thesis-literal` for (3.55f) as printed, too.
     """
-    room = np.minimum(limits.upper - basis.start, basis.start - limits.lower)
-    bounded, moving = _finite(room), _finite(limits.velocity)
+    reach = np.minimum(limits.upper - basis.start, basis.start - limits.lower)
+    bounded, moving = _finite(reach), _finite(limits.velocity)
     names = limits.joints
 
     def of(joints: NDArray[np.intp]) -> tuple[tuple[int, ...], tuple[str, ...]]:
         return tuple(joints.tolist()), tuple(names[j] for j in joints)
 
     result: list[ConstraintChannel] = [
-        AmplitudeLimit("position", 0, *of(bounded), room[bounded]),
+        AmplitudeLimit("position", 0, *of(bounded), reach[bounded]),
         AmplitudeLimit("velocity", 1, *of(moving), limits.velocity[moving]),
     ]
     if form == "thesis-literal":
         number, L = np.arange(1, basis.harmonics + 1), basis.harmonics
-        limit = np.minimum(number * (basis.base_frequency / L) * room[:, None], limits.velocity[:, None])
+        limit = np.minimum(number * (basis.base_frequency / L) * reach[:, None], limits.velocity[:, None])
         every = np.arange(len(names))
         labels = tuple(name for name in names for _ in range(2 * L))
         result.append(CoefficientLimit("coefficients", tuple(every.tolist()), labels, limit))
@@ -250,12 +255,15 @@ def thesis_channels(
 
 
 def torque_channel(limits: Limits, base: Array, margin: float) -> Torque | None:
-    """Torque within the limits less a margin, a share of them; `None` where no limit is known.
+    """Constraint channel of the torque, with a margin to the limits; `None` where no limit is known.
 
     Args:
-        limits: Of the joints.
+        limits: Limits of the joints.
         base: Base parameters, nominal or identified, shape (b,).
         margin: Share of the limit that is kept free, 0 to 1.
+
+    Raises:
+        ArmidError: The margin is not at least 0 and below 1.
     """
     if not 0.0 <= margin < 1.0:
         raise ArmidError(f"The torque margin is a share of the limit, 0 to 1; found {margin}.")

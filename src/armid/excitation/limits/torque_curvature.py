@@ -1,10 +1,9 @@
-"""Bound of the torque of rigid links in its second derivative, whatever happens between points of a grid.
+"""Bound of the second derivative of the torque of rigid links along a series.
 
-Along a series every derivative of a joint's position is bounded by a sum of amplitudes. Through the chain these
-bounds become bounds of norms: a vector fixed in a link turns with it, u' = ω x u, so that the norms of its
-derivatives follow from those of ω by Leibniz's rule and the triangle inequality, and a tensor likewise with twice the
-factor. A jet is the list of such bounds, of a quantity and its derivatives in order, all in the frame that does not
-move.
+Sums of amplitudes bound every derivative of a joint's position along a series. Along the kinematic chain they give
+bounds of norms. A vector fixed in a link turns with it, u' = ω x u. The norms of its derivatives therefore follow
+from those of ω by Leibniz's rule and the triangle inequality. The same holds for a tensor with twice the factor. A
+jet is the list of such bounds for a quantity and its derivatives in order, all in the inertial frame.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ __all__ = ["ORDERS", "torque_curvature"]
 Jet = Sequence[float]
 
 ORDERS = 4
-"""Derivatives of positions that the second derivative of torque depends on."""
+"""Number of derivatives of the positions that the second derivative of the torque depends on."""
 
 
 def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:
@@ -37,33 +36,33 @@ def torque_curvature(tree: Tree, inertial: Array, derivatives: Array) -> Array:
     gravity = float(np.linalg.norm(tree.gravity))
     moments: list[Jet] = []
     forces: list[Jet] = []
-    reach: list[Jet] = []  # of the links' origins from the base
-    for i, own in enumerate(inertial):
+    reach: list[Jet] = []  # distances of the links' origins from the base
+    for i, link in enumerate(inertial):
         parent = int(tree.parent[i])
         reach.append(levers[i] if parent < 0 else _sum(reach[parent], levers[i]))
         acceleration = (reach[i][2] + gravity, reach[i][3], reach[i][4])
-        mass, first, second = abs(float(own[0])), float(np.linalg.norm(own[1:4])), _size(own[4:])
+        mass, first, second = abs(float(link[0])), float(np.linalg.norm(link[1:4])), _size(link[4:])
         forces.append([mass * a + first * u for a, u in zip(acceleration, fixed[i][2:], strict=True)])
-        lifted = _product([first * u for u in fixed[i][:3]], acceleration)
+        offset_moment = _product([first * u for u in fixed[i][:3]], acceleration)
         momentum = _product([second * t for t in _tensor(turning[i])], turning[i])
-        moments.append(_sum(lifted, momentum[1:]))
+        moments.append(_sum(offset_moment, momentum[1:]))
     result = np.zeros(tree.n)
     for j in range(tree.n):
         parent = int(tree.parent[j])
         axis = _rest() if parent < 0 else fixed[parent]
         total: Jet = (0.0, 0.0, 0.0)
-        away: dict[int, Jet] = {j: (0.0,) * (ORDERS + 1)}
+        distance: dict[int, Jet] = {j: (0.0,) * (ORDERS + 1)}
         for i in tree.subtree(j):
             if i != j:
-                away[i] = _sum(away[int(tree.parent[i])], levers[i])
-            own = forces[i] if tree.prismatic[j] else _sum(moments[i], _product(away[i][:3], forces[i]))
-            total = _sum(total, own)
+                distance[i] = _sum(distance[int(tree.parent[i])], levers[i])
+            load = forces[i] if tree.prismatic[j] else _sum(moments[i], _product(distance[i][:3], forces[i]))
+            total = _sum(total, load)
         result[j] = _product(axis[:3], total)[2]
     return result
 
 
 def _chain(tree: Tree, derivatives: Array) -> tuple[list[Jet], list[Jet], list[Jet]]:
-    """Jets of angular velocities, of unit vectors fixed in the links, and of each link's origin from its parent's."""
+    """Jets of angular velocities, of unit vectors fixed in the links, and of each origin relative to its parent's."""
     turning: list[Jet] = []
     fixed: list[Jet] = []
     levers: list[Jet] = []
@@ -83,7 +82,7 @@ def _chain(tree: Tree, derivatives: Array) -> tuple[list[Jet], list[Jet], list[J
 
 
 def _rest() -> Jet:
-    """A unit vector that does not move."""
+    """Jet of a constant unit vector."""
     return (1.0, *(0.0,) * ORDERS)
 
 
@@ -92,12 +91,12 @@ def _sum(a: Jet, b: Jet) -> Jet:
 
 
 def _product(a: Jet, b: Jet) -> Jet:
-    """Of any product that norms bound, by Leibniz's rule."""
+    """Jet of a product by Leibniz's rule."""
     return [sum(comb(k, i) * a[i] * b[k - i] for i in range(k + 1)) for k in range(len(a))]
 
 
 def _turned(turning: Jet, factor: float) -> Jet:
-    """Of a quantity of norm one that turns with a link: x' is at most factor · ω x."""
+    """Jet of a quantity of norm one that turns with a link, with |x'| at most factor · |ω| |x|."""
     result = [1.0]
     for k in range(len(turning)):
         result.append(factor * sum(comb(k, i) * turning[i] * result[k - i] for i in range(k + 1)))
@@ -105,11 +104,11 @@ def _turned(turning: Jet, factor: float) -> Jet:
 
 
 def _tensor(turning: Jet) -> Jet:
-    """Of a tensor fixed in a link, T' = ω x T - T x ω."""
+    """Jet of a tensor fixed in a link, T' = ω x T - T x ω."""
     return _turned(turning, 2.0)[: len(turning)]
 
 
 def _size(second: Array) -> float:
-    """Largest stretch by the inertia Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+    """Spectral norm of the inertia matrix with the elements Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
     xx, xy, yy, xz, yz, zz = second
     return float(np.abs(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])).max())

@@ -1,4 +1,4 @@
-"""Joint torques of a model that is known more or less, held inside the drives' limits with a margin."""
+"""Torque limits of the joints as a constraint channel, for nominal or identified base parameters."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["Torque"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Torque:
-    """Torque of base parameters, each joint's over its limit.
+    """Joint torques of given base parameters, relative to their limits.
 
     Attributes:
-        name: What it is.
-        joints: Which joints have a limit.
+        name: Name of the quantity.
+        joints: Indices of the joints with a limit.
         labels: Their names.
         base: Base parameters, nominal or identified, shape (b,).
-        limit: What the torque may reach, its margin taken off, shape (m,) [N·m or N].
+        limit: Torque limit without its margin, shape (m,) [N·m or N].
     """
 
     name: str
@@ -35,29 +35,29 @@ class Torque:
         """Torques over limits, shape (N, m)."""
         return np.abs(states.torque(self.base)[:, self.joints]) / self.limit
 
-    def pull(self, states: States, weights: Array) -> Array:
-        """Gradient (m, n k): one sweep of the kernel's adjoint a joint."""
+    def pullback(self, states: States, weights: Array) -> Array:
+        """Gradients (m, n k), by one pass of the kernel's adjoint for each joint."""
         torque = states.torque(self.base)
         objective = states.objective
         rows: list[Array] = []
         for k, joint in enumerate(self.joints):
             slopes = weights[:, k] * np.sign(torque[:, joint]) / self.limit[k]
-            rows.append(objective.pull(objective.columns.torque_gradient(self.base, joint, slopes)))
+            rows.append(objective.pullback(objective.columns.torque_gradient(self.base, joint, slopes)))
         return np.array(rows)
 
     def between(self, states: States, step: float) -> Array:
-        """Tell how far a torque may rise between points of a grid, as a share.
+        """Bound of the rise of the utilisation between points of a grid, shape (m,).
 
-        That of the rigid links rises above both points by at most step²/8 times the bound of its second derivative.
-        Friction may jump where a joint reverses; for it the largest step between neighbours is allowed for, which is
-        a margin and no proof.
+        The torque of the rigid links rises by at most step²/8 times the bound of its second derivative. Friction may
+        jump where a joint reverses. For friction the largest difference of neighbouring points is added, which is a
+        margin and no proof.
         """
         goal, basis = states.objective.goal, states.basis
         bodies = np.isin(goal.base.kept, goal.model.inertial_columns)
         standard = np.zeros(len(goal.model.parameters))
         standard[goal.base.kept[bodies]] = self.base[bodies]
-        places = np.abs(states.coefficients[:, -1]) + basis.peaks_between(states.x, 0)
-        bounds = [places, *(basis.peaks_between(states.x, order) for order in range(1, ORDERS + 1))]
+        positions = np.abs(states.coefficients[:, -1]) + basis.peaks_between(states.x, 0)
+        bounds = [positions, *(basis.peaks_between(states.x, order) for order in range(1, ORDERS + 1))]
         inertial = standard[goal.model.inertial_columns].reshape(-1, 10)
         rise = np.zeros(basis.n)
         if len(inertial):

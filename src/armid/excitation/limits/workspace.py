@@ -1,4 +1,4 @@
-"""Places of points of the arm: their gradient by the unknowns, and the workspace of the tip."""
+"""Workspace limits of the tip, with gradients and speed bounds of points on the arm."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from armid.values import Array
 __all__ = ["SCALE", "Workspace", "box_workspace", "carried_by", "point_gradient", "point_speed"]
 
 SCALE = 0.1
-"""Distance [m] that counts as a whole limit where what is limited is a distance: one at the border, zero so far
-inside."""
+"""Distance [m] from a border at which the utilisation is zero; at the border it is one."""
 
 
 def carried_by(tree: Tree, links: Sequence[int]) -> Array:
-    """One where a joint moves a link, else zero, shape (m, n)."""
+    """Mask (m, n) of the joints that move each of m links: one where a joint moves a link, else zero."""
     mask = np.zeros((len(links), tree.n))
     for row, link in zip(mask, links, strict=True):
         row[tree.ancestors(link)] = 1.0
@@ -27,7 +26,7 @@ def carried_by(tree: Tree, links: Sequence[int]) -> Array:
 
 
 def _axes(tree: Tree, poses: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Directions of the joints' axes (N, n, 3), and their moments about the base's origin."""
+    """Directions of the joint axes (N, n, 3) and their moments about the origin of the base."""
     R, p = poses
     axes: Array = np.einsum("njik,jk->nji", R, tree.axis)
     moments: Array = np.cross(p, axes)
@@ -35,14 +34,14 @@ def _axes(tree: Tree, poses: tuple[Array, Array]) -> tuple[Array, Array]:
 
 
 def point_gradient(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Array, forces: Array) -> Array:
-    """Gradient by q of forces · points: the torque that the forces make about each joint.
+    """Gradient by q of forces · points, which is the joint torque of the forces.
 
     Args:
         tree: The arm's geometry.
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of its links.
-        mask: Which joints move each point, shape (m, n).
-        points: In the base frame, shape (N, m, 3) [m].
-        forces: Shape (N, m, 3).
+        mask: Joints that move each point, of `carried_by`, shape (m, n).
+        points: Points in the base frame, shape (N, m, 3) [m].
+        forces: Weights of the points' coordinates, shape (N, m, 3).
 
     Returns:
         Shape (N, m, n).
@@ -55,7 +54,7 @@ def point_gradient(tree: Tree, poses: tuple[Array, Array], mask: Array, points: 
 
 
 def point_speed(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Array, speed: Array) -> Array:
-    """Bound (N, m) [m/s] of the speed of points (N, m, 3), from the joints' speeds (n,) [rad/s or m/s]."""
+    """Bound (N, m) [m/s] of the speeds of points (N, m, 3) from the joint speeds (n,) [rad/s or m/s]."""
     axes, moments = _axes(tree, poses)
     arms = np.cross(axes[:, None], points[:, :, None]) + moments[:, None]
     reach = np.where(tree.prismatic.astype(bool), 1.0, np.linalg.norm(arms, axis=-1))
@@ -64,13 +63,13 @@ def point_speed(tree: Tree, poses: tuple[Array, Array], mask: Array, points: Arr
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Workspace:
-    """The tip stays on the inner side of planes; a box is six of them.
+    """Planes on whose inner side the tip must stay; a box has six of them.
 
     Attributes:
-        name: What it is.
-        labels: Which plane, one each.
-        normals: Unit vectors out of the allowed space, base frame, shape (m, 3).
-        offsets: Largest allowed normal · place, shape (m,) [m].
+        name: Name of the quantity.
+        labels: Names of the planes.
+        normals: Outward unit normals in the base frame, shape (m, 3).
+        offsets: Largest allowed normal · position, shape (m,) [m].
     """
 
     name: str
@@ -86,25 +85,25 @@ class Workspace:
         return p[:, tip.parent] + R[:, tip.parent] @ tip.placement[:3, 3]
 
     def values(self, states: States) -> Array:
-        """One less the distance to each plane over a tenth of a metre, shape (N, m)."""
+        """One minus the distance to each plane over `SCALE`, shape (N, m)."""
         return 1.0 - (self.offsets - self._tip(states) @ self.normals.T) / SCALE
 
-    def pull(self, states: States, weights: Array) -> Array:
+    def pullback(self, states: States, weights: Array) -> Array:
         """Gradient (m, n k)."""
         forces = weights[:, :, None] * self.normals / SCALE
-        places = np.broadcast_to(self._tip(states)[:, None], forces.shape)
+        points = np.broadcast_to(self._tip(states)[:, None], forces.shape)
         mask = carried_by(states.tree, [states.robot.tip.parent] * len(self.labels))
-        return states.pull_positions(point_gradient(states.tree, states.poses, mask, places, forces))
+        return states.pullback_positions(point_gradient(states.tree, states.poses, mask, points, forces))
 
     def between(self, states: States, step: float) -> Array:
-        """Tell how far the tip may go between points of a grid, as a share."""
+        """Bound of the rise of the utilisation between points of a grid, from the speed of the tip, shape (m,)."""
         mask = carried_by(states.tree, [states.robot.tip.parent])
         speed = point_speed(states.tree, states.poses, mask, self._tip(states)[:, None], states.speed_bound)
         return np.full(len(self.labels), 0.5 * step * float(speed.max()) / SCALE)
 
 
 def box_workspace(low: Sequence[float], high: Sequence[float]) -> Workspace:
-    """The tip stays inside a box of the base frame, between two corners (3,) [m]."""
+    """Workspace of a box in the base frame, between two opposite corners (3,) [m]."""
     normals = np.vstack([-np.eye(3), np.eye(3)])
     labels = tuple(f"{side} {axis}" for side in ("low", "high") for axis in "xyz")
     return Workspace("tip", labels, normals, np.concatenate([-np.asarray(low), np.asarray(high)]))

@@ -95,7 +95,7 @@ def _among_bodies(
         if not chosen.usual:
             evidence = (
                 f"the usual start pose leaves less room; the series starts at {_numbers(start)}, "
-                f"about which {100 * chosen.room:.0f} % of the swings that were tried are free"
+                f"about which {100 * chosen.free_share:.0f} % of the swings that were tried are free"
             )
             findings = (_chosen(evidence),)
     collision = kept_apart(cell, start)
