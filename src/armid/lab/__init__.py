@@ -1,1 +1,1 @@
-"""A laboratory without a robot."""
+"""Simulated recordings of arms with known parameters."""

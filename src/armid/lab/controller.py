@@ -1,4 +1,4 @@
-"""The closed loop: what the drives are asked for, and what they give.
+"""Joint controllers and drives of the closed loop.
 
 Every controller here is a feed-forward along the planned motion plus linear feedback of the drive's own position and
 velocity, τ = feed-forward(t) + KP e + KD ė + KI ∫e. They differ in the feed-forward alone:
@@ -31,12 +31,13 @@ UNKNOWN_EFFORT = 100.0
 """Effort limit [N·m or N] where none is known."""
 
 SLOWER = 0.25
-"""Largest frequency of the loop over what limits it, a sample of the controller or the current loop, in radians."""
+"""Largest natural frequency of the loop in radians per sample of the controller, or relative to the corner of the
+current loop."""
 
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """A joint controller.
+    """Joint controller.
 
     Attributes:
         kind: One of `CONTROLLERS`.
@@ -71,7 +72,7 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Path from the controller's wish to the torque.
+    """Dynamics and limits between commanded and actual torque.
 
     Attributes:
         bandwidth: Corner frequency of the current loop, of first order [Hz]; 0 for one without delay.
@@ -92,7 +93,7 @@ class Drive:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ControllerGains:
-    """Linear feedback, joint by joint.
+    """Feedback gains of each joint.
 
     Attributes:
         proportional: KP, shape (n,) [N·m/rad or N/m].
@@ -106,7 +107,7 @@ class ControllerGains:
 
 
 def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion, step: float) -> ControllerGains:
-    """Gains that suit an arm along a motion.
+    """Feedback gains that suit an arm along a motion.
 
     Args:
         controller: What is asked.
@@ -130,12 +131,12 @@ def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion,
 
 
 def some_poses(q: Array, count: int = 100) -> Array:
-    """About so many of the positions (N, n) of a motion, evenly spread."""
+    """About a given number of evenly spaced positions (N, n) of a motion."""
     return q[:: max(1, len(q) // count)]
 
 
 def feedforward(controller: Controller, truth: KnownArm, motion: Motion) -> Array:
-    """Torque (N, n) [N·m or N] that the controller adds along the planned motion."""
+    """Feed-forward torque (N, n) [N·m or N] along the planned motion."""
     if controller.kind == "pid":
         torque = np.zeros_like(motion.q)
     else:

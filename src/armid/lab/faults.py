@@ -1,4 +1,4 @@
-"""Faults of logs, one kind a class: a recording and a source of chance in, a spoilt recording out.
+"""Faults of logs, with one class for each kind.
 
 Each class of `FAULTS` is a table of a `lab.toml`. What a fault does is that and nothing else: whatever it does not
 name stays bit for bit as it was.
@@ -53,7 +53,7 @@ __all__ = [
 
 
 class Fault(Protocol):
-    """Offer of every fault."""
+    """Interface of a fault."""
 
     name: ClassVar[str]
     """What it is called in a `lab.toml`."""
@@ -64,7 +64,7 @@ class Fault(Protocol):
 
 
 def spoil(recording: Recording, faults: Sequence[Fault], seed: int) -> Recording:
-    """The recording with faults, one after another."""
+    """Recording with faults applied one after another."""
     rng = np.random.default_rng(seed)
     for fault in faults:
         recording = fault.apply(recording, rng)
@@ -73,7 +73,7 @@ def spoil(recording: Recording, faults: Sequence[Fault], seed: int) -> Recording
 
 
 def _column(recording: Recording, quantity: str, joint: int) -> Array:
-    """A copy of a quantity, to be changed at one joint."""
+    """Copy of a quantity, to be changed at one joint."""
     values = getattr(recording, quantity, None) if quantity in QUANTITIES else None
     if values is None:
         raise LabError(f"The recording has no {quantity!r}.", possible=", ".join(QUANTITIES))
@@ -86,7 +86,7 @@ def _column(recording: Recording, quantity: str, joint: int) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Delayed:
-    """One quantity later than the others.
+    """Delay of one quantity relative to the others.
 
     Attributes:
         seconds: By how much [s].
@@ -109,7 +109,7 @@ class Delayed:
 
 @dataclass(frozen=True, slots=True)
 class Filtered:
-    """A causal low-pass before logging.
+    """Causal low-pass filter before logging.
 
     Attributes:
         cutoff: Corner frequency [Hz].
@@ -135,7 +135,7 @@ class Filtered:
 
 @dataclass(frozen=True, slots=True)
 class DeadChannel:
-    """A channel that says zero throughout.
+    """Channel that is zero throughout.
 
     Attributes:
         joint: Index of the joint, from 0.
@@ -156,7 +156,7 @@ class DeadChannel:
 
 @dataclass(frozen=True, slots=True)
 class StuckChannel:
-    """A channel that stays at a value from some time on.
+    """Channel that stays at its value from some time on.
 
     Attributes:
         joint: Index of the joint, from 0.
@@ -187,7 +187,7 @@ class StuckChannel:
 
 @dataclass(frozen=True, slots=True)
 class Saturated:
-    """A channel that cannot say more than a bound.
+    """Channel that is limited to a bound.
 
     Attributes:
         joint: Index of the joint, from 0.
@@ -214,7 +214,7 @@ class Saturated:
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A quantity in another unit or on the other side of a gear, as a current where a torque is expected.
+    """Quantity in another unit or on the other side of a gear, such as a current instead of a torque.
 
     Attributes:
         factors: What each joint's values are multiplied by; one number for all.
@@ -237,7 +237,7 @@ class Scaled:
 
 @dataclass(frozen=True, slots=True)
 class TorqueSign:
-    """Torques of the opposite sign.
+    """Torques with the opposite sign.
 
     Attributes:
         joints: Indices of the joints, from 0; all, if none is given.
@@ -256,7 +256,7 @@ class TorqueSign:
 
 @dataclass(frozen=True, slots=True)
 class SwappedJoints:
-    """Two joints' values in each other's columns, under the names as they were.
+    """Two joints whose values are exchanged, under unchanged names.
 
     Attributes:
         first: Index of a joint, from 0.
@@ -282,7 +282,7 @@ class SwappedJoints:
 
 @dataclass(frozen=True, slots=True)
 class Degrees:
-    """Angles in degrees where radians are expected; only for arms whose joints all turn."""
+    """Angles in degrees where radians are expected, for arms with revolute joints only."""
 
     name: ClassVar[str] = "degrees"
 
@@ -295,7 +295,7 @@ class Degrees:
 
 @dataclass(frozen=True, slots=True)
 class PositionOffset:
-    """An encoder whose zero is elsewhere.
+    """Encoder with a wrong zero.
 
     Attributes:
         joint: Index of the joint, from 0.
@@ -316,7 +316,7 @@ class PositionOffset:
 
 @dataclass(frozen=True, slots=True)
 class WrappedPosition:
-    """Angles that jump by a turn, from one end of an interval to the other.
+    """Angles that are wrapped into an interval of one turn.
 
     Attributes:
         upper: Upper end of the interval of one turn, which holds all logged angles [rad].

@@ -1,4 +1,4 @@
-"""The truth's friction: what gears do beyond what is identified, joint by joint.
+"""Simulated friction of gears and drives, with effects beyond the identified model, joint by joint.
 
 Friction is the sum of a dry part between two bounds, which a sticking joint does not reach, and a smooth part:
 
@@ -23,7 +23,7 @@ __all__ = ["Friction", "MaxwellSlip", "StribeckEffect", "ToothRipple", "Warmth",
 
 
 def _columns(kind: object, *names: str) -> None:
-    """Make fields arrays of one number a joint, not negative."""
+    """Converts fields to non-negative arrays with one number per joint."""
     for name in names:
         values = array(getattr(kind, name), (None,), name)
         if (values < 0.0).any():
@@ -33,7 +33,7 @@ def _columns(kind: object, *names: str) -> None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StribeckEffect:
-    """Dry friction beyond that of Coulomb, gone once the joint moves.
+    """Additional dry friction at low velocities.
 
     Attributes:
         extra: FT, at standstill, shape (n,) [N·m or N].
@@ -53,7 +53,7 @@ class StribeckEffect:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MaxwellSlip:
-    """Hysteresis at reversals: E springs a joint that slip at a deflection.
+    """Hysteresis at reversals: E springs per joint that slip at a deflection.
 
     Attributes:
         torque: FH at which each slips, shape (E, n) [N·m or N].
@@ -73,13 +73,13 @@ class MaxwellSlip:
 
     @property
     def stiffness(self) -> Array:
-        """Of all springs together, shape (n,) [N·m/rad or N/m]."""
+        """Stiffness of all springs together, shape (n,) [N·m/rad or N/m]."""
         return (self.torque / self.deflection).sum(axis=0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ToothRipple:
-    """A torque that repeats with the teeth of the gear.
+    """Torque that is periodic with the teeth of the gear.
 
     Attributes:
         amplitude: FR, shape (n,) [N·m or N].
@@ -98,7 +98,7 @@ class ToothRipple:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Warmth:
-    """Viscous friction that falls as the gear warms up: FV(T) = FV exp(-coefficient T).
+    """Viscous friction that decreases as the gear warms up: FV(T) = FV exp(-coefficient T).
 
     T is the rise over a joint that has rested. It grows with the power of friction and falls by itself.
 
@@ -120,7 +120,7 @@ class Warmth:
             raise LabError("The time constant of cooling must be positive.")
 
     def next(self, rise: Array, power: Array, step: float) -> Array:
-        """The rise (n,) [K] a step [s] later, while friction takes this power (n,) [W]."""
+        """Rise (n,) [K] after a step [s] in which friction dissipates a power (n,) [W]."""
         return rise + step * (self.heating * power - rise / self.time_constant)
 
 
@@ -130,7 +130,7 @@ def _none() -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Friction:
-    """Friction of n joints. Arrays have one number a joint; what is not given is not there.
+    """Friction of n joints; arrays have one number per joint, and effects that are not given are absent.
 
     Attributes:
         viscous: FV, shape (n,) [N·m·s/rad or N·s/m].
@@ -182,7 +182,7 @@ class Friction:
 
     @classmethod
     def none(cls, n: int) -> Friction:
-        """No friction on n joints."""
+        """Zero friction on n joints."""
         return cls(np.zeros(n), np.zeros(n))
 
     @property
@@ -192,13 +192,13 @@ class Friction:
 
     @property
     def is_plain(self) -> bool:
-        """Tell whether it is viscous and Coulomb friction alone."""
+        """Whether it is viscous and Coulomb friction alone."""
         parts = (self.stribeck, self.slip, self.ripple, self.warmth)
         rest = self.offset.any() or self.asymmetry.any() or self.load.any()
         return not rest and all(part is None for part in parts)
 
     def dry(self, dq: Array, load: Array) -> Array:
-        """Mean of the two bounds of dry friction, shape (..., n) [N·m or N]; add or take off `asymmetry`.
+        """Mean of the two bounds of dry friction, shape (..., n) [N·m or N]; they differ from it by `asymmetry`.
 
         Args:
             dq: Velocity, shape (..., n).
@@ -234,7 +234,7 @@ class Friction:
 
 
 def friction_along(friction: Friction, motion: Motion, load: Array) -> tuple[Array, Array | None]:
-    """Friction (N, n) along a motion at a constant rate, and the temperature rise (N, n) [K] where there is one.
+    """Friction (N, n) along a motion at a constant rate, and the temperature rise (N, n) [K] if any.
 
     Where a joint rests its dry friction is taken as zero; only a simulation in closed loop knows better.
 

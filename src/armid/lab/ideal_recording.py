@@ -1,4 +1,4 @@
-"""Recordings of a simulated arm by inverse dynamics along a plan, with noise.
+"""Recordings of a simulated arm by inverse dynamics along a plan, with sensor noise.
 
 The motion is exact and the torque is the model's own, so whatever an identification misses of the truth is its own
 doing. There is no controller and no elasticity here.
@@ -26,12 +26,12 @@ THESIS_FRICTION = {
 
 
 WHOLE = 1e-6
-"""Part of a sample by which a period may miss a whole number of samples: far below any noise of an encoder."""
+"""Part of a sample by which a period may miss a whole number of samples: far below the noise of any encoder."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """Additions of the sensors.
+    """Noise and rate of the sensors.
 
     Attributes:
         position: Standard deviation of the encoders' noise [rad].
@@ -45,7 +45,7 @@ class Sensors:
 
 
 def thesis_truth(model: DynamicsModel) -> Array:
-    """Standard parameters (p,) of the virtual iiwa: the description's inertials, friction of Table 4.1."""
+    """Standard parameters (p,) of the virtual iiwa: inertial ones of the description, friction of Table 4.1."""
     nominal = model.nominal_parameters()
     theta = np.zeros(len(model.parameters)) if nominal is None else nominal
     for k, parameter in enumerate(model.parameters):
@@ -63,7 +63,7 @@ def record(
     *,
     repetitions: int = 1,
 ) -> tuple[Recording, Motion, Array]:
-    """Record an arm that repeats a plan.
+    """Records an arm that repeats a plan.
 
     Args:
         model: Arm and torque terms.

@@ -1,4 +1,4 @@
-"""Arms whose every parameter is known, because they are made up or published; what a simulation moves.
+"""Arms with known parameters, published or assumed, for simulation.
 
 The numbers of friction, rotors and springs of the Panda and the UR10e are armid's own: of the size that drives of
 this kind have, and no measurement. The iiwa's friction is that of Table 4.1 of the thesis.
@@ -32,7 +32,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False, slots=True)
 class KnownArm:
-    """An arm as it is.
+    """Arm with known parameters.
 
     Attributes:
         robot: Geometry, limits and gravity.
@@ -107,7 +107,7 @@ OWN = {
 """Friction [N·m·s/rad, N·m], rotor inertia [kg·m²] and stiffness [N·m/rad] of built-in truths, joint by joint."""
 
 TYPICAL_COULOMB = 0.04
-"""Coulomb friction of an arm without numbers of its own, over the effort limit: what gears of arms lose."""
+"""Coulomb friction over the effort limit of an arm without numbers of its own, typical of gears of arms."""
 
 TYPICAL_SPEED = 1.0
 """Velocity [rad/s or m/s] at which its viscous friction equals its Coulomb friction."""
@@ -117,7 +117,7 @@ UNKNOWN_EFFORT = 100.0
 
 
 def truth_of(robot: Robot) -> KnownArm:
-    """Take a robot for a simulated one: rigid drives without rotor inertia, plain friction.
+    """Simulated arm of a robot description, with rigid drives, no rotor inertia and viscous and Coulomb friction.
 
     A built-in arm has the numbers in `OWN`; any other its description's inertias and friction in proportion to its
     effort limits.
@@ -136,14 +136,14 @@ def truth_of(robot: Robot) -> KnownArm:
 
 
 def friction_of_limits(robot: Robot) -> Friction:
-    """Friction of an arm without numbers of its own, in proportion to its effort limits."""
+    """Friction in proportion to the effort limits, for arms without numbers of their own."""
     limits = np.array([joint.effort_limit for joint in robot.joints])
     coulomb = TYPICAL_COULOMB * np.where(np.isfinite(limits), limits, UNKNOWN_EFFORT)
     return Friction(coulomb / TYPICAL_SPEED, coulomb)
 
 
 def _bodies(robot: Robot) -> Array:
-    """Inertial parameters (n, 10) of the truth."""
+    """Inertial parameters (n, 10) of the simulated arm."""
     nominal, empty = robot.inertial_vector, massless_joints(robot)
     if nominal is not None and empty:
         raise LabError(
@@ -195,7 +195,7 @@ def _like(friction: Friction, value: ArrayLike) -> Array:
 
 
 def _slip(friction: Friction) -> Friction:
-    """Two fifths of Coulomb friction come through springs, so that friction of a sliding joint stays what it was."""
+    """Friction of which two fifths of the Coulomb part act through springs; its total at sliding is unchanged."""
     share, deflections = (0.25, 0.15), (5e-4, 2e-3)
     torque = np.outer(share, friction.coulomb)
     slip = MaxwellSlip(torque, np.outer(deflections, np.ones(friction.n)))
@@ -220,7 +220,7 @@ EFFECTS: dict[str, Callable[[KnownArm], KnownArm]] = {
 
 
 def with_effects(truth: KnownArm, names: Sequence[str]) -> KnownArm:
-    """The truth with further effects, in the order of `EFFECTS`.
+    """Simulated arm with further effects, in the order of `EFFECTS`.
 
     Raises:
         LabError: No such effect.

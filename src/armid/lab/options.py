@@ -1,4 +1,4 @@
-"""Everything that a simulation can be told, and how a `lab.toml` says it: its tables are the classes' fields."""
+"""Options of a simulation, and their reader from a `lab.toml` whose tables are the classes' fields."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ __all__ = ["Arm", "LabOptions", "load_options", "parse_options"]
 T = TypeVar("T")
 
 MODES = ("closed-loop", "inverse-dynamics")
-"""How the arm is moved."""
+"""Ways to move the arm."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Arm:
-    """Properties of an arm beyond its built-in truth.
+    """Properties of a simulated arm that replace or extend the built-in ones.
 
     Attributes:
         effects: Names in `armid.lab.known_arms.EFFECTS`, in proportion to the friction that the arm has.
@@ -49,7 +49,7 @@ class Arm:
     spring_damping: Array | None = None
 
     def of(self, truth: KnownArm) -> KnownArm:
-        """The truth with what is said here; effects see the friction that is given."""
+        """Simulated arm with these properties; effects are relative to the friction given here."""
         if self.friction is not None:
             truth = replace(truth, friction=self.friction)
         truth = with_effects(truth, self.effects)
@@ -59,7 +59,7 @@ class Arm:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LabOptions:
-    """A simulation.
+    """Options of a simulation.
 
     Attributes:
         mode: `closed-loop` in MuJoCo, or `inverse-dynamics` along the plan.
@@ -93,7 +93,7 @@ class LabOptions:
 
 
 def load_options(path: Path | str) -> LabOptions:
-    """Read a `lab.toml`.
+    """Reads a `lab.toml`.
 
     Raises:
         LabError: It is missing, no TOML, or has an unknown key or a wrong value.
@@ -111,12 +111,12 @@ def load_options(path: Path | str) -> LabOptions:
 
 
 def parse_options(table: Mapping[str, Any]) -> LabOptions:
-    """Options from the tables of a `lab.toml`; faults stand in `[[faults]]` tables with a `kind`."""
+    """Options from the tables of a `lab.toml`; faults are `[[faults]]` tables with a `kind`."""
     return _made(LabOptions, table, "lab.toml")
 
 
 def _made(kind: type[T], table: object, where: str) -> T:
-    """A dataclass from a table with its fields as keys, tables in it included."""
+    """Dataclass from a table whose keys are its fields, nested tables included."""
     if not isinstance(table, Mapping):
         raise LabError(f"{where} must be a table; found {table!r:.60}.")
     fields = {f.name: f for f in dataclasses.fields(kind) if f.init}  # pyright: ignore[reportArgumentType]
@@ -143,7 +143,7 @@ def _made(kind: type[T], table: object, where: str) -> T:
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
-    """A field's value of the type that its class says."""
+    """Value of a field, converted to the type in its class."""
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         hint = next(each for each in typing.get_args(hint) if each is not type(None))
     if dataclasses.is_dataclass(hint):

@@ -1,4 +1,4 @@
-"""Effort limits that say nothing of an arm's drives, where the lab takes friction from them."""
+"""Detection of effort limits that are placeholders, from which the lab would derive unrealistic friction."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from armid.values import Array
 __all__ = ["placeholder_finding"]
 
 MUCH = 0.5
-"""Friction over the largest torque that the links take, in the joint where it is least, above which limits are no
-drive's: it would be more than twelve times as strong as the motion asks."""
+"""Friction relative to the largest torque of the links, in the joint where it is smallest, above which limits are
+suspicious."""
 
 MUCH_OF_EQUAL = 0.25
-"""The same where one limit stands for all joints."""
+"""The same threshold where all joints have the same limit."""
 
 PROPOSED = 0.1
-"""Friction that is proposed instead, over the largest torque of the links: what gears of arms lose."""
+"""Proposed friction relative to the largest torque of the links, typical of gears of arms."""
 
 LEAST = 0.01
-"""The least of it, over that of the joint that carries most."""
+"""Smallest proposed friction, relative to that of the joint with the largest torque."""
 
 FEWEST = 3
-"""Joints of which one limit for all is suspicious."""
+"""Number of joints from which one limit for all is suspicious."""
 
 
 def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
-    """A word on friction that was taken from effort limits which look like placeholders, or `None`.
+    """Finding about friction that was derived from effort limits that look like placeholders, or `None`.
 
     Args:
         truth: The arm.
@@ -65,7 +65,7 @@ def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
 
 
 def _said(limits: Array) -> str:
-    """Return what is odd of the limits."""
+    """Sentence that says why the limits are suspicious."""
     known = np.isfinite(limits)
     if not known.any():
         return f"{UNKNOWN_EFFORT:g}, which is taken where the description gives no limit, is not of this arm's size"
@@ -75,6 +75,6 @@ def _said(limits: Array) -> str:
 
 
 def _list(numbers: Array) -> str:
-    """Numbers one after another; one where all are the same."""
+    """Numbers as text; a single one where all are equal."""
     words = [f"{x:.3g}" for x in numbers]
     return words[0] if len(set(words)) == 1 else ", ".join(words)

@@ -1,4 +1,4 @@
-"""The arm in MuJoCo, with friction of our own and drives that may be elastic.
+"""Simulated arm in MuJoCo, with friction of our own and drives that may be elastic.
 
 MuJoCo says what rigid bodies do: the acceleration of a state under given torques. Friction is a torque of ours, since
 MuJoCo's own is a soft constraint, whose sign depends on the acceleration too. Time goes on by leapfrog,
@@ -37,20 +37,20 @@ __all__ = ["EXTRA", "Plant", "stable_rate", "write_mjcf"]
 EXTRA = "lab"
 
 STABLE = 0.5
-"""Largest product of step and eigenfrequency: leapfrog is stable below 2, and keeps a frequency to 1 % below 0.5."""
+"""Largest product of step and angular eigenfrequency: leapfrog is stable below 2 and accurate to 1 % below 0.5."""
 
 ROUNDING = 1e-3
-"""Share of the stable rate that may be missing: poses of a plan are looked at here and there."""
+"""Share of the stable rate that may be missing, because only some poses of a plan are checked."""
 
 RUNAWAY = 1e4
-"""Speed [rad/s or m/s] at which a simulation has run away; drives end at about ten."""
+"""Speed [rad/s or m/s] at which a simulation counts as unstable; drives reach about ten."""
 
 CHECKED = 256
-"""Steps from one look for a runaway to the next."""
+"""Number of steps between two checks of stability."""
 
 
 def write_mjcf(robot: Robot, inertial: Array, truth: KnownArm | None = None) -> str:
-    """The arm as MJCF text, numbers in full.
+    """MJCF text of the arm, with numbers in full precision.
 
     Args:
         robot: Geometry and gravity.
@@ -101,7 +101,7 @@ def write_mjcf(robot: Robot, inertial: Array, truth: KnownArm | None = None) -> 
 
 
 def _springs(truth: KnownArm) -> list[str]:
-    """A spring between each joint and its rotor."""
+    """MJCF springs between each joint and its rotor."""
     assert truth.stiffness is not None
     return [
         f'<fixed name="spring_{i}" springlength="0" stiffness="{k!r}" damping="{d!r}">'
@@ -111,7 +111,7 @@ def _springs(truth: KnownArm) -> list[str]:
 
 
 def _inertial(robot: Robot, i: int, vector: Array) -> str:
-    """The body of a link; MuJoCo wants a real one."""
+    """MJCF inertia of a link, which MuJoCo requires to be physically consistent."""
     name = robot.links[i].name
     if not vector[0] > 0.0:
         raise LabError(
@@ -143,7 +143,7 @@ def _attribute(text: str) -> str:
 
 
 def stable_rate(truth: KnownArm, q: Array) -> float:
-    """Steps a second [Hz] that springs of gears and of friction need at positions q (N, n); 0 without springs."""
+    """Steps per second [Hz] that springs of gears and friction need at positions q (N, n); 0 without springs."""
     slip = truth.friction.slip
     dry = np.zeros(truth.robot.n) if slip is None else slip.stiffness
     mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, q)
@@ -159,7 +159,7 @@ def stable_rate(truth: KnownArm, q: Array) -> float:
 
 
 class Plant:
-    """An arm that moves, one step at a time.
+    """Simulated arm that is advanced step by step.
 
     Between steps `q`, `dq` and `torque` are those of the present instant as far as it is known: `dq` is extrapolated
     from half a step before. After `step` the attributes `at_*` hold the instant that has been passed, complete.
@@ -202,12 +202,12 @@ class Plant:
         self._start(q, effort)
 
     def _addresses(self, kind: str) -> Any:
-        """Tell where joints of a kind stand among MuJoCo's; a slice where they stand in the robot's order."""
+        """Indices of joints of a kind in MuJoCo's state; a slice where they are in the robot's order."""
         at = [int(self._model.joint(f"{kind}_{i}").dofadr[0]) for i in range(self.n)]
         return slice(at[0], at[0] + self.n) if at == list(range(at[0], at[0] + self.n)) else np.array(at)
 
     def _start(self, q: Array, effort: Array) -> None:
-        """Everything at rest."""
+        """Sets the initial state at rest."""
         truth, model = self.truth, self._model
         self._q, self._half = np.zeros(model.nv), np.zeros(model.nv)
         self._acceleration = np.zeros(model.nv)
@@ -228,21 +228,21 @@ class Plant:
 
     @property
     def q(self) -> Array:
-        """Positions of the joints now, shape (n,) [rad or m]."""
+        """Current positions of the joints, shape (n,) [rad or m]."""
         return self._q[self.links]
 
     @property
     def drive_q(self) -> Array:
-        """Positions of the drives now, on the joint side, shape (n,) [rad or m]."""
+        """Current positions of the drives, on the joint side, shape (n,) [rad or m]."""
         return self._q[self.drives]
 
     @property
     def drive_dq(self) -> Array:
-        """Velocities of the drives now, extrapolated over half a step, shape (n,) [rad/s or m/s]."""
+        """Current velocities of the drives, extrapolated over half a step, shape (n,) [rad/s or m/s]."""
         return self._dq[self.drives]
 
     def step(self, effort: Array) -> None:
-        """Go on by one step under torques of the drives (n,) [N·m or N].
+        """Advances by one step under torques of the drives (n,) [N·m or N].
 
         Raises:
             LabError: The simulation has run away.
@@ -278,7 +278,7 @@ class Plant:
             )
 
     def _friction(self) -> tuple[Array, Array, Array, Array | float]:
-        """Dry friction of joints that go on sliding, its two bounds, and what depends on the position."""
+        """Dry friction of sliding joints, its two bounds, and friction that depends on the position."""
         friction, signs = self.truth.friction, self._signs
         if self._plain:
             level = friction.coulomb
@@ -293,7 +293,7 @@ class Plant:
     def _reversal(
         self, turned: NDArray[np.bool_], dry: Array, lower: Array, upper: Array, new: Array
     ) -> tuple[Array, Array]:
-        """Dry friction of the drives and velocities of all joints where some drive sticks or turns round."""
+        """Dry friction of the drives and velocities of all joints where some drive sticks or reverses."""
         self._solve(self._model, self._data, self._mobility, self._everything)
         columns = self.h * self._mobility[:, self.drives]
         at = turned.nonzero()[0]
@@ -319,7 +319,7 @@ class Plant:
         return torque, new
 
     def _remember(self, effort: Array) -> None:
-        """Return what friction knows of the past."""
+        """Updates the states of friction."""
         friction = self.truth.friction
         self._load = effort - self.at_friction - self.truth.rotor * self.at_drive_ddq
         if self._ends is not None:

@@ -1,4 +1,4 @@
-"""Log of what happened: each channel filtered, delayed, sampled, disturbed and rounded, in this order."""
+"""Sensor model of a log: each channel is filtered, delayed, sampled, disturbed and rounded, in this order."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from armid.values import Array, digest
 __all__ = ["Sensing", "SensorChannel", "sense"]
 
 NEIGHBOURS = 4
-"""Samples that a value between samples is interpolated from, by a cubic."""
+"""Samples from which a value between samples is interpolated by a cubic."""
 
 HIGHEST_RATE = 8000.0
-"""Samples a second [Hz] that a log may have."""
+"""Largest rate of a log [Hz]."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorChannel:
-    """Path of one quantity into the log; numbers are in its own unit and alike for all joints.
+    """Sensor of one quantity; numbers are in its unit and the same for all joints.
 
     Attributes:
         noise: Standard deviation of white noise.
@@ -55,7 +55,7 @@ class SensorChannel:
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """A log.
+    """Sensors, rate and clock of a log.
 
     Attributes:
         rate: Rows a second [Hz].
@@ -93,7 +93,7 @@ MOST_JITTER = 0.2
 def sense(
     trace: TrueMotion, sensing: Sensing, joint_names: tuple[str, ...], source: str, rng: np.random.Generator
 ) -> Recording:
-    """The log of what happened.
+    """Log of a simulated motion.
 
     Args:
         trace: What happened, at a multiple of the log's rate or finer than it.
@@ -131,7 +131,7 @@ def sense(
 
 
 def _logged(time: Array, values: Array, taken: Array, channel: SensorChannel, rng: np.random.Generator) -> Array:
-    """One quantity as it is logged, shape (M, n)."""
+    """One quantity as logged, shape (M, n)."""
     rate = 1.0 / (time[1] - time[0])
     if channel.cutoff:
         from scipy.signal import sosfilt, sosfilt_zi
@@ -147,7 +147,7 @@ def _logged(time: Array, values: Array, taken: Array, channel: SensorChannel, rn
 
 
 def interpolate(values: Array, places: Array) -> Array:
-    """Values (N, n) at places (M,) between samples, by cubics through four neighbours; exact on samples."""
+    """Values (N, n) at fractional indices (M,), by cubics through four neighbours; exact on samples."""
     whole = np.round(places)
     if np.abs(places - whole).max(initial=0.0) < 1e-6:  # rounding of times that are on the grid
         return values[np.clip(whole.astype(np.intp), 0, len(values) - 1)].copy()

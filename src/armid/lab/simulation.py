@@ -1,4 +1,4 @@
-"""A recording from the lab: an arm whose truth is known, moved along a plan, seen through sensors."""
+"""Simulation of a recording: an arm with known parameters, moved along a plan and measured by sensors."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from armid.values import Array
 __all__ = ["Simulated", "simulate", "simulation_findings", "true_model", "truth_record"]
 
 POSES = 60
-"""Poses of a plan at which the frequency of springs is looked at; it changes with the arm's inertia alone."""
+"""Poses of a plan at which the frequency of springs is computed; it depends on the arm's inertia alone."""
 
 
 KEPT = 1.0 + 1e-9
-"""Share of a limit that a plan at the limit may have by rounding."""
+"""Utilisation up to which a plan at a limit counts as keeping it; the excess allows for rounding."""
 
 ASKED = 1000.0
-"""Points a second at which a plan is looked at [Hz]."""
+"""Rate at which a plan is checked [Hz]."""
 
 FULL = 0.999
-"""Share of the effort limit that counts as all of it; a current loop only comes near."""
+"""Share of the effort limit from which it counts as reached; a current loop only approaches it."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -68,7 +68,7 @@ class Simulated:
 def simulate(
     truth: KnownArm, plan: Excitation, options: LabOptions | None = None, *, seed: int = 1, tell: Tell | None = None
 ) -> Simulated:
-    """Move an arm along a plan and log it.
+    """Moves an arm along a plan and logs it.
 
     Args:
         truth: The arm, before `options.arm` adds to it.
@@ -112,7 +112,7 @@ def simulate(
 
 
 def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
-    """Tell where the arm or its motion was one that is not real; the lab has no stops.
+    """Findings where the simulated arm or its motion is not realistic: the lab has no hard stops.
 
     What the plan itself asks for is told apart from what a controller adds that overshoots.
     """
@@ -133,7 +133,7 @@ def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
 
 
 def _range_doubts(joint: Joint, asked: Array, reached: Array) -> list[Finding]:
-    """Positions (N,) of a joint outside its limits, of the plan or of the arm alone."""
+    """Findings about positions (N,) of a joint outside its limits, in the plan or only in the simulation."""
     lower, upper = joint.position_limits
     limits = f"its limits are {lower:.3f}, {upper:.3f} {joint.unit}"
     slack = (KEPT - 1.0) * (upper - lower)
@@ -151,7 +151,7 @@ def _range_doubts(joint: Joint, asked: Array, reached: Array) -> list[Finding]:
 
 
 def _speed_doubts(joint: Joint, asked: float, reached: float) -> list[Finding]:
-    """A joint that is faster than its limit, by the plan or by the controller's doing alone."""
+    """Findings about a joint faster than its limit, in the plan or only by the controller."""
     limit, unit = joint.velocity_limit, f"{joint.unit}/s"
     if asked > KEPT * limit:
         evidence = f"is asked for {asked:.3f} {unit}; its limit is {limit:.3f}."
@@ -171,7 +171,7 @@ def _doubt(code: str, joint: str, evidence: str, remedy: str) -> Finding:
 
 
 def _physics_rate(truth: KnownArm, plan: Excitation, options: LabOptions) -> float:
-    """Steps a second [Hz]: a multiple of the log's rate that springs are stable at."""
+    """Steps per second [Hz]: a multiple of the log's rate at which springs are stable."""
     poses = plan.at(np.linspace(0.0, plan.period, POSES)).q
     least = max(options.physics_rate, stable_rate(truth, poses))
     rate = options.sensing.rate
@@ -179,7 +179,7 @@ def _physics_rate(truth: KnownArm, plan: Excitation, options: LabOptions) -> flo
 
 
 def true_model(truth: KnownArm) -> tuple[DynamicsModel, Array]:
-    """The model with parameters that the truth has a plain value for, and its standard parameters (p,)."""
+    """Model of the parameters that have a single true value, and its standard parameters (p,)."""
     extra: list[Term] = [Offset()] if truth.friction.offset.any() else []
     extra += [RotorInertia()] if truth.rotor.any() else []
     model = DynamicsModel(truth.robot, (RigidBody(), Viscous(), Coulomb(), *extra))
@@ -195,7 +195,7 @@ def true_model(truth: KnownArm) -> tuple[DynamicsModel, Array]:
 
 
 def truth_record(simulated: Simulated, recording_sha256: str) -> dict[str, Any]:
-    """The contents of `truth.json`: what was simulated, and the values that an identification should find."""
+    """Contents of `truth.json`: the simulated arm, and the values that an identification should find."""
     truth, plan = simulated.truth, simulated.plan
     model, theta = true_model(truth)
     base = find_base_parameters(model)
@@ -226,7 +226,7 @@ def truth_record(simulated: Simulated, recording_sha256: str) -> dict[str, Any]:
 
 
 def _record(value: Any) -> Any:
-    """A dataclass as a table; faults with their kind."""
+    """Dataclass as a table; faults with their kind."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         table = {f.name: _record(getattr(value, f.name)) for f in dataclasses.fields(value)}
         name = getattr(type(value), "name", None)

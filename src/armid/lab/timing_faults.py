@@ -1,4 +1,4 @@
-"""Faults in time: rows that are lost, missing for a while, or logged again."""
+"""Faults of the clock: rows that are lost, missing for a while, or repeated."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from armid.values import Array
 __all__ = ["QUANTITIES", "Gap", "LostRows", "NoClock", "RepeatedRows", "ShuffledRows", "check_share", "clock_of"]
 
 QUANTITIES = ("q", "dq", "ddq", "effort")
-"""What a recording may hold of each channel."""
+"""Quantities that a recording may have for each channel."""
 
 
 def check_share(name: str, value: float) -> None:
-    """Refuse what is no share."""
+    """Raises an error for a number that is no share."""
     if not 0.0 <= value < 1.0:
         raise LabError(f"{name} is a share from 0 to 1; found {value}.")
 
 
 def clock_of(recording: Recording) -> Array:
-    """Times of the rows (N,) [s], even ones where the recording has no clock."""
+    """Times of the rows (N,) [s], uniform ones where the recording has no clock."""
     if recording.time is not None:
         return recording.time
     return np.arange(recording.samples) / (recording.rate or 1.0)
 
 
 def _rows(recording: Recording, rows: NDArray[np.intp]) -> dict[str, Array]:
-    """All quantities at some rows, repeated ones included."""
+    """Recording with a selection of rows, which may repeat."""
     present = {name: getattr(recording, name) for name in QUANTITIES}
     return {name: x[rows] for name, x in present.items() if x is not None}
 
@@ -45,7 +45,7 @@ def _without(recording: Recording, kept: NDArray[np.bool_]) -> Recording:
 
 @dataclass(frozen=True, slots=True)
 class LostRows:
-    """Rows that never arrived; their stamps are missing with them.
+    """Rows that are missing together with their time stamps.
 
     Attributes:
         share: Probability of each row but the first and last.
@@ -66,7 +66,7 @@ class LostRows:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A stretch without any row.
+    """Interval without any row.
 
     Attributes:
         start: When it begins, over the length of the recording.
@@ -90,7 +90,7 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class RepeatedRows:
-    """Rows that hold the values of the row before, as where a packet was lost and the last one is logged again.
+    """Rows that repeat the values of the row before, as when a lost packet is replaced by the last one.
 
     Attributes:
         share: Probability of each row.
@@ -115,7 +115,7 @@ class RepeatedRows:
 
 @dataclass(frozen=True, slots=True)
 class NoClock:
-    """A log without times; its rate is known to nobody."""
+    """Log without times and without a rate."""
 
     name: ClassVar[str] = "no-clock"
 
@@ -127,7 +127,7 @@ class NoClock:
 
 @dataclass(frozen=True, slots=True)
 class ShuffledRows:
-    """Rows in any order, as in a table of samples made for learning; their times are gone."""
+    """Rows in random order without times, as in a table of samples for machine learning."""
 
     name: ClassVar[str] = "shuffled-rows"
 

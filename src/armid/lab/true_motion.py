@@ -1,4 +1,4 @@
-"""Truth of a simulation: every quantity at every step, before any sensor has seen it."""
+"""True motion of a simulation: every quantity at every step, without sensors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from armid.values import Array
 __all__ = ["MARGIN", "TrueMotion", "closed_loop", "inverse_dynamics"]
 
 MARGIN = 0.25
-"""What is kept before the recording begins [s], for delays and causal filters."""
+"""Time before the recording that is simulated for delays and causal filters [s]."""
 
 WHOLE = 1e-6
 """Part of a step by which a period may miss a whole number of steps; the motion then repeats exactly."""
@@ -33,7 +33,7 @@ Tell = Callable[[float], None]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TrueMotion:
-    """Truth at N instants, the recording beginning at time 0.
+    """True motion at N instants; the recording begins at time 0.
 
     Attributes:
         time: Shape (N,) [s].
@@ -60,14 +60,14 @@ class TrueMotion:
     rise: Array | None = None
 
     def from_time(self, start: float) -> TrueMotion:
-        """Return what happened from a time on [s]."""
+        """Motion from a time on [s]."""
         first = int(np.searchsorted(self.time, start - 1e-9))
         parts = {name: getattr(self, name) for name in self.__slots__}
         return replace(self, **{name: None if x is None else x[first:] for name, x in parts.items()})
 
 
 def inverse_dynamics(truth: KnownArm, plan: Excitation, rate: float, repetitions: int) -> TrueMotion:
-    """An arm that follows its plan exactly: torque by inverse dynamics.
+    """Motion of an arm that follows its plan exactly, with torque by inverse dynamics.
 
     Args:
         truth: The arm; its drives must be rigid.
@@ -100,7 +100,7 @@ def closed_loop(
     lead_in: float = 2.0,
     tell: Tell | None = None,
 ) -> tuple[TrueMotion, ControllerGains]:
-    """An arm that a controller moves along a plan, from rest through a smooth lead-in.
+    """Motion of an arm that a controller moves along a plan, from rest through a smooth lead-in.
 
     During the lead-in the reference goes from rest in the plan's first pose over to the plan, which runs on the same
     clock; the motion is in step with the plan from time 0 on.
@@ -140,7 +140,7 @@ def closed_loop(
 
 
 def _lead_in(plan: Excitation, steps: int, h: float) -> Motion:
-    """From rest in the plan's first pose to the plan, C² at both ends: p + w(t) (plan(t) - p)."""
+    """Reference from rest in the plan's first pose to the plan, C² at both ends: p + w(t) (plan(t) - p)."""
     along = plan.at(np.arange(-steps, 0) * h)
     if not steps:
         return along
@@ -163,7 +163,7 @@ Reference = tuple[Array, Array, Array]
 
 
 def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Reference:
-    """Position, velocity and torque that the controller follows, shape (N, n) each."""
+    """Positions, velocities and torques that the controller follows, shape (N, n) each."""
     if not motion.samples:
         return motion.q, motion.dq, motion.q
     torque = feedforward(controller, truth, motion)
@@ -174,7 +174,7 @@ def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Refer
 
 
 class _Run:
-    """A plant with its controller, and what is kept of it."""
+    """Plant with its controller and the stored motion."""
 
     def __init__(
         self,
@@ -203,7 +203,7 @@ class _Run:
         self.row = 0
 
     def keep(self, rows: int) -> None:
-        """Make room for so many instants."""
+        """Allocates memory for a number of instants."""
         plant = self.plant
         names = ["q", "dq", "ddq", "effort", "friction", "drive_ddq"]
         names += ["drive_q", "drive_dq"] if plant.elastic else []
@@ -211,7 +211,7 @@ class _Run:
         self.kept = {name: np.empty((rows, plant.n)) for name in names}
 
     def go(self, reference: Reference, steps: int, *, keep: int, tell: Tell | None = None) -> None:
-        """Follow a reference for so many steps and keep the last of them."""
+        """Follows a reference for a number of steps and stores the last of them."""
         plant, gain, limits, share = self.plant, self.gain, self.limits, self.share
         kp, kd, ki = gain.proportional, gain.derivative, gain.integral * (self.every * self.h)
         lowest, highest = -limits, limits
@@ -255,7 +255,7 @@ class _Run:
         self.row += 1
 
     def trace(self, time: Array) -> TrueMotion:
-        """Return what was kept."""
+        """Stored motion."""
         kept = self.kept
         transmitted = kept["effort"] - kept["friction"] - self.plant.truth.rotor * kept.pop("drive_ddq")
         return TrueMotion(time, **kept, transmitted=transmitted)

@@ -1,1 +1,1 @@
-"""Recordings and what processing makes of them."""
+"""Recordings, their readers, and their processing to observations."""

@@ -1,4 +1,4 @@
-"""Files of a bag: ROS 2 records into a folder, ROS 1 and copied parts of a folder are files."""
+"""Files of ROS bags: ROS 2 records into a folder; ROS 1 bags and single parts of a folder are files."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ OURS = {
 
 
 def is_packed(path: Path) -> bool:
-    """Tell whether it is a single file of a bag that ROS 2 has compressed whole, as `run_0.db3.zstd`."""
+    """Test for a single bag file that ROS 2 has compressed as a whole, as `run_0.db3.zstd`."""
     return path.name.lower().endswith(tuple(f"{suffix}{COMPRESSED}" for suffix in STORAGE))
 
 
 @contextmanager
 def opened(path: Path) -> Generator[list[Path]]:
-    """Paths to open for a bag, as `bag_paths` says; a compressed file is unpacked into a folder that goes again.
+    """Context with the paths to open for a bag; a compressed file is unpacked into a temporary folder.
 
     Raises:
         RecordingError: A folder in which there is no bag, or a file that cannot be unpacked.
@@ -68,7 +68,7 @@ def opened(path: Path) -> Generator[list[Path]]:
 
 
 def _zstd() -> Any:
-    """Python's own module, or the one that comes with rosbags."""
+    """Module that unpacks zstd: Python's own, or the one that comes with rosbags."""
     name = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
     try:
         return importlib.import_module(name)
@@ -77,7 +77,7 @@ def _zstd() -> Any:
 
 
 def bag_paths(path: Path) -> list[Path]:
-    """Return what to open for a bag: the file, the folder that has its metadata, or the files in a folder without.
+    """Paths to open for a bag: the file, the folder with metadata, or the files of a folder without.
 
     Raises:
         RecordingError: A folder in which there is no bag.
@@ -100,7 +100,7 @@ def bag_paths(path: Path) -> list[Path]:
 
 
 def data_files(folder: Path) -> list[Path]:
-    """Files with messages in a folder, compressed ones among them, in the order of their names."""
+    """Files with messages in a folder, also compressed ones, sorted by name."""
     return sorted(
         file
         for file in folder.iterdir()
@@ -109,7 +109,7 @@ def data_files(folder: Path) -> list[Path]:
 
 
 def sha256_of_recording(path: Path) -> str:
-    """Hexadecimal sha256 of a recording: of a file's bytes, or of those of the files with a folder's messages."""
+    """Hexadecimal SHA-256 of a file, or of the message files of a bag folder."""
     if not path.is_dir():
         return sha256_of_file(path)
     digests = [sha256_of_file(file) for file in data_files(path)]

@@ -1,4 +1,4 @@
-"""The band in which torque and model are compared: one filter for both sides, then decimation.
+"""Frequency band in which torque and model are compared: one low-pass for both sides, then decimation.
 
 Filtering the torque alone biases the estimate (a filtered sign of velocity is no sign of velocity), so the filter
 is a value that travels with the observations and is applied to torque and regressor columns alike.
@@ -19,7 +19,7 @@ Edges = Literal["drop", "periodic", "pad"]
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A zero-phase low-pass filter, not yet applied.
+    """Zero-phase low-pass filter, not yet applied.
 
     Attributes:
         family: `butterworth` (run forward and backward, so -6 dB at the cut-off), `fir` (linear phase) or
@@ -51,5 +51,5 @@ class Band:
 
     @property
     def is_open(self) -> bool:
-        """Tell whether nothing is filtered."""
+        """Whether the band filters nothing."""
         return self.family == "none"

@@ -1,4 +1,4 @@
-"""Joint states put together by the names of their joints, whoever published them."""
+"""Joint states merged by joint names from one or several publishers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FIELDS = ("position", "velocity", "effort")
 
 @dataclass(slots=True)
 class Publisher:
-    """Messages that carry the same joints, in whatever order.
+    """Messages with the same joints in any order.
 
     Attributes:
         names: Joints, in the order of the first message.
@@ -58,7 +58,7 @@ class JointStates:
 def collect(
     publishers: dict[frozenset[str], Publisher], names: Sequence[str], at: tuple[int, int], values: Mapping[str, Any]
 ) -> None:
-    """Add one message to those with the same joints, its fields put in their order.
+    """Adds one message to those with the same joints, with its fields in their order.
 
     Args:
         publishers: By their joints.
@@ -79,14 +79,14 @@ def collect(
 
 
 def names_of(publishers: Iterable[Publisher]) -> tuple[str, ...]:
-    """All joints, each once."""
+    """Names of all joints, each once."""
     return tuple(dict.fromkeys(name for each in publishers for name in each.names))
 
 
 def joined(
     publishers: Sequence[Publisher], wanted: Sequence[str], spare: Sequence[str], path: Path, topic: str
 ) -> JointStates:
-    """The states of the wanted joints on the clock of whoever publishes most of them.
+    """States of the wanted joints on the clock of the publisher that has most of them.
 
     Args:
         publishers: Those of one topic.
@@ -122,7 +122,7 @@ def joined(
 
 
 def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topic: str) -> list[Publisher]:
-    """Those who publish the wanted joints, whoever has most of them first."""
+    """Publishers of the wanted joints, the one with most of them first."""
     if not wanted:
         if len(filled) == 1:
             return list(filled)
@@ -148,14 +148,14 @@ def _chosen(filled: Sequence[Publisher], wanted: Sequence[str], path: Path, topi
 
 
 def _states(publisher: Publisher, path: Path, *, clocked: bool) -> JointStates:
-    """One publisher's messages as arrays."""
+    """Messages of one publisher as arrays."""
     time = np.array(publisher.stamps if clocked else publisher.received, dtype=np.int64)
     stacked = {name: _stack(publisher.values[name], publisher.names, name, path) for name in FIELDS}
     return JointStates(publisher.names, time, {name: each for name, each in stacked.items() if each is not None})
 
 
 def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -> Array | None:
-    """One field of all messages, shape (N, n); `None` where it is empty throughout."""
+    """One field of all messages, shape (N, n); `None` where it is empty in all of them."""
     n = len(names)
     lengths = {len(row) for row in rows}
     if lengths == {0}:
@@ -171,7 +171,7 @@ def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -
 
 
 def _received(states: Sequence[JointStates]) -> Finding:
-    """That times are those of reception."""
+    """Finding that the times are those of reception."""
     step = np.diff(states[0].time) * 1e-6
     typical = float(np.median(step)) if step.size else 0.0
     spread = f"; steps of {step.min():.3g} to {step.max():.3g} ms, {typical:.3g} in the middle" if step.size else ""
@@ -185,7 +185,7 @@ def _received(states: Sequence[JointStates]) -> Finding:
 
 
 def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[str]) -> tuple[JointStates, Finding]:
-    """The wanted joints of several publishers at the times of the first, as long as all publish."""
+    """Wanted joints of several publishers at the times of the first, over the time in which all publish."""
     begin = max(each.time[0] for each in (first, *others))
     end = min(each.time[-1] for each in (first, *others))
     inside = (first.time >= begin) & (first.time <= end)
@@ -217,7 +217,7 @@ def _merged(first: JointStates, others: Sequence[JointStates], wanted: Sequence[
 
 
 def _with_spare(first: JointStates, rest: Sequence[JointStates], spare: Sequence[str]) -> JointStates:
-    """With the positions of further joints, where others publish them."""
+    """States with the positions of further joints, where other publishers have them."""
     names, values = list(first.names), dict(first.values)
     for other in rest:
         take = [k for k, name in enumerate(other.names) if name in spare and name not in names]
@@ -232,7 +232,7 @@ def _with_spare(first: JointStates, rest: Sequence[JointStates], spare: Sequence
 
 
 def _at(time: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Array:
-    """Values (M, n) of times (M,) at other times (N,), linearly between them [ns]."""
+    """Values (M, n) at times (M,) interpolated linearly at other times (N,) [ns]."""
     if len(time) == len(known) and (time == known).all():
         return values
     # Relative to the first, or doubles would not hold the nanoseconds of an epoch.
@@ -241,7 +241,7 @@ def _at(time: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Arr
 
 
 def _farthest(time: NDArray[np.int64], known: NDArray[np.int64]) -> float:
-    """Largest distance of times to the nearest known one [ms]."""
+    """Largest distance of times from the nearest known one [ms]."""
     after = np.clip(np.searchsorted(known, time), 1, max(len(known) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(known) - 1)

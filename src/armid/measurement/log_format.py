@@ -1,4 +1,4 @@
-"""Way to read a recording: what the file does not say about itself."""
+"""Log format: properties of a recording that its file does not contain."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LONGEST_DELAY = 1.0
 
 @dataclass(frozen=True, slots=True)
 class FormatPreset:
-    """The columns of a well-known log.
+    """Columns of a well-known log.
 
     Attributes:
         columns: Column name or pattern for each quantity.
@@ -69,7 +69,7 @@ PRESETS: Mapping[str, FormatPreset] = {
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LogFormat:
-    """Way to read one recording. The defaults suit a file in SI units on the joint side with the URDF's signs.
+    """Description of how to read one recording; the defaults suit SI units, joint side and the URDF's signs.
 
     Everything that is listed joint by joint stands in the robot's joint order, whatever the file's order.
 
@@ -143,26 +143,26 @@ class LogFormat:
 
     @property
     def joint_map(self) -> dict[str, str]:
-        """Robot joint of each channel; channels without names are called 1, 2, …."""
+        """Robot joint of each channel; unnamed channels are called 1, 2, …."""
         return _joints(self.joints)
 
     @property
     def stated_period(self) -> float | None:
-        """The period that is given [s]; `None` where it is to be found, or there is none."""
+        """Given period [s]; `None` where it is to be found or there is none."""
         return None if self.period == "none" else self.period
 
     @property
     def repeats(self) -> float | Literal["find"] | None:
-        """The period [s], that it is to be found, or `None` where the motion does not repeat."""
+        """Period [s], `find` where it is to be found, or `None` where the motion does not repeat."""
         return "find" if self.period is None else self.stated_period
 
     def degrees(self, n: int) -> NDArray[np.bool_]:
-        """Tell which of n joints are logged in degrees, shape (n,)."""
+        """Mask of the joints among n that are logged in degrees, shape (n,)."""
         units = (self.units,) * n if self.units is None or isinstance(self.units, str) else self.units
         return np.array([unit == "deg" for unit in units], dtype=np.bool_)
 
     def _check_joint_side(self) -> None:
-        """Check what is listed joint by joint."""
+        """Checks the lengths of the fields with one entry per joint."""
         lengths: dict[str, int] = (
             {} if self.units is None or isinstance(self.units, str) else {"units": len(self.units)}
         )
@@ -207,7 +207,7 @@ def _wrong(name: str, value: object, possible: str) -> RecordingError:
 
 
 def _numbers(value: object, shape: tuple[int | None, ...] | None, name: str) -> Array:
-    """Finite numbers, of that shape where one is given."""
+    """Array of finite numbers, of a given shape if any."""
     try:
         plain = np.asarray(value, dtype=np.float64)
         return array(plain, plain.shape if shape is None else shape, name)
@@ -256,7 +256,7 @@ def _delays(value: object) -> Array:
 
 
 def _units(value: Any) -> str | tuple[str, ...] | None:
-    """One unit for all joints, or one each, or what the file says."""
+    """Units of angles: one for all joints, one for each, or `None` for that of the file."""
     if value is None:
         return None
     listed = tuple(value) if isinstance(value, list | tuple) else (value,)
@@ -266,7 +266,7 @@ def _units(value: Any) -> str | tuple[str, ...] | None:
 
 
 def _columns(value: Any) -> dict[str, tuple[str, ...]]:
-    """Names or one pattern for each quantity; no name leaves it out."""
+    """Names or one pattern for each quantity; an empty name leaves it out."""
     if not isinstance(value, Mapping):
         raise _wrong("columns", value, f"names for {', '.join(QUANTITIES)}")
     columns: dict[str, tuple[str, ...]] = {}
@@ -285,7 +285,7 @@ def _columns(value: Any) -> dict[str, tuple[str, ...]]:
 
 
 def _joints(value: Any) -> dict[str, str]:
-    """Robot joint of each channel; channels without names are called by their numbers."""
+    """Robot joint of each channel; unnamed channels are called by their numbers."""
     listed = {str(i + 1): name for i, name in enumerate(value)} if isinstance(value, list | tuple) else value
     pairs: dict[Any, Any] = dict(listed) if isinstance(listed, Mapping) else {"": None}
     if not all(isinstance(name, str) for pair in pairs.items() for name in pair):

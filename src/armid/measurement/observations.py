@@ -1,4 +1,4 @@
-"""Observations from processing for estimation: contiguous runs at full rate and the band to compare in."""
+"""Observations for estimation: contiguous runs at full rate and the band in which they are compared."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Observations", "ObservedRun"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ObservedRun:
-    """One contiguous stretch of motion with the torque measured during it.
+    """Contiguous run of motion with the measured torque.
 
     The output grid is every `step`-th sample, beginning with sample `offset`: M rows. Rows are what estimation
     counts; masks and blocks live on it.
@@ -76,7 +76,7 @@ class ObservedRun:
 
     @property
     def rows(self) -> NDArray[np.int64]:
-        """Samples of the output grid, shape (M,)."""
+        """Sample index of each row of the output grid, shape (M,)."""
         return np.arange(self.offset, self.motion.samples, self.step)
 
 

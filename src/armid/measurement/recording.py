@@ -1,4 +1,4 @@
-"""Recording as it was measured."""
+"""Recording of motion and effort as measured."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Recording"]
 
 
 def _all_valid() -> NDArray[np.bool_]:
-    """A mask that leaves nothing out, for any number of samples and channels."""
+    """Mask that leaves nothing out, for any number of samples and channels."""
     return np.ones((), dtype=np.bool_)
 
 
@@ -93,7 +93,7 @@ class Recording(Displayed):
         object.__setattr__(self, "valid", valid)
 
     def _fitting(self, values: Array, shape: tuple[int, ...], name: str) -> Array:
-        """`values` checked to have the shape that q asks for."""
+        """Array of values, checked to have the shape that q requires."""
         found = np.shape(values)
         if found != shape:
             raise RecordingError(
@@ -104,7 +104,7 @@ class Recording(Displayed):
         return array(values, shape, name, finite=False)
 
     def summary(self) -> Summary:
-        """From where to where each channel goes."""
+        """Range of each channel."""
         effort = "current" if self.effort_is_current else "effort"
         named = {"q": self.q, "dq": self.dq, "ddq": self.ddq, effort: self.effort}
         known = {name: values for name, values in named.items() if values is not None}
@@ -125,5 +125,5 @@ class Recording(Displayed):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the channels; their numbers, counted from 1, where the file has no names."""
+        """Names of the channels; their numbers from 1 where the file has no names."""
         return self.joint_names or tuple(str(i + 1) for i in range(self.n))

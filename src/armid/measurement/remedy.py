@@ -1,4 +1,4 @@
-"""Remedies as lines of a study: what a reading would have to say, on top of what it says already.
+"""Remedies as lines of a study, which change or extend the log format.
 
 A remedy is either TOML, its keys those of a `[[recording]]` unless a comment names another table, or begins with one
 of `BY_HAND`: nothing that a study can say would heal the log.
@@ -24,7 +24,7 @@ DIGITS = 4
 
 
 def lines(note: str = "", **keys: Any) -> str:
-    """Keys of a study with their values, a line each, and a comment behind the last.
+    """Keys of a study with their values, one per line, with a comment behind the last.
 
     Args:
         note: The comment; it names the table where that is not `[[recording]]`, as in `in [model]`.
@@ -35,7 +35,7 @@ def lines(note: str = "", **keys: Any) -> str:
 
 
 def excluding(reading: LogFormat, intervals: Sequence[tuple[float, float]], note: str = "") -> str:
-    """Intervals to leave out besides those that are already, joined where they meet [s]."""
+    """Intervals to leave out in addition to the existing ones, merged where they meet [s]."""
     unit = 10.0**DIGITS
     wider = [(float(np.floor(a * unit)) / unit, float(np.ceil(b * unit)) / unit) for a, b in intervals]
     joined: list[list[float]] = []
@@ -48,7 +48,7 @@ def excluding(reading: LogFormat, intervals: Sequence[tuple[float, float]], note
 
 
 def naming(reading: LogFormat, names: Mapping[str, Sequence[str] | str], note: str = "") -> str:
-    """Columns to take, besides those that the reading names already; an empty name leaves a quantity out."""
+    """Columns in addition to those that the log format names; an empty name leaves a quantity out."""
     kept = {key: _pattern(value) for key, value in reading.columns.items()}
     return lines(note, columns={**kept, **{key: _pattern(value) for key, value in names.items()}})
 
@@ -60,7 +60,7 @@ def _pattern(names: Sequence[str] | str) -> str | list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays and numbers of NumPy as what TOML has."""
+    """Arrays and numbers of NumPy as TOML values."""
     if isinstance(value, np.ndarray):
         return _plain(value.tolist())
     if isinstance(value, np.generic):

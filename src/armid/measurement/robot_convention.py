@@ -1,4 +1,4 @@
-"""From what was measured to the robot's terms: its joints, SI units, the joint side, the URDF's signs."""
+"""Conversion of recordings to the robot's convention: its joints, SI units, joint side, signs of the URDF."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ COMMON = ("torque_sign", "position_sign", "delay", "drive_gain_deviation")
 
 @dataclass(frozen=True, slots=True)
 class ConvertedRecording:
-    """A recording in the robot's terms.
+    """Recording in the robot's convention.
 
     Attributes:
         recording: Joints in the robot's order, SI units, joint side, signs of the URDF.
@@ -45,7 +45,7 @@ class ConvertedRecording:
 
 
 def to_robot_convention(recording: Recording, reading: LogFormat, robot: Robot) -> ConvertedRecording:
-    """Put a recording in the robot's terms, or say why it cannot be.
+    """Converts a recording to the robot's convention.
 
     Args:
         recording: As a reader gave it.
@@ -70,7 +70,7 @@ def to_robot_convention(recording: Recording, reading: LogFormat, robot: Robot) 
 
 
 def understood(recording: Recording, reading: LogFormat) -> LogFormat:
-    """The reading with what the reader found out by itself, where the reading says nothing."""
+    """Log format completed by what the reader has detected."""
     return replace(reading, **recording.guessed) if recording.guessed else reading
 
 
@@ -87,7 +87,7 @@ def _check_lengths(reading: LogFormat, robot: Robot) -> None:
 
 
 def _check_channels(recording: Recording, reading: LogFormat) -> tuple[Finding, ...]:
-    """Refuse channels that carry no signal; note joints that stand still."""
+    """Raises an error for channels without a signal; reports joints that stand still."""
     still = np.ptp(recording.q, axis=0) == 0
     if still.all():
         raise recording_error(
@@ -142,7 +142,7 @@ def _check_gains(recording: Recording, reading: LogFormat) -> None:
 
 
 def _on_joint_side(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
-    """Angles in radians without wrapping, motor to joint, current to torque, the URDF's sign."""
+    """Converts to radians without wrapping, motor to joint side, current to torque, and the URDF's signs."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
     sign = np.asarray(reading.position_sign)
     unit = sign * np.where(turns & reading.degrees(robot.n), np.pi / 180, 1.0)
@@ -178,7 +178,7 @@ def _on_joint_side(recording: Recording, reading: LogFormat, robot: Robot) -> tu
 
 
 def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array, tuple[Finding, ...]]:
-    """Angles made continuous, and which of them were not."""
+    """Continuous angles, and a mask of those that were wrapped."""
     findings: list[Finding] = []
     q = q.copy()
     for i in np.flatnonzero(turns):
@@ -194,7 +194,7 @@ def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array,
 
 
 def _check_limits(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Finding, ...]:
-    """Refuse degrees taken for radians; note joints far outside their limits."""
+    """Raises an error for degrees taken for radians; reports joints far outside their limits."""
     limits = np.array([joint.position_limits for joint in robot.joints])
     span = limits[:, 1] - limits[:, 0]
     known = np.isfinite(span) & (span > 0)

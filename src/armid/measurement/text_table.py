@@ -1,4 +1,4 @@
-"""Text tables: encoding, header, units below it, delimiter and rows; decimal commas and dates become numbers."""
+"""Text tables: encoding, header, units, delimiter and rows; decimal commas and dates become numbers."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class TextTable:
 
 
 def decoded(data: bytes, path: Path) -> str:
-    """The text of a file in UTF-8, UTF-16 or, where it is plain text otherwise, in Windows's code page.
+    """Text of a file in UTF-8, UTF-16 or, for other plain text, the Windows code page.
 
     Raises:
         RecordingError: It is no text.
@@ -123,7 +123,7 @@ def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str,
 
 
 def seconds_of(table: TextTable, name: str, path: Path) -> Array | None:
-    """Dates or times of a day in seconds since the first; nothing where times are numbers.
+    """Dates or times of day in seconds since the first; `None` where the times are numbers.
 
     Raises:
         RecordingError: A field that is no such time.
@@ -147,7 +147,7 @@ def seconds_of(table: TextTable, name: str, path: Path) -> Array | None:
 
 
 def _moment(cell: str) -> tuple[float, float]:
-    """Whole seconds and the rest of a date or a time of a day; a date without a zone is taken as UTC."""
+    """Whole seconds and fraction of a date or a time of day; a date without a zone is taken as UTC."""
     hit = MOMENT.fullmatch(cell)
     if hit:
         moment = datetime.fromisoformat(f"{hit[1].replace(' ', 'T')}{hit[3] or ''}")
@@ -160,14 +160,14 @@ def _moment(cell: str) -> tuple[float, float]:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Fields of one line; a delimiter may stand inside quotes."""
+    """Fields of one line; a delimiter may occur inside quotes."""
     if '"' in line:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     return line.split() if delimiter == " " else line.split(delimiter)
 
 
 def is_number(text: str) -> bool:
-    """Tell whether a field is a number, with a point or a comma."""
+    """Test whether a field is a number, with a point or a comma."""
     try:
         float(text.replace(",", "."))
     except ValueError:
@@ -176,7 +176,7 @@ def is_number(text: str) -> bool:
 
 
 def _header_index(lines: Sequence[str], path: Path) -> int:
-    """Tell which line names the columns: the first that is no comment, or the comment above the rows."""
+    """Index of the line with the column names: the first non-comment line, or the comment above the rows."""
     plain = [
         i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS) and line[:4] != "sep="
     ]
@@ -195,7 +195,7 @@ def _header_index(lines: Sequence[str], path: Path) -> int:
 
 
 def _after_notes(lines: Sequence[str], plain: Sequence[int]) -> int:
-    """The header below lines of notes: the first that has as many fields as the rows below it."""
+    """Index of the header below lines of notes: the first line with as many fields as the rows below."""
     below = next((k for k, i in enumerate(plain) if k and _begins_with_number(lines[i])), 0)
     row = lines[plain[below]]
     for k in range(below):
@@ -212,7 +212,7 @@ def _begins_with_number(line: str) -> bool:
 
 
 def _units(fields: Sequence[str], count: int) -> list[str]:
-    """Units of a second line of the header, those that change what is read; none where it is a row."""
+    """Units in a second line of the header that change the values; none where that line is a row."""
     units = [field.strip().strip("[]()") for field in fields]
     if (
         len(units) != count
@@ -227,7 +227,7 @@ def _units(fields: Sequence[str], count: int) -> list[str]:
 
 
 def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[list[str], list[str]]:
-    """Names and rows without a delimiter at the end of one of them."""
+    """Names and rows without a trailing delimiter."""
     if delimiter == " ":
         return names, rows
     more = len(split(rows[0], delimiter)) - len(names)
@@ -238,7 +238,7 @@ def _without_ends(names: list[str], rows: list[str], delimiter: str) -> tuple[li
 
 
 def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delimiter: str, path: Path) -> None:
-    """Refuse a row that has another number of fields than the header."""
+    """Raises an error for a row with another number of fields than the header."""
     for row, number in zip(rows, numbers, strict=True):
         plain = delimiter != " " and '"' not in row
         found = row.count(delimiter) + 1 if plain else len(split(row, delimiter))
@@ -250,7 +250,7 @@ def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delim
 
 
 def _field_by_field(table: TextTable, wanted: dict[int, str], path: Path) -> Array:
-    """The wanted columns, slowly: an empty field is NaN, and what is no number is named."""
+    """Wanted columns read field by field, which is slow: an empty field is NaN, no number is an error."""
     values = np.empty((len(table.rows), len(wanted)))
     for i in range(len(table.rows)):
         fields = table.fields(i)

@@ -1,4 +1,4 @@
-"""Writing recordings: the formats that `load_recording` reads, in the names that it looks for first."""
+"""Writers of recordings, in the formats of `load_recording` and under its preferred names."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FLOAT = "%.17g"
 
 
 def save_recording(recording: Recording, path: Path | str) -> Path:
-    """Write a recording whole or not at all, in the format that the suffix says.
+    """Writes a recording completely or not at all, in the format of the suffix.
 
     Args:
         recording: The recording; which samples count is not written.
@@ -49,7 +49,7 @@ def save_recording(recording: Recording, path: Path | str) -> Path:
 
 
 def _columns(recording: Recording) -> dict[str, Array]:
-    """A column for each number of a row."""
+    """Columns of a table, one per channel."""
     columns = {} if recording.time is None else {"t": recording.time}
     for name, pattern in PATTERNS:
         values = getattr(recording, name)
@@ -59,7 +59,7 @@ def _columns(recording: Recording) -> dict[str, Array]:
 
 
 def _matrices(recording: Recording) -> dict[str, Array]:
-    """A matrix for each quantity, names as in MATLAB."""
+    """Matrices by quantity, with names as in MATLAB."""
     names = {"t": recording.time, "q": recording.q, "dq": recording.dq, "ddq": recording.ddq, "tau": recording.effort}
     return {name: values for name, values in names.items() if values is not None}
 
@@ -100,7 +100,7 @@ def _parquet(recording: Recording) -> bytes:
 
 
 def _bag(recording: Recording, suffix: str) -> bytes:
-    """A bag of `sensor_msgs/JointState` on `/joint_states`: `.bag` of ROS 1, `.db3` or `.mcap` of ROS 2."""
+    """Bag of `sensor_msgs/JointState` on `/joint_states`: `.bag` of ROS 1, `.db3` or `.mcap` of ROS 2."""
     try:
         from rosbags.rosbag1 import Writer as FirstWriter
         from rosbags.rosbag2 import StoragePlugin, Writer
@@ -125,7 +125,7 @@ def _bag(recording: Recording, suffix: str) -> bytes:
 
 
 def _joint_states(recording: Recording, types: Mapping[str, Any], first: bool) -> Iterator[tuple[int, Any]]:
-    """Time of reception [ns] and message of each row; headers of ROS 1 count messages."""
+    """Time of reception [ns] and message of each row; headers of ROS 1 number the messages."""
     state, header, stamp = (
         types[name] for name in (JOINT_STATE, "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
     )

@@ -1,4 +1,4 @@
-"""Robots: values, readers, built-in arms."""
+"""Robot descriptions: values, readers, built-in arms."""
 
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.robot.loading import builtin_arms, load_robot

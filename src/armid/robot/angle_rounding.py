@@ -1,4 +1,4 @@
-"""Rounded angles of a description, put back to what was meant.
+"""Correction of angles that a description states with rounding.
 
 A description that writes π/2 as 1.5708 has axes that are almost, but not quite, parallel or at right angles.
 Each such joint lets columns of the regressor appear that the real arm does not have, with coefficients of 1e-5.
@@ -20,7 +20,7 @@ from armid.values import Array
 __all__ = ["ROUNDING", "rounded", "snapped_axis", "snapped_rotation"]
 
 STEP = math.pi / 12.0
-"""Angles are compared with multiples of this [rad]."""
+"""Step of the multiples with which angles are compared [rad]."""
 
 ROUNDING = 1e-4
 """Largest distance to a multiple of 15° that counts as rounding [rad]: angles printed with four digits."""
@@ -30,7 +30,7 @@ NOISE = 1e-8
 
 
 def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
-    """The robot with rounded angles put right, and what was changed.
+    """Robot with rounded angles corrected, and a finding about the largest change.
 
     Returns:
         The robot, with placements and axes snapped, and a finding `description-rounded` with the largest change;
@@ -70,7 +70,7 @@ def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
 
 
 def snapped_rotation(rotation: Array) -> Array:
-    """A rotation (3, 3) with those of its roll, pitch and yaw snapped that are close to a multiple of 15°.
+    """Rotation (3, 3) whose roll, pitch and yaw are set to multiples of 15° where they are close to them.
 
     At least two of the three must be close: one alone may be chance, a tilt about one axis is a design. Where the
     pitch is ±90° only one combination of roll and yaw exists; the roll is then taken as zero.
@@ -86,7 +86,7 @@ def snapped_rotation(rotation: Array) -> Array:
 
 
 def snapped_axis(axis: Array) -> Array:
-    """A unit axis (3,) whose azimuth and elevation are both close to multiples of 15° as exactly that."""
+    """Unit axis (3,) set to exact multiples of 15° where azimuth and elevation are both close to them."""
     elevation = math.atan2(axis[2], math.hypot(axis[0], axis[1]))
     at_pole = abs(abs(elevation) - 0.5 * math.pi) < ROUNDING
     angles = np.array([-elevation, 0.0 if at_pole else math.atan2(axis[1], axis[0])])
@@ -97,7 +97,7 @@ def snapped_axis(axis: Array) -> Array:
 
 
 def _snapped(angles: Array, at_least: int) -> Array:
-    """Angles [rad], those within `ROUNDING` of a multiple of 15° replaced by it if there are enough of them."""
+    """Angles [rad] with those within `ROUNDING` of a multiple of 15° replaced by it, if there are enough."""
     multiples = np.round(angles / STEP) * STEP
     close = np.abs(angles - multiples) < ROUNDING
     return np.where(close, multiples, angles) if close.sum() >= at_least else angles

@@ -1,4 +1,4 @@
-"""Joints of a description before any is held, and which of them are to be held where."""
+"""Joints of a description, and the selection of those that are locked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Follows", "HeldJoint", "JointOutline", "SelectedJoint", "held_joints
 
 @dataclass(frozen=True, slots=True)
 class Follows:
-    """Law of a joint that another one leads.
+    """Law of a joint that follows another one.
 
     Attributes:
         leader: Name of the other joint; empty where the joint is tied to a constant.
@@ -25,13 +25,13 @@ class Follows:
     factors: tuple[float, ...]
 
     def at(self, position: float) -> float:
-        """Position of the follower [rad or m] where the leader is."""
+        """Position of the follower [rad or m] at a position of the leader."""
         return float(sum(c * position**k for k, c in enumerate(self.factors)))
 
 
 @dataclass(frozen=True, slots=True)
 class SelectedJoint:
-    """A joint of a description that is not fixed.
+    """Joint of a description that is not fixed.
 
     Attributes:
         name: Its name.
@@ -59,7 +59,7 @@ class SelectedJoint:
 
 @dataclass(frozen=True, slots=True)
 class JointOutline:
-    """All joints of a description, parents before children, and what its frames hang on.
+    """All joints of a description, parents before children, and the joint that moves each frame.
 
     Attributes:
         joints: The joints that are not fixed.
@@ -85,7 +85,7 @@ class JointOutline:
 
 @dataclass(frozen=True, slots=True)
 class HeldJoint:
-    """Joints that are held still.
+    """Positions of the joints that are locked.
 
     Attributes:
         at: Their positions [rad or m], by name.
@@ -97,7 +97,7 @@ class HeldJoint:
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
-    """The name itself where it is among the names, else those that a pattern (`*`, `?`, `[…]`) fits."""
+    """Name itself where it is among the names, else the names that match it as a pattern (`*`, `?`, `[…]`)."""
     names = list(names)
     return [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
 
@@ -105,7 +105,7 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
 def held_joints(
     outline: JointOutline, source: str, lock: Mapping[str, float | None], only: Sequence[str], tip: str | None
 ) -> HeldJoint:
-    """Joints to be held still, so that an arm is left whose joints are free of each other.
+    """Selects the joints to lock, so that the remaining joints are independent of each other.
 
     Args:
         outline: The description's joints.
@@ -161,7 +161,7 @@ def held_joints(
 
 
 def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> list[SelectedJoint]:
-    """Joints of a name, else those that a pattern fits."""
+    """Joints with a name, else those that match it as a pattern."""
     found = matching(pattern, outline.names)
     if found:
         return [joint for joint in outline.joints if joint.name in found]
@@ -174,7 +174,7 @@ def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> 
 
 
 def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str, float], tuple[Finding, ...]]:
-    """Positions of the joints that others lead, and what to say of it."""
+    """Positions of the joints that follow others, and the findings about them."""
     by_name = {joint.name: joint for joint in outline.joints}
 
     def position(name: str, seen: tuple[str, ...] = ()) -> float:
@@ -186,7 +186,7 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
         return joint.follows.at(position(joint.follows.leader, (*seen, name)))
 
     def leads(name: str, seen: tuple[str, ...] = ()) -> str:
-        """The free joint at the beginning of a row of followers; empty where all of it is held."""
+        """Independent joint at the beginning of a chain of followers; empty where all of it is locked."""
         joint = by_name.get(name)
         if joint is None or name in at or name in seen:
             return ""
@@ -210,11 +210,11 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
 
 
 MANY = 12
-"""Held joints that a finding lists; of more it lists the first, and all that are not at zero."""
+"""Largest number of locked joints that a finding lists; of more it lists the first, and all that are not at zero."""
 
 
 def _said(free: Sequence[SelectedJoint], locked: Sequence[str], held: int, outline: JointOutline) -> Finding:
-    """Joints that were held because others were chosen to move, beside those that were locked by name."""
+    """Finding about joints that were locked because others were selected to move."""
     listed = [joint for k, joint in enumerate(free) if joint.rest or k < MANY]
     names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in listed]
     more = f" and {len(free) - len(listed)} more" if len(listed) < len(free) else ""

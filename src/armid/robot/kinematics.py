@@ -1,4 +1,4 @@
-"""Kinematics: links and frames for many joint positions at once."""
+"""Forward kinematics of links and frames for many joint positions at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a name or a path to a `Robot`."""
+"""Loader of robots from the name of a built-in arm or a path."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ARMS = Path(__file__).parent / "arms"
 
 
 def builtin_arms() -> tuple[str, ...]:
-    """Names of the arms that armid brings along."""
+    """Names of the built-in arms."""
     return tuple(sorted(path.stem for path in ARMS.glob("*.toml")))
 
 
@@ -40,7 +40,7 @@ def load_robot(
     locked: Locked | None = None,
     packages: Mapping[str, str] | None = None,
 ) -> Robot:
-    """The robot of a description.
+    """Loads the robot of a description.
 
     Angles within 1e-4 rad of a multiple of 15° are taken as that multiple (see `armid.robot.angle_rounding`); the
     result's findings say so.
@@ -79,7 +79,7 @@ def load_robot(
 def held_of(
     description: str | Path, *, lock: Locked = (), only: str | Sequence[str] = (), tip: str | None = None
 ) -> dict[str, float]:
-    """Positions [rad or m] of all joints that `load_robot` holds still, by name; arguments as there."""
+    """Positions [rad or m] of all joints that `load_robot` locks, by name; the arguments are the same."""
     text, source, reader = _expanded(description)
     outline = reader.outline(text, source=source)
     return dict(held_joints(outline, source, _values(lock), _names(only), tip).at)
@@ -106,7 +106,7 @@ def _names(given: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def _expanded(description: str | Path) -> tuple[str, str, DescriptionReader]:
-    """Text, source and reader of a description, a xacro as the URDF that it stands for."""
+    """Text, source and reader of a description; a xacro is expanded to a URDF."""
     text, source, reader = _find(description)
     return (xacro.expand(text, source), source, urdf) if reader is xacro else (text, source, reader)
 
@@ -132,7 +132,7 @@ def _find(description: str | Path) -> tuple[str, str, DescriptionReader]:
 
 
 def _not_found(path: Path) -> RobotError:
-    """The error for what is neither a built-in arm nor a file that can be read."""
+    """Error for a name that is neither a built-in arm nor a readable file."""
     suffixes = sorted({suffix for reader in READERS.values() for suffix in reader.SUFFIXES})
     beside = [str(p) for p in path.parent.iterdir() if p.suffix in suffixes] if path.parent.is_dir() else []
     close = get_close_matches(str(path), [*builtin_arms(), *beside], 1)

@@ -1,4 +1,4 @@
-"""Joints that move no mass, and what a description calls the inertia that it lacks."""
+"""Joints that move no mass, and the name of the missing inertia in the format of the description."""
 
 from __future__ import annotations
 
@@ -17,5 +17,5 @@ def massless_joints(robot: Robot) -> tuple[str, ...]:
 
 
 def inertial_key(robot: Robot) -> str:
-    """Return what the format of the description calls the inertia of a link."""
+    """Name of a link's inertia in the format of the description."""
     return "<inertial>" if robot.source.endswith(("xml", "urdf", "xacro", "mjcf")) else "[joint.inertial]"

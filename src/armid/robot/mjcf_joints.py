@@ -1,4 +1,4 @@
-"""Joints of an MJCF before any is held, and the equalities that tie joints to each other or close loops."""
+"""Joints of an MJCF, and the equality constraints that couple joints or close loops."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ __all__ = ["check_equalities", "joint_names", "joints_of", "outline_of"]
 COUPLINGS = ("flex", "flexvert", "flexstrain")
 LOOPS = ("connect", "weld")
 IDENTITY = (0.0, 1.0, 0.0, 0.0, 0.0)
-"""The polynomial of an equality of joints that gives none."""
+"""Default polynomial of an equality of joints."""
 
 
 def joints_of(body: ET.Element) -> list[ET.Element]:
-    """The joints of one body."""
+    """Joints of one body."""
     return [element for element in body if element.tag in ("joint", "freejoint")]
 
 
@@ -63,7 +63,7 @@ def outline_of(
 
 
 def _follows(root: ET.Element, source: str, references: Mapping[str, float]) -> dict[str, Follows]:
-    """Return joints that equalities lead: q - ref is a polynomial in the leader's q - ref, or its constant alone."""
+    """Joints that follow others by equalities: q - ref is a polynomial in the leader's q - ref, or constant."""
     result: dict[str, Follows] = {}
     for tie in _active(root):
         follower = tie.get("joint1", "")
@@ -85,12 +85,12 @@ def _shifted(factors: list[float], by: float) -> list[float]:
 
 
 def _active(root: ET.Element) -> list[ET.Element]:
-    """Equalities that are switched on."""
+    """Equalities that are not disabled."""
     return [tie for section in root.findall("equality") for tie in section if tie.get("active") != "false"]
 
 
 def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> list[Finding]:
-    """Refuse what closes a loop over joints that move, and what ties joints that are not locked to others.
+    """Raises an error for equalities that close a loop or couple joints that are not locked.
 
     Returns:
         What was passed over.
@@ -131,7 +131,7 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
 
 
 def _tied(root: ET.Element, tie: ET.Element, above: Mapping[str, set[str]]) -> set[str]:
-    """Joints that an equality of bodies, sites or tendons ties to each other."""
+    """Joints that an equality of bodies, sites or tendons couples."""
     if tie.tag in LOOPS:
         one, other = (above.get(end, set[str]()) for end in _ends(tie))
         return one ^ other
@@ -143,7 +143,7 @@ def _tied(root: ET.Element, tie: ET.Element, above: Mapping[str, set[str]]) -> s
 
 
 def _ends(tie: ET.Element) -> tuple[str, str]:
-    """Names of the two bodies or sites that an equality holds together; empty for the world."""
+    """Names of the two bodies or sites that an equality connects; empty for the world."""
     one, other = ("body1", "body2") if "body1" in tie.attrib else ("site1", "site2")
     return tie.get(one, ""), tie.get(other, "")
 

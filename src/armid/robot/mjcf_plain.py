@@ -1,4 +1,4 @@
-"""MJCF in a plain form that Pinocchio reads right.
+"""Conversion of an MJCF to a plain form that Pinocchio reads correctly.
 
 Pinocchio's parser passes over includes, gravity, all but the first tree, switched-off limits and some ways to
 write an orientation, and invents a unit mass where the inertia would come from a mesh. Here includes and default
@@ -39,7 +39,7 @@ GEOM = {"fromto": 6, "mass": 1, "density": 1}
 
 @dataclass(slots=True)
 class Plain:
-    """A description in plain form.
+    """Description in plain form.
 
     Attributes:
         text: The MJCF for Pinocchio.
@@ -60,7 +60,7 @@ class Plain:
 
 
 def flatten(root: ET.Element, source: str) -> ET.Element:
-    """The document with the files it includes put in place and all bodies and joints named, in the given element.
+    """Document with its included files inserted and all bodies and joints named, in the given element.
 
     Raises:
         RobotError: An included file cannot be read or is included twice.
@@ -97,7 +97,7 @@ def flatten(root: ET.Element, source: str) -> ET.Element:
 
 
 def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Plain:
-    """The plain form of a flattened document.
+    """Converts a flattened document to its plain form.
 
     Args:
         root: The document.
@@ -139,7 +139,7 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
 
 @dataclass(slots=True)
 class _Writer:
-    """Writes bodies in plain form and collects what they say of limits."""
+    """Writer of bodies in plain form that collects their limits."""
 
     root: ET.Element
     source: str
@@ -183,7 +183,7 @@ class _Writer:
             self._add_defaults(inner, own, fallback)
 
     def resolved(self, element: ET.Element, childclass: str) -> ET.Element:
-        """The element with the attributes that its default class adds."""
+        """Element with the attributes of its default class added."""
         name = element.get("class", childclass)
         if name not in self.defaults:
             raise RobotError(f"{self.source} has no default class {name!r}.", possible=", ".join(self.defaults))
@@ -192,7 +192,7 @@ class _Writer:
         return ET.Element(element.tag, attributes)
 
     def body(self, body: ET.Element, childclass: str) -> ET.Element:
-        """A body with everything below it; several joints become a chain of bodies of nothing."""
+        """Writes a body with its subtree; several joints become a chain of massless bodies."""
         childclass = body.get("childclass", childclass)
         name = body.get("name", "")
         if name in self.bodies:
@@ -220,7 +220,7 @@ class _Writer:
         return outer
 
     def keep_geoms(self, name: str, body: ET.Element, childclass: str) -> None:
-        """Remember what a body looks like and what space it takes."""
+        """Stores the visual and collision geoms of a body."""
         for geom in body.findall("geom"):
             plain = self.resolved(geom, childclass)
             pose = self._pose(plain, f"a geom of {name or 'the world'!r}")
@@ -228,7 +228,7 @@ class _Writer:
             self.geoms.append((name, ET.Element("geom", {**rest, **pose})))
 
     def _pose(self, element: ET.Element, where: str) -> dict[str, str]:
-        """Position and orientation; orientations that Pinocchio misreads become two axes."""
+        """Position and orientation; orientations that Pinocchio misreads are written as two axes."""
         pose = self._checked(element, POSE, where)
         euler = numbers(element, "euler", 3, self.source, where)
         axisangle = numbers(element, "axisangle", 4, self.source, where)
@@ -242,7 +242,7 @@ class _Writer:
         return pose
 
     def _checked(self, element: ET.Element, counts: Mapping[str, int], where: str) -> dict[str, str]:
-        """Those attributes that are there, each found to hold so many numbers: Pinocchio would not look."""
+        """Existing attributes, each checked to have a given number of values, because Pinocchio does not check."""
         there = [key for key, n in counts.items() if numbers(element, key, n, self.source, where) is not None]
         return {key: element.get(key, "") for key in there}
 
@@ -250,7 +250,7 @@ class _Writer:
         return angles if self.compiler.get("angle", "degree") == "radian" else [math.radians(a) for a in angles]
 
     def _joint(self, joint: ET.Element) -> ET.Element | None:
-        """A hinge or slide in plain form; `None` where it is locked and has more degrees of freedom."""
+        """Hinge or slide in plain form; `None` where it is locked and has several degrees of freedom."""
         name = joint.get("name", "")
         kind = "free" if joint.tag == "freejoint" else joint.get("type", "hinge")
         if kind not in ("hinge", "slide"):
@@ -279,7 +279,7 @@ class _Writer:
         return ET.Element("joint", {"name": name, "type": kind, **plain})
 
     def _mass(self, body: ET.Element, childclass: str, name: str) -> list[ET.Element]:
-        """The inertial element, or the geoms that stand for it."""
+        """Inertial element, or the geoms that define the inertia."""
         source_of_mass = self.compiler.get("inertiafromgeom", "auto")
         inertial = body.find("inertial")
         if inertial is not None and source_of_mass != "true":
@@ -304,13 +304,13 @@ class _Writer:
         return []
 
     def _geom(self, geom: ET.Element, where: str) -> ET.Element:
-        """A primitive with what its mass and inertia depend on."""
+        """Primitive with the attributes that determine its mass and inertia."""
         sizes = {"size": len(geom.get("size", "").split())}
         kept = self._checked(geom, {**GEOM, **sizes}, where)
         return ET.Element("geom", {"type": geom.get("type", "sphere"), **kept, **self._pose(geom, where)})
 
     def _has_mass(self, geom: ET.Element) -> bool:
-        """Tell whether a geom adds to the mass of its body."""
+        """Test whether a geom contributes to the mass of its body."""
         if geom.get("type") in MASSLESS:
             return False
         low, high = numbers(
@@ -338,13 +338,13 @@ class _Writer:
 
 
 def _is_solid(geom: ET.Element) -> bool:
-    """Tell whether the geom's inertia follows from its shape alone."""
+    """Test whether the geom's inertia follows from its shape alone."""
     primitive = geom.get("type", "sphere") in PRIMITIVES and "mesh" not in geom.attrib
     return primitive and geom.get("shellinertia") != "true"
 
 
 def _euler_rotation(angles: list[float], sequence: str) -> Array:
-    """Rotation by Euler angles [rad]; lower case turns with the body, upper case about fixed axes."""
+    """Rotation by Euler angles [rad]; lower case about body axes, upper case about fixed axes."""
     rotation = np.eye(3)
     about = {"x": rotation_x, "y": rotation_y, "z": rotation_z}
     for letter, angle in zip(sequence, angles, strict=True):
@@ -354,5 +354,5 @@ def _euler_rotation(angles: list[float], sequence: str) -> Array:
 
 
 def _axes(rotation: Array) -> str:
-    """First and second column as text that reads back exactly."""
+    """First and second column as text in full precision."""
     return " ".join(repr(float(x)) for x in rotation[:, :2].T.ravel())

@@ -1,4 +1,4 @@
-"""Bodies of an MJCF for pictures and for collisions, and its sites, each on the link that carries it.
+"""Visual and collision geometry of an MJCF and its sites, each on the link that carries it.
 
 A geom that touches nothing (contype and conaffinity of zero) is there to be seen; by MuJoCo's habit, groups from 3 on
 are not shown. Meshes are looked for in the compiler's folders; files are not opened here.
@@ -33,11 +33,11 @@ from armid.values import Array
 __all__ = ["add_sites", "carriers_of", "shapes_of_mjcf"]
 
 FIRST_HIDDEN = 3.0
-"""First of the groups of geoms that MuJoCo's viewer does not show unless asked."""
+"""First group of geoms that MuJoCo's viewer hides by default."""
 
 
 def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
-    """For each body the index of the joint that moves it, -1 for none, and its frame in that joint's link."""
+    """Index of the joint that moves each body, -1 for none, and the body's frame in that joint's link."""
     return {
         frame.name: (frame.parentJoint - 1, np.array(frame.placement.homogeneous))
         for frame in model.frames
@@ -46,7 +46,7 @@ def carriers_of(model: Any) -> dict[str, tuple[int, Array]]:
 
 
 def add_sites(model: Any, plain: Plain) -> None:
-    """Give a `pinocchio.Model` a frame for each site, on the frame of its body."""
+    """Adds a frame for each site to a `pinocchio.Model`, on the frame of its body."""
     pin = pinocchio()
     bodies = {frame.name: k for k, frame in enumerate(model.frames) if frame.type.name == "BODY"}
     for body, site in plain.sites:
@@ -59,7 +59,7 @@ def add_sites(model: Any, plain: Plain) -> None:
 def shapes_of_mjcf(
     root: ET.Element, plain: Plain, carriers: Mapping[str, tuple[int, Array]], source: str
 ) -> tuple[tuple[Shape, ...], tuple[Shape, ...], tuple[Finding, ...]]:
-    """Return what space the bodies take, what they look like, and what of it is not there.
+    """Collision geometry, visual geometry, and findings about missing parts of it.
 
     Args:
         root: The flattened document.
@@ -91,7 +91,7 @@ def shapes_of_mjcf(
 
 
 def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:
-    """File and scale of each mesh whose file is there."""
+    """File and scale of each mesh whose file exists."""
     compiler: dict[str, str] = {}
     for each in root.findall("compiler"):
         compiler.update(each.attrib)
@@ -111,7 +111,7 @@ def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:
 
 
 def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]]) -> Shape | None:
-    """A geom in its body's frame; `None` for what cannot be shown."""
+    """Geom in its body's frame; `None` for a kind that cannot be shown."""
     kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
     pose = _placement(geom)
     if kind == "mesh":
@@ -138,7 +138,7 @@ def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]])
 
 
 def _placement(geom: ET.Element) -> Array:
-    """The frame of a geom or site in its body's, from a position and one of three ways to say an orientation."""
+    """Frame of a geom or site in its body's, from a position and one of three forms of orientation."""
 
     def given(key: str) -> Array:
         return np.array([float(x) for x in geom.get(key, "").split()])

@@ -1,4 +1,4 @@
-"""Folders of ROS packages: those given, above the description, in ROS_PACKAGE_PATH and in AMENT_PREFIX_PATH.
+"""Search for folders of ROS packages: given ones, above the description, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH.
 
 A description names meshes as package://NAME/… and xacro files as $(find NAME)/…; where NAME is, is the workspace's
 secret. Nothing of ROS needs to be installed.
@@ -22,7 +22,7 @@ _given: ContextVar[Mapping[str, str]] = ContextVar("_given", default=MappingProx
 
 
 def give_packages(packages: Mapping[str, str]) -> Token[Mapping[str, str]]:
-    """Packages that stand in some folders, from here on in this context; `forget` takes them back.
+    """Registers packages by their folders in this context; `forget` removes them.
 
     Raises:
         RobotError: A folder is not there.
@@ -36,17 +36,17 @@ def give_packages(packages: Mapping[str, str]) -> Token[Mapping[str, str]]:
 
 
 def forget(token: Token[Mapping[str, str]]) -> None:
-    """Take back what was given."""
+    """Removes the packages that were registered."""
     _given.reset(token)
 
 
 def given_packages() -> Mapping[str, str]:
-    """Packages whose folders were given."""
+    """Packages whose folders were registered."""
     return _given.get()
 
 
 def package_folders(name: str, source: str) -> list[Path]:
-    """Folders that a package may be, the likeliest first; those there are.
+    """Existing folders that may contain a package, the most likely first.
 
     Args:
         name: The package.
@@ -63,7 +63,7 @@ def package_folders(name: str, source: str) -> list[Path]:
 
 
 def file_of(name: str, inside: Path, source: str) -> str:
-    """A file of a package; empty where it is not found.
+    """Path of a file in a package; empty where it is not found.
 
     Folders above the description that hold the path without the package's name will do, as in a folder of meshes that
     was copied by itself, but only where no folder has the package's name.
@@ -75,11 +75,11 @@ def file_of(name: str, inside: Path, source: str) -> str:
 
 
 def _entries(variable: str) -> list[Path]:
-    """The folders of a variable of the environment."""
+    """Folders in an environment variable."""
     return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
 
 
 def _below(folder: Path, name: str) -> list[Path]:
-    """Folders of a name with a package's description, up to three folders below another one."""
+    """Folders with a name and a package description, up to three levels below another folder."""
     found = [path for deep in ("*", "*/*", "*/*/*") for path in sorted(folder.glob(f"{deep}/{name}/package.xml"))]
     return [path.parent for path in found]

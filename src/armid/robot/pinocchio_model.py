@@ -1,4 +1,4 @@
-"""From a Pinocchio model to a `Robot`: what the URDF and the MJCF reader share."""
+"""Conversion of a Pinocchio model to a `Robot`, shared by the readers of URDF and MJCF."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ORTHONORMAL_TOLERANCE = 1e-6
 """Departure of RᵀR from the identity that printed numbers can explain; more is a broken description."""
 
 NO_STOP = 100.0
-"""A position limit beyond this many radians stands for "none": no arm turns sixteen times between its stops."""
+"""Position limit [rad] from which a joint counts as unlimited: no arm turns sixteen times between its stops."""
 
 FLANGE_NAMES = ("tool0", "flange")
 """Names of the tool flange by the convention REP 199 of ROS-Industrial, in order of preference."""
@@ -35,7 +35,7 @@ Sliding = ("PX", "PY", "PZ", "PrismaticUnaligned")
 
 @dataclass(frozen=True, slots=True)
 class DescribedLimits:
-    """Limits of one joint; infinite where the description does not say.
+    """Limits of one joint; infinite where the description has none.
 
     Attributes:
         lower: Lowest position [rad or m].
@@ -53,7 +53,7 @@ class DescribedLimits:
 def limits_of(
     joint: str, *, position: tuple[float, float] | None, velocity: float, effort: float, turns: bool
 ) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint from what stands in a description, placeholders taken as unknown.
+    """Limits of a joint from its description, with placeholders taken as unknown.
 
     Zero velocity or effort, a range without width, and a range of a rotating joint wider than any stops allow are
     placeholders; the last two are reported.
@@ -88,12 +88,12 @@ def limits_of(
 
 
 def pinocchio() -> Any:
-    """The Pinocchio module, imported when first needed because that takes 0.3 s."""
+    """Pinocchio module, imported when first needed because that takes 0.3 s."""
     return importlib.import_module("pinocchio")
 
 
 def build(make: Callable[[], Any], source: str) -> Any:
-    """Return what `make` makes of a description, with the parser's printed complaints moved into the error.
+    """Result of `make` for a description, with printed complaints of the parser moved into the error.
 
     Raises:
         RobotError: The parser refused the description, or complained and left something out.
@@ -132,7 +132,7 @@ def robot_from_model(
     gravity: ArrayLike = EARTH_GRAVITY,
     findings: tuple[Finding, ...] = (),
 ) -> Robot:
-    """The robot that a Pinocchio model describes; its fixed joints are merged already.
+    """Robot of a Pinocchio model; its fixed joints are merged already.
 
     Args:
         model: A `pinocchio.Model`.
@@ -168,7 +168,7 @@ def robot_from_model(
 
 
 def find_tip(model: Any, locked: Collection[str]) -> Any:
-    """The frame that stands for the tool flange.
+    """Frame of the tool flange.
 
     The last moving joint of the longest chain is sought (locked joints do not count; of equally long chains the
     last one is taken). If something fixed to its link is called tool0 or flange, that is the tip. Otherwise the

@@ -1,4 +1,4 @@
-"""Arm: links, joints with one degree of freedom, limits, gravity, a tip frame."""
+"""Robot arm: links, joints with one degree of freedom, limits, gravity, a tip frame."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EARTH_GRAVITY = (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of an upright arm [m/s²]; a hanging arm has (0, 0, 9.81)."""
 
 CONSISTENCY_TOLERANCE = 1e-9
-"""Smallest over largest eigenvalue of a pseudo-inertia that still counts as not negative: rounding."""
+"""Relative negative eigenvalue of a pseudo-inertia that is accepted as rounding."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,24 +50,24 @@ class InertialParameters:
 
     @classmethod
     def from_vector(cls, vector: ArrayLike) -> InertialParameters:
-        """From the ten parameters in order m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+        """Inertial parameters from the vector m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
         v = array(vector, (10,), "inertial parameters")
         return cls(float(v[0]), v[1:4], v[4:])
 
     @classmethod
     def from_com(cls, mass: float, com: ArrayLike, inertia_about_com: ArrayLike) -> InertialParameters:
-        """From mass [kg], centre of mass (3,) [m] and the inertia tensor about it (3, 3) [kg·m²]."""
+        """Inertial parameters from mass [kg], centre of mass (3,) [m] and inertia tensor about it (3, 3) [kg·m²]."""
         tensor = array(inertia_about_com, (3, 3), "inertia_about_com")
         return cls.from_vector(inertia_maths.com_inertia_to_vector(mass, array(com, (3,), "com"), tensor))
 
     @classmethod
     def zero(cls) -> InertialParameters:
-        """A body of nothing."""
+        """Inertial parameters of a massless body."""
         return cls.from_vector(np.zeros(10))
 
     @property
     def vector(self) -> Array:
-        """The ten parameters, shape (10,)."""
+        """Vector of the ten parameters, shape (10,)."""
         return np.concatenate([[self.mass], self.first_moment, self.inertia])
 
     @property
@@ -81,22 +81,22 @@ class InertialParameters:
         return self.first_moment / self.mass if self.mass else np.full(3, np.nan)
 
     def is_consistent(self, tolerance: float = CONSISTENCY_TOLERANCE) -> bool:
-        """Tell whether some distribution of positive mass has these parameters."""
+        """Whether some distribution of positive mass has these parameters."""
         eigenvalues = np.linalg.eigvalsh(self.pseudo_inertia)
         return bool(eigenvalues[0] >= -tolerance * max(abs(eigenvalues[-1]), np.finfo(float).tiny))
 
     def seen_from(self, rotation: Array, translation: Array) -> InertialParameters:
-        """The same body in frame A, given R_AB (3, 3) and p_AB (3,) [m] of this frame B."""
+        """Same body in frame A, given R_AB (3, 3) and p_AB (3,) [m] of this frame B."""
         return self.from_vector(inertia_maths.transform(self.vector, rotation, translation))
 
     def __add__(self, other: InertialParameters) -> InertialParameters:
-        """The two bodies welded together, both in one frame."""
+        """Sum of two bodies that are welded together, both in one frame."""
         return self.from_vector(self.vector + other.vector)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Joint:
-    """A joint with one degree of freedom.
+    """Joint with one degree of freedom.
 
     Attributes:
         name: Name in the description.
@@ -137,12 +137,12 @@ class Joint:
 
     @property
     def is_prismatic(self) -> bool:
-        """Tell whether it slides rather than turns."""
+        """Whether the joint is prismatic."""
         return self.kind == "prismatic"
 
     @property
     def unit(self) -> str:
-        """Unit of its position."""
+        """Unit of its position, `rad` or `m`."""
         return "m" if self.is_prismatic else "rad"
 
     @property
@@ -162,7 +162,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Link:
-    """A rigid body moved by the joint of the same index.
+    """Rigid body moved by the joint of the same index.
 
     Attributes:
         name: Name in the description; of the first body where several were merged.
@@ -175,7 +175,7 @@ class Link:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frame:
-    """A frame fixed to a link.
+    """Frame fixed to a link.
 
     Attributes:
         name: Its name.
@@ -193,7 +193,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """A joint of the description that is held still.
+    """Joint of the description that is locked.
 
     Attributes:
         name: Its name.
@@ -210,7 +210,7 @@ class Held:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Robot(Displayed):
-    """An open chain or tree of joints on a fixed base.
+    """Open chain or tree of joints on a fixed base.
 
     Attributes:
         name: Name of the arm.
@@ -267,7 +267,7 @@ class Robot(Displayed):
 
     @property
     def described_joints(self) -> tuple[str, ...]:
-        """Names of the joints with those that are held still, in the description's order."""
+        """Names of the joints, locked ones included, in the description's order."""
         names = list(self.joint_names)
         for held in sorted(self.held, key=lambda each: each.place):
             names.insert(held.place, held.name)
@@ -275,7 +275,7 @@ class Robot(Displayed):
 
     @property
     def tree(self) -> Tree:
-        """The geometry as the kernel takes it."""
+        """Geometry in the form of the kernel."""
         return Tree(
             parent=np.array([j.parent for j in self.joints]),
             prismatic=np.array([j.is_prismatic for j in self.joints]),
@@ -287,14 +287,14 @@ class Robot(Displayed):
 
     @property
     def inertial_vector(self) -> Array | None:
-        """Nominal inertial parameters, shape (n, 10); `None` where no link has any mass to speak of."""
+        """Nominal inertial parameters, shape (n, 10); `None` where no link has a significant mass."""
         if all(link.inertial is None or not link.inertial.vector.any() for link in self.links):
             return None
         zero = InertialParameters.zero()
         return np.array([(link.inertial or zero).vector for link in self.links])
 
     def summary(self) -> Summary:
-        """Joints with their limits."""
+        """Table of the joints with their limits."""
         limits = ((*each.position_limits, each.velocity_limit, each.effort_limit) for each in self.joints)
         rows = tuple(
             (each.name, each.kind, *(f"{x:.4g}" for x in bounds))
@@ -320,11 +320,11 @@ class Robot(Displayed):
             ) from None
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
-        """The same arm under another gravity acceleration (3,) [m/s²], for instance hanging."""
+        """Same arm with another gravity acceleration (3,) [m/s²], for instance hanging."""
         return replace(self, gravity=array(gravity, (3,), "gravity"))
 
     def lock(self, values: Mapping[str, float] | Iterable[str]) -> Robot:
-        """The arm with some joints held still, each welded to the link that carries it.
+        """Arm with some joints locked, each welded to the link that carries it.
 
         Args:
             values: Joint names, with positions [rad or m]; 0 where only names are given.
@@ -340,7 +340,7 @@ class Robot(Displayed):
 
 
 def _weld(robot: Robot, index: int, value: float) -> Robot:
-    """The robot without joint `index`, its link merged into the parent link at position `value`."""
+    """Robot without joint `index`, whose link is merged into the parent link at position `value`."""
     if robot.n == 1:
         raise RobotError(
             f"Locking {robot.joints[index].name!r} leaves {robot.name} without a joint.",

@@ -1,4 +1,4 @@
-"""Space that the links take: simple bodies fixed to links, for collision."""
+"""Collision geometry of the links: simple bodies fixed to links."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Kind = Literal["capsule", "sphere", "cylinder", "box", "mesh", "half-space"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Shape:
-    """A body fixed to a link or to the base.
+    """Body fixed to a link or to the base.
 
     Attributes:
         name: What messages call it, for instance the link's name.
@@ -60,17 +60,17 @@ class Shape:
             )
 
     def on(self, link: int, placement: Array) -> Shape:
-        """The same carried by another link, whose frame sees this one's frame at a placement (4, 4)."""
+        """Same shape on another link, whose frame sees this one's frame at a placement (4, 4)."""
         return replace(self, link=link, placement=placement @ self.placement)
 
 
 def shape_name(link: str, number: int) -> str:
-    """Name the n-th shape of a link for messages, from 1 on: by the link's name, after the first with the number."""
+    """Name of the n-th shape of a link, from 1: the link's name, from the second on with the number."""
     return link if number == 1 else f"{link} shape {number}"
 
 
 def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radius: float) -> Shape:
-    """The capsule about the line between two points (3,) of a link [m]."""
+    """Capsule between two points (3,) of a link [m]."""
     a, b = array(begin, (3,), "from"), array(end, (3,), "to")
     length = float(np.linalg.norm(b - a))
     turned = rotation_with_z(b - a if length else np.array([0.0, 0.0, 1.0]))
@@ -78,7 +78,7 @@ def capsule_between(name: str, link: int, begin: ArrayLike, end: ArrayLike, radi
 
 
 def meshes_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
-    """One finding for all collision meshes that are not there; none where none is missing.
+    """Finding about all missing collision meshes; none where all exist.
 
     Args:
         files: The file by the body that it is of.
@@ -96,7 +96,7 @@ def meshes_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
 
 
 def looks_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
-    """One finding for all visual meshes that are not there; none where none is missing.
+    """Finding about all missing visual meshes; none where all exist.
 
     Args:
         files: The file by the body that it is of.
@@ -109,7 +109,7 @@ def looks_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
 
 
 def rotation_with_z(direction: Array) -> Array:
-    """The least rotation (3, 3) whose z points along a direction (3,) that is not zero, about x where that is -z."""
+    """Smallest rotation (3, 3) that turns z to a non-zero direction (3,), about x where that is -z."""
     x, y, z = direction / np.linalg.norm(direction)
     if x == y == 0.0:
         return np.diag([1.0, np.sign(z), np.sign(z)])

@@ -116,7 +116,7 @@ def _geometry(shape: ET.Element, source: str, where: str) -> tuple[Kind, Array, 
 
 
 def _mesh_path(filename: str, source: str) -> str:
-    """The mesh's file; empty where it is not found."""
+    """Path of the mesh; empty where it is not found."""
     folder = Path(source).resolve().parent
     for scheme in ("package://", "model://"):
         if filename.startswith(scheme):

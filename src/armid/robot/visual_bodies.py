@@ -1,4 +1,4 @@
-"""Space of links of which the description says only what they look like."""
+"""Collision geometry from visual geometry, for links that have no other."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["missing_bodies", "with_bodies"]
 
 
 def missing_bodies(robot: Robot) -> list[Finding]:
-    """Findings about bodies that the description has, but whose files are not there.
+    """Findings about bodies whose files do not exist.
 
     What links look like counts where no link has another body.
     """
@@ -20,7 +20,7 @@ def missing_bodies(robot: Robot) -> list[Finding]:
 
 
 def with_bodies(robot: Robot) -> Robot:
-    """The robot with what its links look like as their bodies, where it has no others for them; a finding says so."""
+    """Robot whose visual geometry replaces missing collision geometry, with a finding about it."""
     known = {shape.link for shape in robot.shapes}
     seen = tuple(each for each in robot.visuals if each.link not in known and each.kind != "half-space")
     if not seen:

@@ -1,4 +1,4 @@
-"""XML of robot descriptions: parsed without entities, faults told with a line number."""
+"""Parser of the XML of robot descriptions, without entities and with line numbers in errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["check_locked", "floating", "identity_only", "numbers", "parse_xml", 
 
 
 def parse_xml(text: str, source: str) -> ET.Element:
-    """The root element of an XML text.
+    """Root element of an XML text.
 
     A document type is refused before anything in it is read: it could pull in other files or grow without bound,
     and no robot description needs one.
@@ -47,7 +47,7 @@ def parse_xml(text: str, source: str) -> ET.Element:
 
 
 def root_tag(text: str) -> str:
-    """Tag of the root element; empty where the text does not get that far."""
+    """Tag of the root element; empty where the text has none."""
     tags: list[str] = []
 
     def start(tag: str, _: dict[str, str]) -> None:
@@ -82,7 +82,7 @@ def numbers(element: ET.Element, attribute: str, count: int, source: str, where:
 
 
 def check_locked(locked: Iterable[str], known: Iterable[str], source: str) -> None:
-    """Refuse locked joints that the description does not have.
+    """Raises an error for locked joints that the description does not have.
 
     Raises:
         RobotError: Such a joint; the message lists those there are.
@@ -98,7 +98,7 @@ def check_locked(locked: Iterable[str], known: Iterable[str], source: str) -> No
 
 
 def identity_only(name: str, kind: str, value: float) -> None:
-    """Refuse to lock a joint of several degrees of freedom anywhere but at its zero pose.
+    """Raises an error for a joint of several degrees of freedom that is locked away from its zero pose.
 
     Raises:
         RobotError: `value` is not 0.
@@ -111,7 +111,7 @@ def identity_only(name: str, kind: str, value: float) -> None:
 
 
 def floating(source: str, name: str, kind: str, possible: str) -> RobotError:
-    """The error for a joint of several degrees of freedom that is not locked, such as a floating base."""
+    """Error for a joint of several degrees of freedom that is not locked, such as a floating base."""
     return RobotError(
         f"{source}: joint {name!r} is of kind {kind!r}.",
         possible=possible,

@@ -1,1 +1,1 @@
-"""Columns of a file: their names, units and clock, and the joint that each belongs to."""
+"""Columns of a file: names, units, clock, and the joint of each."""

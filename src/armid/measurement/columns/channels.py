@@ -1,4 +1,4 @@
-"""Channels of the joints, and what the channels of no joint show."""
+"""Assignment of the channels of a recording to the joints of a robot."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from armid.values import Array
 __all__ = ["channels_of_joints", "in_joint_order"]
 
 MOVES = {"rad": 0.01, "m": 1e-3}
-"""Span from which a joint that should be held still has moved: more than noise or the play of a brake."""
+"""Position range from which a joint that should be locked has moved: more than noise or the play of a brake."""
 
 ELSEWHERE = {"rad": 0.05, "m": 5e-3}
-"""Distance from where a joint is said to be held that matters to the weights of what it carries."""
+"""Distance from the stated position of a locked joint that changes the gravity torques noticeably."""
 
 LISTED = 20
-"""Names of channels shown in a finding; a humanoid publishes fifty."""
+"""Largest number of channel names in a finding; a humanoid publishes fifty."""
 
 
 def in_joint_order(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
-    """The recording with the robot's joints alone, in its order, and what its other channels show.
+    """Selects the channels of the robot's joints in its order, with findings about the other channels.
 
     Raises:
         RecordingError: Joints and channels that do not match.
@@ -50,7 +50,7 @@ def in_joint_order(recording: Recording, reading: LogFormat, robot: Robot) -> tu
 
 
 def channels_of_joints(recording: Recording, reading: LogFormat, robot: Robot) -> list[int]:
-    """Tell which channel of a recording is each joint's, counted from 0.
+    """Index of the channel of each joint, counted from 0.
 
     Raises:
         RecordingError: Joints and channels that do not match.
@@ -60,7 +60,7 @@ def channels_of_joints(recording: Recording, reading: LogFormat, robot: Robot) -
 
 
 def _targets(recording: Recording, reading: LogFormat, robot: Robot) -> list[str]:
-    """Tell whose each channel is: a joint of the robot, one that is held still, another's, or nobody's (empty)."""
+    """Owner of each channel: a joint of the robot, a locked joint, a joint of another arm, or none (empty)."""
     given = reading.joint_map
     channels = recording.channels
     unknown = [name for name in given if name not in channels]
@@ -93,7 +93,7 @@ def _targets(recording: Recording, reading: LogFormat, robot: Robot) -> list[str
 
 
 def _by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
-    """Joints of channels that have no names: the robot's, or those of its description where some are held still."""
+    """Joints of unnamed channels: those of the robot, or of its description where some are locked."""
     described = robot.described_joints
     if recording.n == robot.n:
         return robot.joint_names
@@ -109,7 +109,7 @@ def _by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
 
 
 def _others(recording: Recording, reading: LogFormat, robot: Robot, targets: list[str]) -> tuple[Finding, ...]:
-    """Report channels that are of no joint of the robot: motion where none should be, or nothing that matters."""
+    """Findings about channels that belong to no joint of the robot."""
     held = {each.name: each for each in robot.held}
     found = [_of_held(recording.q[:, k], held[name], reading) for k, name in enumerate(targets) if name in held]
     extra = [
@@ -125,7 +125,7 @@ def _others(recording: Recording, reading: LogFormat, robot: Robot, targets: lis
 
 
 def _of_held(q: Array, held: Held, reading: LogFormat) -> Finding | None:
-    """Return what a log shows of a joint that is held still: that it moves, or stands elsewhere."""
+    """Findings about a locked joint: it moves, or it is at another position than stated."""
     q = q[np.isfinite(q)]
     if not q.size or reading.transmission is not None:
         return None

@@ -1,4 +1,4 @@
-"""The column of times: by its name, else by a unit of time and growth."""
+"""Choice of the time column, by its name or by a unit of time and increasing values."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ Values = Callable[[str], NDArray[np.generic]]
 """What gives the numbers under a name; it raises `RecordingError` where they are none."""
 
 FORWARD = 0.95
-"""Share of the steps of a clock that do not go back; a fault or two must not hide what is one."""
+"""Share of the steps of a clock that are not negative; single faulty steps are tolerated."""
 
 EVEN = 0.9
-"""Share of the steps of an even clock that are within a half of the median one."""
+"""Share of the steps of a uniform clock that are within a half of the median step."""
 
 LONGEST_STEP = 0.5
-"""Median time step [s] from which on a clock surely does not count seconds: nobody records a motion at 2 Hz."""
+"""Median step [s] from which a clock cannot count seconds: nobody records a motion at 2 Hz."""
 
 UNITS = ((100.0, 1e-3, "milliseconds"), (1e5, 1e-6, "microseconds"), (np.inf, 1e-9, "nanoseconds"))
-"""By the step of a clock that counts no seconds, what it may count: 10 Hz to 2 kHz in each of them."""
+"""Possible units of a clock that does not count seconds, by its step: 10 Hz to 2 kHz in each of them."""
 
 IN_STEP = 1e-3
-"""Relative difference of the spans of two clocks that count the same time."""
+"""Relative difference up to which the spans of two clocks count as equal."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockRequest:
-    """Sets of columns that are equally good.
+    """Ambiguous guess: several sets of columns that fit equally well.
 
     Attributes:
         quantity: What they may hold.
@@ -47,7 +47,7 @@ class ClockRequest:
 
 
 def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[str, ...] | ClockRequest:
-    """Choose the column of times that is nearest to the measurement, with that of its nanoseconds where it has one.
+    """Chooses the time column that is closest to the measurement, with its column of nanoseconds if any.
 
     Args:
         names: All columns.
@@ -68,13 +68,13 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 
 
 def _grows(values: Array) -> bool:
-    """Tell whether numbers grow from row to row as times do, a fault or two left aside."""
+    """Test whether numbers increase from row to row as times do, up to single faults."""
     step = np.diff(values)
     return bool(step.size and np.isfinite(values).all() and np.median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
 
 
 def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) -> dict[str, float]:
-    """Find columns that may be a clock though neither name nor unit says so.
+    """Columns that increase uniformly and may be a clock although neither name nor unit says so.
 
     Args:
         names: All columns.
@@ -97,14 +97,14 @@ def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) 
 
 
 def unit_of_step(step: float) -> tuple[float, str] | None:
-    """Return what a clock with that median step counts, and its length [s]; nothing where that can be seconds."""
+    """Name and length [s] of the unit of a clock with a given median step; `None` where it can be seconds."""
     if step < LONGEST_STEP:
         return None
     return next((length, name) for most, length, name in UNITS if step < most)
 
 
 def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockRequest:
-    """The column with a unit of time that grows; of several that count the same time the first."""
+    """Increasing column with a unit of time; the first where several count the same time."""
     spans: dict[str, float] = {}
     for name in dict.fromkeys(names):
         unit = time_unit(name)
@@ -120,7 +120,7 @@ def _by_unit(names: Sequence[str], values: Values) -> tuple[str, ...] | ClockReq
 
 
 def _numbers(name: str, values: Values) -> Array | None:
-    """The numbers of one column; nothing where it has none, or several a row."""
+    """Numbers of one column; `None` where it has none, or several per row."""
     try:
         found = values(name)
     except RecordingError:
@@ -130,7 +130,7 @@ def _numbers(name: str, values: Values) -> Array | None:
 
 
 def _counts_rest(clock: Clock) -> bool:
-    """Tell whether it counts the nanoseconds beside a column of whole seconds."""
+    """Test whether a column holds the nanoseconds to a column of whole seconds."""
     return any(word in ("nanosec", "nsec", "nsecs") for word in words(clock.column))
 
 

@@ -1,4 +1,4 @@
-"""Guesses of columns from their names: those of the joints, and the patterns that people use.
+"""Guesses of the columns of the joints from their names, by patterns in common use.
 
 Functions of names alone, but for a column of times that its unit shows. What was measured goes before what was asked
 for, where names say so; two sets of columns that are equally good are no guess but a question.
@@ -21,7 +21,7 @@ Channel = str | int
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """Guess of columns.
+    """Columns guessed from their names.
 
     Attributes:
         columns: Names for each quantity that was found; times may have two, seconds and nanoseconds.
@@ -38,7 +38,7 @@ class Guess:
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """Columns whose names differ in the channel alone.
+    """Columns whose names differ only in the channel.
 
     Attributes:
         quantity: What they hold; a current is an effort.
@@ -73,7 +73,7 @@ def guess_columns(
     matrices: bool = False,
     values: Values | None = None,
 ) -> Guess | ClockRequest:
-    """Guess which columns hold some quantities.
+    """Guesses which columns hold given quantities.
 
     Args:
         names: All columns.
@@ -123,7 +123,7 @@ def guess_columns(
 
 
 def _groups(names: Sequence[str], labels: Sequence[str], *, matrices: bool) -> list[_Group]:
-    """Columns by what they hold and by their form; those of one form and channel are in groups of their own."""
+    """Columns grouped by quantity and form of the name; duplicates of a channel form groups of their own."""
     found: dict[tuple[str, tuple[str, ...], bool, int], dict[Channel, ColumnName]] = {}
     for column in dict.fromkeys(names):
         for each in named(column, labels):
@@ -148,7 +148,7 @@ def _in_order(members: Mapping[Channel, ColumnName]) -> dict[Channel, ColumnName
 
 
 def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
-    """Tell whether it has all joints, or numbers without a gap, from 0 or from 1."""
+    """Test whether a group has all joints, or numbers without a gap, from 0 or from 1."""
     if group.by_name:
         return bool(wanted) and set(wanted) <= set(group.members)
     if "" in group.members:
@@ -159,7 +159,7 @@ def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
 
 
 def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
-    """Tell whether it has the channels that the positions have, and tells of the same thing."""
+    """Test whether a group has the same channels as the positions and describes the same device."""
     if positions is None:
         return not channels or "" in group.members or (not group.by_name and len(group.members) == channels)
     same = group.by_name if positions.by_name else set(group.members) == set(positions.members)
@@ -168,7 +168,7 @@ def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
 
 
 def _best(groups: Sequence[_Group], joints: int, described: int) -> list[_Group]:
-    """The best, and those that are as good."""
+    """Best group and the groups that are equally good."""
 
     def key(group: _Group) -> tuple[bool, bool, int, bool, int]:
         role, motor = group.first.rank
@@ -194,7 +194,7 @@ def _order(chosen: Mapping[str, _Group], labels: Sequence[str]) -> list[Channel]
 
 
 def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequence[_Group]) -> str:
-    """Return what was taken, by what, and what was left lying."""
+    """Sentence with the chosen columns, the reason, and the alternatives that were not chosen."""
     what = f"{quantity} is {shortened(columns)}"
     what += ", by the joints' names" if group.by_name else ""
     what += ", asked for and not measured" if group.first.commanded else ""
@@ -204,5 +204,5 @@ def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequ
 
 
 def shortened(columns: Sequence[str]) -> str:
-    """The first and the last of several names."""
+    """First and last of several names, as text."""
     return ", ".join(columns) if len(columns) < 4 else f"{columns[0]} … {columns[-1]}"

@@ -1,4 +1,4 @@
-"""Columns of a file with time, position, velocity, acceleration and effort."""
+"""Selection of the columns of a file with time, position, velocity, acceleration and effort."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
 """Names tried in this order where the reading gives none; `{}` counts from 1."""
 
 CURRENT = re.compile(r"i([_\[]?\d+\]?)?|.*current.*", re.IGNORECASE)
-"""Names that columns of motor current have: i1, i_1, i[0], actual_current_0; others say it by their unit."""
+"""Names of columns with motor current: i1, i_1, i[0], actual_current_0; others are known by their unit."""
 
 LISTED = 60
-"""Names shown in a message; a log of a controller may have hundreds."""
+"""Largest number of names in a message; the log of a controller may have hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The names chosen in one file.
+    """Columns chosen in one file.
 
     Attributes:
         time: None, one, or two (seconds and nanoseconds).
@@ -64,7 +64,7 @@ class Selection:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All of them, each once."""
+        """All chosen columns, each once."""
         return tuple(dict.fromkeys((*self.time, *self.q, *self.dq, *self.ddq, *self.effort)))
 
 
@@ -77,7 +77,7 @@ def select(
     matrices: bool = False,
     values: Values | None = None,
 ) -> Selection:
-    """Choose columns by the reading's map, its preset, the usual names, or a guess.
+    """Chooses columns by the stated names, the preset, the usual names, or a guess.
 
     Args:
         names: Columns or variables of the file.
@@ -111,7 +111,7 @@ def select(
 
 
 def _stated(present: Mapping[str, Any], reading: LogFormat, path: Path) -> dict[str, tuple[str, ...]]:
-    """Columns that the reading names, that its preset has, or that have the usual names."""
+    """Columns that the log format names, that its preset has, or that have the usual names."""
     chosen: dict[str, tuple[str, ...]] = {}
     for quantity in QUANTITIES:
         if quantity in reading.columns:
@@ -138,7 +138,7 @@ def assemble(
     path: Path,
     joint_names: Sequence[str] = (),
 ) -> Recording:
-    """The recording that a file's columns make.
+    """Builds the recording from the chosen columns of a file.
 
     Args:
         selection: Chosen names.
@@ -185,7 +185,7 @@ def _guess(
     matrices: bool,
     values: Values | None,
 ) -> Guess:
-    """Return what columns may hold the quantities that are not known yet.
+    """Guessed columns of the quantities that are not known yet.
 
     Raises:
         RecordingError: Several sets of columns are equally good.
@@ -212,7 +212,7 @@ def _guess(
 
 
 def _as_reading(guess: Guess, reading: LogFormat, robot: Robot | None) -> dict[str, Any]:
-    """Return what a reading would say for the same columns."""
+    """Guessed columns in the form of fields of a log format."""
     if not guess.columns:
         return {}
     said: dict[str, Any] = {"columns": {**reading.columns, **guess.columns}}
@@ -226,7 +226,7 @@ def _as_reading(guess: Guess, reading: LogFormat, robot: Robot | None) -> dict[s
 
 
 def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]]) -> tuple[Finding, ...]:
-    """Return what was found out by the names, with the lines of a study that say it."""
+    """Findings about guessed columns and units, with the lines of a study that state them."""
     units = stated_units(chosen)
     told = [f"By the names of the columns: {'; '.join(guess.reasons)}."] if guess.columns else []
     told += [f"By their names, {units}."] if units else []
@@ -244,7 +244,7 @@ def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tup
 
 
 def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], reading: LogFormat) -> bool:
-    """Tell whether a clock is needed, and the reading has not left it out."""
+    """Test whether a clock is needed and the log format does not leave it out."""
     asked = reading.rate is None and reading.consecutive is not False and reading.preset is None
     return asked and not chosen["time"] and "time" not in reading.columns
 
@@ -252,7 +252,7 @@ def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], reading: LogFormat) -> b
 def _possible_clocks(
     present: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], values: Values, reading: LogFormat
 ) -> tuple[Finding, ...]:
-    """Columns that grow evenly and are not used: one of them may be the clock that the file lacks."""
+    """Finding about unused columns that increase uniformly: one of them may be the missing clock."""
     found = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
     if not found:
         return ()
@@ -267,7 +267,7 @@ def _possible_clocks(
 
 
 def _time_unit(reading: LogFormat, selection: Selection) -> float:
-    """Length of one unit of the time column [s]: what reading or header say, else what the preset does."""
+    """Length of one unit of the time column [s], from log format or header, else from the preset."""
     if reading.time_unit is not None or "time_unit" in selection.guessed:
         return float(reading.time_unit or selection.guessed["time_unit"])
     preset = PRESETS.get(reading.preset or "")
@@ -275,7 +275,7 @@ def _time_unit(reading: LogFormat, selection: Selection) -> float:
 
 
 def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingError:
-    """More channels of one quantity than of another."""
+    """Error for more channels of one quantity than of another."""
     listed = [
         f"{count} of {name} ({' … '.join(dict.fromkeys((*names[:1], *names[-1:])))})"
         for name, names, count in (("q", selection.q, q), ("effort", selection.effort, effort))
@@ -289,7 +289,7 @@ def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingE
 
 
 def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
-    """A column as float64.
+    """Values of a column as float64.
 
     Raises:
         RecordingError: It holds something else than real numbers, or is no vector or matrix.
@@ -307,7 +307,7 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
 
 
 def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str, path: Path) -> tuple[str, ...]:
-    """The columns that one pattern or a list of names asks for; all must be there."""
+    """Columns of one pattern or a list of names; all of them must exist."""
     if len(patterns) == 1:
         found = _expand(patterns[0], present, path)
         if not found:
@@ -320,7 +320,7 @@ def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str,
 
 
 def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool = False) -> tuple[str, ...]:
-    """The columns that match a pattern, in the order of their numbers; a usual name may count from 0 as well."""
+    """Columns that match a pattern, in the order of their numbers; a usual name may also count from 0."""
     for braces, first in (("{}", 1), ("{0}", 0)):
         if braces not in pattern:
             continue
@@ -344,7 +344,7 @@ def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool
 
 
 def _refuse_two_efforts(effort: tuple[str, ...], present: Mapping[str, Any], path: Path) -> None:
-    """With drive gains given, torque beside current leaves open which of them the gains are for."""
+    """Raises an error where drive gains are given and both torque and current could be meant."""
     current = _expand("i{}", present, path)
     if effort and current and effort != current:
         raise RecordingError(
@@ -370,7 +370,7 @@ def _unknown(
 
 
 def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path: Path) -> NDArray[Any]:
-    """Columns side by side, shape (N, n)."""
+    """Columns as one matrix, shape (N, n)."""
     values = [column(name) for name in names]
     if len(values) == 1:
         return values[0] if values[0].ndim == 2 else values[0][:, None]
@@ -381,7 +381,7 @@ def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path:
 
 
 def _time(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], unit: float) -> NDArray[Any] | None:
-    """Times in seconds; of two columns the second counts nanoseconds."""
+    """Times [s]; a second column counts nanoseconds."""
     if not names:
         return None
     first = column(names[0]).reshape(-1)

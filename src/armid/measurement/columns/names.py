@@ -1,4 +1,4 @@
-"""Names of columns taken apart: which quantity, of which joint, in which unit, measured or asked for.
+"""Analysis of column names: quantity, joint, unit, and measured or commanded.
 
 A name is cut into words at signs, capitals and digits: `Joint1Pos`, `joint_1_pos` and `/joint_1/pos` have the same.
 """
@@ -83,10 +83,10 @@ OTHER = frozenset(
     "ff feedforward tcp ee tool cart cartesian pose wrench force std var cov voltage power brake mode status contact "
     "collision hat window dot nominal x y z roll pitch yaw".split()
 )
-"""Words that say that a column is something else, or made from something else."""
+"""Words of columns that hold another quantity, or one that was derived from others."""
 
 MOTOR = frozenset("motor mot theta phi".split())
-"""Words that may mean the motor's side of a gear; libfranka calls the motor's angle theta beside the joint's q."""
+"""Words that may mean the motor side of a gear; in libfranka theta is the motor angle and q the joint angle."""
 
 CLOCKS: Mapping[str, int] = {
     **dict.fromkeys(("t", "time", "timestamp", "elapsed", "clock", "zeit", "zeitstempel", "tiempo", "tempo"), 1),
@@ -97,7 +97,7 @@ CLOCKS: Mapping[str, int] = {
 BESIDE_CLOCK = frozenset(
     "ros header field joint states since start robot controller system unix relative s sec secs".split()
 )
-"""Words that may stand beside one of a clock."""
+"""Words that may accompany the word of a clock."""
 
 INDEX = re.compile(r"[\[({](\d+)[\])}]")
 BRACKET = re.compile(r"(.+?)\s*[\[({]\s*([^\[\](){}]*?)\s*[\])}]")
@@ -105,13 +105,13 @@ TAIL = re.compile(
     r"(.+?)[_\s.-]((?:m?rad|deg|degrees)(?:[_/]?s(?:\^?2|²)?)?|m?nm|n[_.·]m|mm|rpm|ma|amps?|[mµμun]s(?:ec)?|nanosec|nsecs?)",
     re.IGNORECASE,
 )
-"""A unit in brackets, or behind the last sign, where one letter alone would be too little to go by."""
+"""Unit in brackets or behind the last separator; a single letter there is too ambiguous."""
 
 TIME_TAIL = re.compile(rf"(.+?)(?:\s+in\s+|\s*/\s*|[_\s.-])({'|'.join(SECONDS)})", re.IGNORECASE)
-"""A unit of time behind a sign, also of one letter."""
+"""Unit of time behind a separator, also of one letter."""
 
 ANGLES = ("deg", "degree", "degrees", "rad", "mrad")
-"""Units that may stand within a name."""
+"""Units that may occur within a name."""
 
 PER_SECOND = re.compile(r"(m?rad|deg|degrees?|°)(?:ps|s|persec)?\d?[2²]?")
 WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_]+")
@@ -120,7 +120,7 @@ GREEK = {"q\u0308": "ddq", "q\u0307": "dq", "τ": "tau", "θ": "theta", "φ": "p
 
 @dataclass(frozen=True, slots=True)
 class ColumnName:
-    """Meaning of a column's name.
+    """Interpretation of a column's name.
 
     Attributes:
         column: The name in full.
@@ -140,13 +140,13 @@ class ColumnName:
 
     @property
     def commanded(self) -> bool:
-        """Tell whether it tells what was asked for."""
+        """Whether the column holds a commanded value."""
         return self.rank[0] == 2
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """A column with times.
+    """Column with times.
 
     Attributes:
         column: Its name.
@@ -160,7 +160,7 @@ class Clock:
 
 
 def words(text: str) -> list[str]:
-    """The words and numbers of a name, in small letters."""
+    """Words and numbers of a name in lower case."""
     for sign, word in GREEK.items():
         text = text.replace(sign, f" {word} ")
     found = [word.lower() for word in WORDS.findall(text)]
@@ -172,14 +172,14 @@ def words(text: str) -> list[str]:
 
 
 def split_unit(column: str) -> tuple[str, str]:
-    """A name without its unit, and the unit: in brackets, or behind the last sign."""
+    """Name without its unit, and the unit in brackets or behind the last separator."""
     text = INDEX.sub(r"_\1", column.strip())
     hit = BRACKET.fullmatch(text) or TAIL.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, "")
 
 
 def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
-    """Return what a name may say of a column: nothing, or one for each of its numbers that may be the channel.
+    """Possible interpretations of a column's name: none, or one for each number that may be the channel.
 
     Args:
         column: The name.
@@ -206,7 +206,7 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
 
 
 def clock_of(column: str) -> Clock | None:
-    """Return what a name says of a column of times, if it is one."""
+    """Interpretation of a name as a column of times; `None` where it is none."""
     text, unit = split_time(column)
     parts = words(text)
     ranks = [CLOCKS[word] for word in parts if word in CLOCKS]
@@ -219,19 +219,19 @@ def clock_of(column: str) -> Clock | None:
 
 
 def time_unit(column: str) -> float | None:
-    """Length of the unit of time that a name says [s]; nothing where it says none."""
+    """Length of the unit of time in a name [s]; `None` where it has none."""
     return SECONDS.get(split_time(column)[1].strip().lower())
 
 
 def split_time(column: str) -> tuple[str, str]:
-    """A name without its unit, and the unit, which may be one letter behind a sign."""
+    """Name without its unit of time, and the unit, which may be one letter behind a separator."""
     text, unit = split_unit(column)
     hit = None if unit else TIME_TAIL.fullmatch(text)
     return (hit[1], hit[2]) if hit else (text, unit)
 
 
 def _channels(parts: Sequence[str], labels: Sequence[str]) -> list[tuple[str | int, list[str]]]:
-    """Tell where a channel may stand: the longest name of a joint, else each number, else nowhere."""
+    """Possible positions of the channel in a name: the longest joint name, else each number, else none."""
     for label in labels:
         name = words(label)
         for k in range(len(parts) - len(name) + 1):
@@ -245,7 +245,7 @@ def _channels(parts: Sequence[str], labels: Sequence[str]) -> list[tuple[str | i
 
 
 def _quantity(form: Sequence[str]) -> str | None:
-    """The quantity that exactly one kind of word asks for."""
+    """Quantity that the words of a name state without ambiguity."""
     found = {quantity for quantity, known in QUANTITIES.items() if set(known) & set(form)}
     if "dot" in form and found == {"q"}:
         return "dq"
@@ -253,20 +253,20 @@ def _quantity(form: Sequence[str]) -> str | None:
 
 
 def unit_of(unit: str) -> tuple[str, float] | None:
-    """Return what a unit measures, whatever power of time it is divided by."""
+    """Quantity that a unit measures, regardless of its power of time."""
     text = re.sub(r"[\s_·*.⋅^\-]", "", unit.split("/")[0]).lower()
     per_second = PER_SECOND.fullmatch(text)
     return UNITS.get(per_second[1] if per_second else text)
 
 
 def unit_kind(unit: str) -> tuple[str, float] | None:
-    """Return what any unit measures, times too, and how many of armid's it is; nothing where it is not known."""
+    """Quantity that any unit measures, also times, and its factor to armid's unit; `None` where unknown."""
     seconds = SECONDS.get(unit.strip().lower())
     return ("time", seconds) if seconds is not None else unit_of(unit)
 
 
 def column_unit(column: str) -> tuple[str, float] | None:
-    """Return what the unit in a column's name measures, and how many of armid's it is; nothing where it says none."""
+    """Quantity that the unit in a column's name measures, with its factor to armid's unit; or `None`."""
     text, unit = split_unit(column)
     if unit:
         return unit_of(unit)
@@ -274,7 +274,7 @@ def column_unit(column: str) -> tuple[str, float] | None:
 
 
 def _fits(quantity: str, kind: str) -> bool:
-    """Tell whether a quantity can have a unit of that kind."""
+    """Test whether a quantity can have a unit of a kind."""
     if quantity in ("q", "dq", "ddq"):
         return kind in ("rad", "deg", "m")
     return kind == "current" if quantity == "current" else kind in ("torque", "current")

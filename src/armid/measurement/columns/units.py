@@ -1,4 +1,4 @@
-"""Units that the names of columns say: what they change in a recording, and what a reading would say of them."""
+"""Units in column names, their factors, and the fields of a log format that state them."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ DEGREE = 0.017453292519943295
 
 
 def is_current(column: str) -> bool:
-    """Tell whether a column's unit is that of a current."""
+    """Test whether a column's unit is that of a current."""
     unit = column_unit(column)
     return unit is not None and unit[0] == "current"
 
 
 def unit_fields(chosen: Mapping[str, Sequence[str]], reading: LogFormat, path: Path) -> dict[str, Any]:
-    """Fields of a reading that the names of the chosen columns say, `units` and `time_unit`.
+    """Fields `units` and `time_unit` of a log format that the names of the chosen columns state.
 
     Raises:
         RecordingError: The reading says something else.
@@ -46,7 +46,7 @@ def unit_fields(chosen: Mapping[str, Sequence[str]], reading: LogFormat, path: P
 
 
 def factors(columns: Sequence[str], units: str | Sequence[str] | None) -> dict[str, float]:
-    """Return what to multiply columns with so that the rest is in SI units and all angles are in the reading's unit.
+    """Factors that convert columns to SI units and all angles to the unit of the log format.
 
     Args:
         columns: Columns of positions, velocities, accelerations and efforts.
@@ -65,7 +65,7 @@ def factors(columns: Sequence[str], units: str | Sequence[str] | None) -> dict[s
 
 
 def stated_units(chosen: Mapping[str, Sequence[str]]) -> str:
-    """Units other than SI that names of chosen columns say, in words; empty where they say none."""
+    """Text of the units other than SI in the names of the chosen columns; empty where there are none."""
     told: list[str] = []
     for quantity, columns in chosen.items():
         said = dict.fromkeys(_unit_said(quantity, name) for name in columns if _is_other(quantity, name))
@@ -74,7 +74,7 @@ def stated_units(chosen: Mapping[str, Sequence[str]]) -> str:
 
 
 def _unit_said(quantity: str, column: str) -> str:
-    """The unit as a name has it; one that stands within it can be that of an angle alone."""
+    """Unit as written in a name; one within the name can only be that of an angle."""
     return split_time(column)[1] if quantity == "time" else split_unit(column)[1] or "deg"
 
 

@@ -1,1 +1,1 @@
-"""Steps from a recording to observations: clock, delay, cleaning, derivatives, repetitions, output grid."""
+"""Processing of a recording to observations: clock, delay, cleaning, derivatives, repetitions, output grid."""

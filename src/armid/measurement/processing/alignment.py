@@ -1,4 +1,4 @@
-"""Repetitions of one motion: where they lie in a recording, how far they are off, and their mean."""
+"""Repetitions of a motion: their positions in a recording, their delays, and their mean."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from armid.values import Array
 __all__ = ["average", "check_closed", "whole_periods", "windows"]
 
 SHORT = 1.0
-"""Samples that a last repetition may lack: a log of K periods of m samples often ends with sample K m - 1."""
+"""Samples that the last repetition may lack: a log of K periods of m samples often ends with sample K m - 1."""
 
 PASSES = 4
-"""A window that is far off holds some of its neighbour, which shifts the estimate; each pass removes most of that."""
+"""Number of passes: a window with a large delay contains part of its neighbour; each pass reduces this error."""
 
 NEGLIGIBLE = 0.1
-"""Displacement, in units of the noise, below which a fraction of a sample is not worth two transforms."""
+"""Displacement relative to the noise below which a fraction of a sample is not corrected."""
 
 LATE = 0.05
-"""Share of a period from which a delay is no timing error: the period or its start is wrong."""
+"""Share of a period above which a delay is no timing error: the period or its start is wrong."""
 
 JUMP = 2.0
-"""Largest step of position across the border of a period, in units of the largest step inside it."""
+"""Largest step of a position across the border of a period, relative to the largest step inside it."""
 
 
 def windows(stretch: Stretch, period: float, start: float) -> list[int]:
-    """First samples of the whole repetitions that lie in a stretch.
+    """Index of the first sample of each whole repetition in a stretch.
 
     Args:
         stretch: At an even rate, a whole number of samples a period.
@@ -51,13 +51,13 @@ def windows(stretch: Stretch, period: float, start: float) -> list[int]:
 
 
 def whole_periods(stretch: Stretch, begins: Sequence[int], samples: int) -> Stretch:
-    """The stretch from its first whole repetition to the end of its last, K times `samples` long."""
+    """Part of a stretch from its first whole repetition to the end of its last, K times `samples` long."""
     count = min(len(begins), (stretch.samples - begins[0]) // samples)
     return stretch.cut(begins[0], begins[0] + count * samples)
 
 
 def average(found: Sequence[tuple[Stretch, int]], period: float, source: str) -> tuple[Stretch, list[Finding]]:
-    """The mean of repetitions, each moved to where the first one lies in time.
+    """Mean of the repetitions, each shifted to the time of the first one.
 
     A delay is moved by whole samples in the recording itself and by the rest in the frequency domain.
 
@@ -89,7 +89,7 @@ def average(found: Sequence[tuple[Stretch, int]], period: float, source: str) ->
 
 
 def _aligned(reference: Array, stretch: Stretch, begin: int) -> tuple[int, float]:
-    """First sample of the window that lies like the reference, and the rest of its delay in samples."""
+    """First sample of the window that is aligned with the reference, and the remaining delay in samples."""
     room = stretch.samples - len(reference)
     first, rest = begin, 0.0
     for _ in range(PASSES):
@@ -106,7 +106,7 @@ def _signals(stretch: Stretch) -> list[Array]:
 
 
 def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> list[Finding]:
-    """Return what the delays of the repetitions, in samples, say about the period."""
+    """Findings about the period from the delays of the repetitions, in samples."""
     worst = int(np.argmax(np.abs(delays)))
     late = float(delays[worst])
     if abs(late) < 0.5:
@@ -124,7 +124,7 @@ def _delay_findings(delays: Array, samples: int, rate: float, source: str) -> li
 
 
 def check_closed(stretch: Stretch, source: str) -> None:
-    """Refuse to close a run into a circle when its ends do not meet.
+    """Raises an error where the ends of a run do not meet, so that it cannot be made periodic.
 
     Raises:
         RecordingError: Some joint jumps from the last sample to the first.

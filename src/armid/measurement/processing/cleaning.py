@@ -1,4 +1,4 @@
-"""Settle which rows of a recording are measurements, and when they were taken."""
+"""Checks of the clock and the rows of a recording: which rows are measurements, and at what times."""
 
 from __future__ import annotations
 
@@ -17,45 +17,46 @@ from armid.values import Array
 __all__ = ["clean", "recording_error"]
 
 MIN_SAMPLES = 10
-"""Fewer samples than this give neither a derivative at both ends nor a residual to judge by."""
+"""Smallest number of samples: fewer give neither derivatives at both ends nor residuals to judge."""
 
 MOST_HOLES, LARGEST_HOLES = 8, 0.2
-"""Stretches of values that are not finite, and share of the rows in them, up to which these are left out: with more
-the channel is not what it should be."""
+"""Largest number of stretches of non-finite values, and largest share of rows in them, that are left out; with more,
+the channel is faulty."""
 
 RATE_TOLERANCE = 0.1
-"""Relative difference of two rates that is not worth a word; a wrong rate is wrong by a factor."""
+"""Relative difference of two rates that is tolerated; a wrong rate is wrong by a factor."""
 
 CLOCK_TIES = 0.01
 """Share of rows with the time stamp of the row before that a coarse clock may have; more is another fault."""
 
 REPEATED_RUN = 5
-"""Rows in succession that repeat the row before and count as a stutter of the recorder, which is dropped; longer
-runs are a pause, which stays on the grid and is masked."""
+"""Longest run of rows equal to the row before that counts as a repeat by the recorder and is dropped; longer runs are
+a pause, which stays on the grid and is masked."""
 
 REACH = (20, 200)
-"""Rows on each side of equal ones that tell how fast channels change there, at least and at most."""
+"""Smallest and largest number of rows on each side of equal rows from which the rate of change is estimated."""
 
 CHANCE, LEAST_STEPS = 1e-3, 3.0
-"""Probability below which rows are not equal by chance, and what the channels must have moved by behind them, all
-together, in their smallest steps: an arm that rests moves on by one or two."""
+"""Probability below which rows are not equal by chance, and the smallest change of all channels together after them,
+in their resolution: an arm at rest changes by one or two."""
 
 SAME_STEP = 0.25
 """Relative difference of a row's step in q from velocity times step: processed velocities lag, encoders round."""
 
 COHERENT = 0.8
-"""Share of moving rows whose step must agree with the velocity for rows to count as consecutive; a jittered log
-reaches 0.9, separate samples hardly 0.1."""
+"""Share of moving rows whose step must agree with the velocity for rows to be consecutive; a log with jitter reaches
+0.9, separate samples hardly 0.1."""
 
 MOVING = 0.05
-"""Speed relative to the fastest row above which a row says something about the rate."""
+"""Speed relative to the fastest row above which a row is used to estimate the rate."""
 
 SMOOTH = 0.5
-"""Step from row to row over spread of the positions: separate samples have about √2, a motion far below 0.1."""
+"""Ratio of the step from row to row to the spread of the positions: separate samples have about √2, a motion far
+below 0.1."""
 
 
 def clean(recording: Recording, reading: LogFormat) -> tuple[Recording, tuple[Finding, ...]]:
-    """Check the clock, drop or mask rows that are no measurement, find out whether rows are consecutive.
+    """Checks the clock, drops or masks rows that are no measurements, and determines whether rows are consecutive.
 
     Args:
         recording: As measured.
@@ -84,12 +85,12 @@ def clean(recording: Recording, reading: LogFormat) -> tuple[Recording, tuple[Fi
 
 
 def recording_error(code: str, recording: Recording, evidence: str, remedy: str) -> RecordingError:
-    """An error about a recording; `code` is the finding's name in the doctor's list."""
+    """Error about a recording; `code` is that of the corresponding finding of the doctor."""
     return RecordingError(f"{recording.source or 'The recording'}: {evidence} [{code}]", remedy=remedy)
 
 
 def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
-    """The recording with some of its rows."""
+    """Recording with a selection of its rows."""
     if keep.all():
         return recording
     quantities = {
@@ -102,7 +103,7 @@ def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
 
 
 def _excluded(recording: Recording, reading: LogFormat) -> NDArray[np.bool_]:
-    """Rows inside the excluded intervals, shape (N,)."""
+    """Mask of rows inside the excluded intervals, shape (N,)."""
     inside = np.zeros(recording.samples, dtype=np.bool_)
     if not reading.exclude:
         return inside
@@ -115,7 +116,7 @@ def _excluded(recording: Recording, reading: LogFormat) -> NDArray[np.bool_]:
 
 
 def _check_exclude(recording: Recording, reading: LogFormat) -> None:
-    """Refuse intervals that miss the recording: most likely they are on another clock."""
+    """Raises an error for intervals outside the recording, which are most likely on another clock."""
     if recording.time is None:
         return
     for t0, t1 in reading.exclude:
@@ -127,7 +128,7 @@ def _check_exclude(recording: Recording, reading: LogFormat) -> None:
 
 
 def _without_excluded_nan(recording: Recording, reading: LogFormat) -> Recording:
-    """Drop rows that are excluded and hold NaN; only a clock can tell that there is a gap then."""
+    """Drops rows that are excluded and contain NaN, where a clock shows the gap."""
     _check_exclude(recording, reading)
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
     if recording.time is None or not reading.exclude or not broken.any():
@@ -136,7 +137,7 @@ def _without_excluded_nan(recording: Recording, reading: LogFormat) -> Recording
 
 
 def _masked(recording: Recording, reading: LogFormat) -> Recording:
-    """The recording with excluded rows masked."""
+    """Recording with the excluded rows masked."""
     if not reading.exclude:
         return recording
     inside = _excluded(recording, reading)
@@ -149,13 +150,13 @@ def _masked(recording: Recording, reading: LogFormat) -> Recording:
 
 
 def _everything(recording: Recording) -> Array:
-    """All measured channels side by side, shape (N, any)."""
+    """All measured channels in one matrix, shape (N, any)."""
     measured = (recording.q, recording.dq, recording.ddq, recording.effort)
     return np.hstack([values for values in measured if values is not None])
 
 
 def _refuse_nan(recording: Recording, reading: LogFormat) -> None:
-    """Refuse values that are not finite, with what to leave out of the log for them."""
+    """Raises an error for non-finite values, with the intervals to exclude."""
     for name in ("time", "q", "dq", "ddq", "effort"):
         values = getattr(recording, name)
         if values is None or np.isfinite(values).all():
@@ -172,7 +173,7 @@ def _refuse_nan(recording: Recording, reading: LogFormat) -> None:
 
 
 def _without(name: str, rows: NDArray[np.intp], recording: Recording, reading: LogFormat) -> str:
-    """Return what leaves rows that are not finite out of a log, or the whole quantity where it can be spared."""
+    """Remedy that leaves non-finite rows, or a quantity that is not needed, out of a log."""
     pieces = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     few = len(pieces) <= MOST_HOLES and len(rows) <= LARGEST_HOLES * recording.samples
     if few and recording.time is not None and np.isfinite(recording.time).all():
@@ -196,7 +197,7 @@ def _refuse_few(recording: Recording) -> None:
 
 
 def _check_clock(recording: Recording) -> None:
-    """Refuse a clock that runs backwards, does not count seconds, or contradicts the rate."""
+    """Raises an error for a clock that runs backwards, does not count seconds, or contradicts the rate."""
     if recording.time is None:
         return
     source = recording.source or "The recording"
@@ -228,7 +229,7 @@ def _check_clock(recording: Recording) -> None:
 
 
 def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Take rows that repeat the row before out of the count: the recorder was faster than the robot's bus."""
+    """Drops or masks rows that repeat the row before because the recorder is faster than the robot's bus."""
     if recording.effort is None:
         return recording, ()
     values = _everything(recording)
@@ -257,7 +258,7 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
 
 
 def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Tell whether equal rows are repeats, by what the channels do before and behind them.
+    """Test whether equal rows are repeats, from the changes of the channels before and after them.
 
     Where an arm rests and its channels are coarse, rows are equal because nothing changes. A channel that changes by
     r of its smallest steps a row on both sides keeps its value over a row with probability 1 - r.
@@ -288,7 +289,7 @@ def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """Drop rows with the time stamp of the row before: a clock coarser than the rate."""
+    """Drops rows with the time stamp of the row before, from a clock coarser than the rate."""
     if recording.time is None:
         return recording, ()
     tied = np.concatenate([[False], np.diff(recording.time) == 0])
@@ -306,7 +307,7 @@ def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]
 
 
 def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tuple[Finding, ...]]:
-    """Settle whether rows follow each other in time, by the clock or else by what q and dq say.
+    """Determines whether rows are consecutive, from the clock or else from q and dq.
 
     Args:
         recording: Checked rows.
@@ -347,7 +348,7 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
 
 
 def _clockless(recording: Recording, implied: float) -> RecordingError:
-    """The error that there is no clock, with the column that may be one, or the rate [Hz] that q and dq imply."""
+    """Error for a missing clock, with a column that may be one, or the rate [Hz] that q and dq imply."""
     possible = next((each for each in recording.findings if each.code == "clock-possible"), None)
     evidence = "there is no clock and no rate."
     if possible is not None:
@@ -360,7 +361,7 @@ def _clockless(recording: Recording, implied: float) -> RecordingError:
 
 
 def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
-    """Share of moving rows whose step in q is what the velocity asks for, and the rate [Hz] that this implies.
+    """Share of moving rows whose step in q agrees with the velocity, and the rate [Hz] that this implies.
 
     Without velocities the share is 1 where steps are small against the spread of the positions, else 0, and the
     rate is NaN.
@@ -384,7 +385,7 @@ def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
 
 
 def _needing_derivatives(recording: Recording) -> Recording:
-    """The recording, unless its rows are separate samples that lack velocity or acceleration."""
+    """Recording, after a check that separate samples have velocity and acceleration."""
     lacking = [name for name in ("dq", "ddq") if getattr(recording, name) is None]
     if not recording.consecutive and lacking:
         raise RecordingError(

@@ -1,4 +1,4 @@
-"""Torque that was logged late: read where it was measured, at the times of the positions."""
+"""Compensation of a delay of the torque relative to the positions."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from armid.values import Array
 __all__ = ["compensate_delay"]
 
 BRIDGED = 0.02
-"""Longest step over which a torque is read between its samples [s], as where a clock is made even: a tenth of a
-period of 5 Hz. Steps up to `USUAL` of the clock's own are bridged anyway."""
+"""Longest step over which torque is interpolated [s], a tenth of a period of 5 Hz; steps up to `USUAL` median steps
+are always bridged."""
 
 USUAL = 2.5
-"""Median steps that are bridged, whatever they last: a sample lost and some jitter."""
+"""Number of median steps that are always bridged: a lost sample and some jitter."""
 
 FEWEST = 4
-"""Samples that a cubic needs; shorter stretches between gaps do not count."""
+"""Smallest number of samples for a cubic spline; shorter stretches between gaps are masked."""
 
 
 def compensate_delay(recording: Recording, reading: LogFormat) -> Recording:
-    """The recording with its torque as early as it was measured.
+    """Recording with the torque shifted back by its delay.
 
     A cubic spline reads it between samples. Rows whose torque would lie before the first sample, behind the last or
     in a gap do not count for that joint; where the motion repeats, the ends are read one period away.
@@ -60,7 +60,7 @@ def compensate_delay(recording: Recording, reading: LogFormat) -> Recording:
 def _read_at(
     time: Array, wanted: Array, effort: Array, valid: NDArray[np.bool_], period: float | None
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Torque (N, k) at other times (N,), and which rows count then."""
+    """Torque (N, k) interpolated at other times (N,), and mask of the rows that are valid then."""
     if period is not None and time[-1] - time[0] > period:
         wanted = np.where(wanted > time[-1], wanted - period, np.where(wanted < time[0], wanted + period, wanted))
     before = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, len(time) - 1)

@@ -1,4 +1,4 @@
-"""The motion of a stretch: filtered positions and their derivatives."""
+"""Motion of a stretch: filtered positions and their derivatives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["differentiate", "motion_filter"]
 
 
 def motion_filter(processing: ProcessingOptions, rate: float) -> Array | None:
-    """The filter of the positions at a rate [Hz]; none for the family `none`."""
+    """Filter of the positions at a rate [Hz]; `None` for the family `none`."""
     cutoff = processing.motion_cutoff or float(processing.cutoff)
     return low_pass(processing.family, processing.order, cutoff, rate)
 

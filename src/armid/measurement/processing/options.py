@@ -1,4 +1,4 @@
-"""Processing of recordings before they are compared with a model."""
+"""Options of processing; keys of a study's `[processing]`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Standstill = Literal["drop", "keep"]
 
 @dataclass(frozen=True, slots=True)
 class ProcessingOptions:
-    """Processing of recordings; the keys of a study's `[processing]`.
+    """Options for processing recordings before they are compared with a model.
 
     Attributes:
         cutoff: Cut-off of the band in which torque and model are compared [Hz]; `auto` finds it from the motion.
@@ -75,7 +75,7 @@ class ProcessingOptions:
         self._check_sense()
 
     def _check_sense(self) -> None:
-        """Refuse options that contradict each other."""
+        """Raises an error for options that contradict each other."""
         if self.saturation is not None and self.saturation > 1:
             raise StudyError(f"processing.saturation is a share of the limit, at most 1; found {self.saturation}.")
         if self.average and self.edges != "periodic":
@@ -96,7 +96,7 @@ class ProcessingOptions:
 
     @property
     def band(self) -> Band:
-        """The band in which torque and model are compared.
+        """Band in which torque and model are compared.
 
         Raises:
             StudyError: The cut-off is still `auto`.
@@ -120,7 +120,7 @@ def _choice(name: str, value: object, known: tuple[object, ...]) -> None:
 
 
 def _number(processing: ProcessingOptions, name: str, *, zero: bool, also: str = "") -> None:
-    """Make an option a float, finite and positive (or zero)."""
+    """Converts an option to a float that is finite and positive (or zero)."""
     value: Any = getattr(processing, name)
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not (0 < value < float("inf") or (zero and value == 0)):

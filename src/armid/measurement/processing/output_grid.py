@@ -1,4 +1,4 @@
-"""The output grid of a run: which of its rows count, and the block each belongs to."""
+"""Output grid of a run: the mask of its rows and the block of each."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from armid.values import Array
 __all__ = ["MOST_STILL", "edge_margin", "moving", "run_of", "separate_rows"]
 
 TRIM = 0.5
-"""Seconds left out at each end of a run whose ends are dropped, unless told otherwise."""
+"""Default time left out at each end of a run whose ends are dropped [s]."""
 
 LOBE = 0.5
 """Half-width of a low-pass kernel's main lobe, in periods of its cut-off: a bad sample spoils rows this near, and a
 stretch of bad samples longer than this, such as a contact, is felt as far as the end of a run is."""
 
 STICKING = 3e-3
-"""Share of a filter's kernel by which a row may lean on standstill: what friction lacks there is a hundred times what
-noise leaves in the band, and with the hundredth that ends of runs allow, intervals covered 93 % in place of 95 %."""
+"""Share of a filter's kernel that may lie on standstill: friction errors there are a hundred times the noise in the
+band, and with the one percent used at ends of runs intervals covered 93 % instead of 95 %."""
 
 MOST_STILL = 0.75
-"""Share of a joint's rows up to which those at standstill are left out: what is left of a usual recording still
-determines its friction and the weights that it lifts."""
+"""Largest share of a joint's rows at standstill that are left out: the rest of a usual recording still determines its
+friction and the weights that it lifts."""
 
 BLOCK_SECONDS = 1.0
-"""Length of a block where no motion repeats [s]: longer than residuals of a few hertz remember."""
+"""Length of a block where no motion repeats [s]: longer than the correlation time of residuals of a few hertz."""
 
 BLOCK_ROWS = 25
-"""Rows of a block where rows do not follow each other in time: as many as a second has at the usual rate."""
+"""Rows of a block where rows are not consecutive: the number that one second has at the usual rate."""
 
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -52,7 +52,7 @@ def run_of(
     *,
     found: bool = False,
 ) -> ObservedRun | None:
-    """A stretch and its motion with rows, mask and blocks; `None` if no row is left.
+    """Run of a stretch and its motion, with rows, mask and blocks; `None` where no row is left.
 
     Args:
         stretch: The samples.
@@ -86,7 +86,7 @@ def run_of(
 
 
 def separate_rows(stretch: Stretch, motion: Motion, processing: ProcessingOptions, recording: int = 0) -> ObservedRun:
-    """Rows that do not follow each other: every one, unfiltered; only bad and slow ones are masked."""
+    """Run of separate samples: every row, unfiltered, with bad and slow rows masked."""
     mask = ~stretch.bad & (np.abs(motion.dq) >= processing.slow)
     block = np.arange(stretch.samples) // BLOCK_ROWS
     return ObservedRun(motion, stretch.effort, stretch.rate, 1, 0, mask, block, False, recording)
@@ -95,7 +95,7 @@ def separate_rows(stretch: Stretch, motion: Motion, processing: ProcessingOption
 def moving(
     runs: Sequence[ObservedRun], still: Sequence[Flags], processing: ProcessingOptions
 ) -> tuple[list[ObservedRun], Array]:
-    """The runs of one recording without the rows of a joint that its standstill reaches, where enough are left.
+    """Runs of one recording with rows at standstill masked for each joint, where enough rows remain.
 
     Args:
         runs: The runs.
@@ -115,14 +115,14 @@ def moving(
 
 
 def edge_margin(processing: ProcessingOptions, rate: float) -> int:
-    """Samples left out at each end of a run: what is asked, and where ends are dropped what the filters reach."""
+    """Samples left out at each end of a run: the trim, and the reach of the filters where ends are dropped."""
     drop = processing.edges == "drop"
     seconds = (TRIM if drop else 0.0) if processing.trim is None else processing.trim
     return max([round(seconds * rate), *(edge_samples(low) for low in _filters(processing, rate) if drop)])
 
 
 def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int:
-    """Samples a row; a divisor of the period where the rows must go round."""
+    """Samples per row; a divisor of the period where the run is periodic."""
     if processing.family == "none" or processing.decimate == 0:
         return 1
     step = max(1, round(rate / processing.decimate))
@@ -134,7 +134,7 @@ def _step(processing: ProcessingOptions, rate: float, circle: int | None) -> int
 def _spoiled(
     bad: Flags, rows: Rows, processing: ProcessingOptions, rate: float, step: int, *, periodic: bool
 ) -> Flags:
-    """Rows that bad samples reach: through half a row, and as far as the filters carry them, shape (M, n)."""
+    """Rows affected by bad samples, within half a row and the reach of the filters, shape (M, n)."""
     filters = _filters(processing, rate)
     half = -(-step // 2)
     if not filters:
@@ -146,13 +146,13 @@ def _spoiled(
 
 
 def _at_standstill(still: Flags, run: ObservedRun, processing: ProcessingOptions) -> Flags:
-    """Rows that samples at standstill reach, through half a row or as far as the filters carry them, shape (M, n)."""
+    """Rows affected by standstill, within half a row or the reach of the filters, shape (M, n)."""
     reach = max([-(-run.step // 2), *(edge_samples(low, STICKING) for low in _filters(processing, run.rate))])
     return _any_within(still, run.rows, reach, periodic=processing.edges == "periodic")
 
 
 def _long(flags: Flags, length: int) -> Flags:
-    """Flags of stretches that are at least so long, joint by joint."""
+    """Flags of stretches of at least a given length, joint by joint."""
     result = np.zeros_like(flags)
     for j in np.flatnonzero(flags.any(axis=0)):
         borders = np.flatnonzero(np.diff(np.concatenate([[False], flags[:, j], [False]])))
@@ -162,7 +162,7 @@ def _long(flags: Flags, length: int) -> Flags:
 
 
 def _filters(processing: ProcessingOptions, rate: float) -> list[Array]:
-    """The filters that torque and positions pass."""
+    """Filters of torque and positions."""
     if processing.family == "none":
         return []
     torque = low_pass(processing.family, processing.order, float(processing.cutoff), rate)
@@ -170,7 +170,7 @@ def _filters(processing: ProcessingOptions, rate: float) -> list[Array]:
 
 
 def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flags:
-    """Tell whether a sample within `reach` of each row is flagged, shape (M, n); periodic runs go round."""
+    """Mask of rows with a flagged sample within `reach`, shape (M, n); periodic runs wrap around."""
     if not flags.any():
         return np.zeros((len(rows), flags.shape[1]), dtype=np.bool_)
     if periodic:
@@ -183,7 +183,7 @@ def _any_within(flags: Flags, rows: Rows, reach: int, *, periodic: bool) -> Flag
 
 
 def _repetitions(stretch: Stretch, rows: Rows, repeats: tuple[float, float]) -> tuple[Rows, Flags]:
-    """Repetition of each row, and whether it lies in a whole one that the stretch holds from its start on."""
+    """Repetition of each row, and whether it lies in a whole repetition inside the stretch."""
     period, start = repeats
     tick = 0.5 / stretch.rate  # half a sample: rows on the border belong to what follows
     which = np.floor((stretch.time[rows] - start + tick) / period).astype(np.int64)
@@ -192,7 +192,7 @@ def _repetitions(stretch: Stretch, rows: Rows, repeats: tuple[float, float]) -> 
 
 
 def _parts(time: Array, repetition: Rows, repeats: tuple[float, float]) -> Rows:
-    """Number of a part of about a second of a repetition, the same parts of each, shape of the times (M,)."""
+    """Number of each row's part of about a second within its repetition, the same for all repetitions, shape (M,)."""
     period, start = repeats
     count = max(1, round(period / BLOCK_SECONDS))
     inside = np.clip((time - start) / period - repetition, 0.0, 1.0 - 1e-9)
@@ -200,11 +200,11 @@ def _parts(time: Array, repetition: Rows, repeats: tuple[float, float]) -> Rows:
 
 
 def _blocks(rows: Rows, rate: float, samples: int) -> Rows:
-    """Blocks of about a second, all of one length."""
+    """Blocks of equal length of about a second."""
     count = max(1, round(samples / (rate * BLOCK_SECONDS)))
     return _gapless(rows * count // samples)
 
 
 def _gapless(labels: Rows) -> Rows:
-    """Labels counted from 0 without gaps, in the same order."""
+    """Labels renumbered from 0 without gaps, in the same order."""
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)

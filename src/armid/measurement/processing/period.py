@@ -1,4 +1,4 @@
-"""The period of a motion that was repeated, found in the positions.
+"""Detection of the period of a repeated motion from the positions.
 
 A motion repeats with a lag L where q(t + L) = q(t), for every joint that moves, over all of the time but the way to
 the motion and the way back. Lags at which this may be so come from the correlation of the whole recording with
@@ -23,59 +23,58 @@ from armid.values import Array
 __all__ = ["Repetition", "find_period", "repetition"]
 
 RATE = 100.0
-"""Rate at which positions are compared [Hz]: straight lines between samples err by a hundredth of an amplitude at 5
-Hz."""
+"""Rate at which positions are compared [Hz]: linear interpolation errs by a hundredth of an amplitude at 5 Hz."""
 
 SHORTEST = 2.0
-"""Shortest period [s]. What repeats faster repeats with a multiple, too; blocks that are shorter than what residuals
-remember would not differ as independent ones do."""
+"""Shortest period [s]. A faster motion also repeats with a multiple of its period; blocks shorter than the
+correlation time of residuals would not be independent."""
 
 LIKELY = 0.6
-"""Mean squared difference at a lag, over that of positions that have nothing in common, below which it is looked at:
-ways to and from a motion make a third of it on a recording of two repetitions."""
+"""Mean squared difference at a lag, relative to that of unrelated positions, below which the lag is examined: moves
+to and from the motion contribute a third of it on a recording of two repetitions."""
 
 SAME = 0.02
-"""RMS difference of repetitions, over a joint's standard deviation within one and beside the noise, that is still the
-same motion: a hundredth is what controllers leave."""
+"""RMS difference of repetitions, without noise and relative to a joint's standard deviation, up to which the motions
+are the same: controllers leave a hundredth."""
 
 ALIKE = 0.1
-"""The same at one instant."""
+"""The same limit at a single instant."""
 
 AS_GOOD, GOOD = 2.0, 0.002
-"""Difference, over that of the best lag and absolute, up to which a shorter lag is the period."""
+"""Difference, relative to that of the best lag and absolute, up to which a shorter lag is the period."""
 
 CLOSE = 0.1
-"""Share of a period that may differ at an end of the repetitions, where a motion starts and settles."""
+"""Share of a period that may differ at either end of the repetitions, where a motion starts and stops."""
 
 FAR = 4.0
-"""Squared difference over its median from which an instant does not decide where repetitions lie."""
+"""Squared difference relative to its median above which an instant is ignored in the alignment of repetitions."""
 
 MOST = 0.75
-"""Share of the recording, and of all that moves in it, that whole repetitions have to hold."""
+"""Share of the recording, and of all motion in it, that whole repetitions must contain."""
 
 MOVES = 1e-3
-"""Standard deviation from which a joint moves [rad or m]; less is what holding a pose leaves."""
+"""Standard deviation from which a joint moves [rad or m]; a held pose has less."""
 
 CLEAR = 30.0
-"""The same over the noise of its positions."""
+"""Smallest ratio of this standard deviation to the noise of the positions."""
 
 SNAP = 0.05
-"""Samples by which a period may miss a whole number of them, which it then is."""
+"""Difference from a whole number of samples up to which a period is rounded to it [samples]."""
 
 LACKS = 1.5
-"""Samples that a last repetition may lack: a log of K periods of m samples may end with sample K m - 1, or one
+"""Samples that the last repetition may lack: a log of K periods of m samples may end with sample K m - 1, or one
 earlier."""
 
 OUTSIDE = 0.05
-"""Time before and after repetitions that is worth a word [s]."""
+"""Time before and after the repetitions from which it is reported [s]."""
 
 ROUNDS = 4
-"""Corrections of a lag; each leaves a tenth of its error or less."""
+"""Number of corrections of a lag; each reduces its error to a tenth or less."""
 
 
 @dataclass(frozen=True, slots=True)
 class Repetition:
-    """A motion that was repeated.
+    """Repeated motion.
 
     Attributes:
         period: [s].
@@ -115,7 +114,7 @@ def find_period(pieces: Sequence[Stretch], source: str, findings: list[Finding])
 
 
 def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
-    """The period of a motion that was run through twice or more; `None` where it was not.
+    """Repetitions of a motion that was run twice or more; `None` where it was not.
 
     Args:
         time: Times of the samples, which need not be even, shape (N,) [s].
@@ -143,7 +142,7 @@ def repetition(time: Array, q: Array, rate: float) -> Repetition | None:
 
 @dataclass(frozen=True, slots=True)
 class _Agreed:
-    """A lag [samples], the first and the one after the last sample that are alike a lag later, how far apart."""
+    """Lag [samples], first and end sample of the stretch that is equal a lag later, and their difference."""
 
     lag: float
     first: int
@@ -173,7 +172,7 @@ def _likely(x: Array, shortest: int) -> list[tuple[int, Array]]:
 
 
 def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | None:
-    """Return what agrees at a lag near the one given; `None` where too little does."""
+    """Best agreement at a lag near the given one; `None` where too few samples agree."""
     lag, off = float(near), np.zeros(0)
     for _ in range(ROUNDS):
         ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)
@@ -201,7 +200,7 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
 
 
 def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array]:
-    """By how much signals (N, m) differ a lag after each of these samples, and how fast they change then."""
+    """Difference of signals (N, m) to those a lag later at each sample, and their rate of change there."""
     later = first + lag
     index = np.arange(len(x), dtype=np.float64)
     ahead = np.column_stack([np.interp(later, index, each) for each in x.T]) - x[first]
@@ -210,7 +209,7 @@ def _ahead(x: Array, first: NDArray[np.int64], lag: float) -> tuple[Array, Array
 
 
 def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
-    """The longest stretch of true flags, with holes of so many samples in it; its first sample and the one after."""
+    """Longest stretch of true flags, with holes up to a given length; its first sample and its end."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]))).reshape(-1, 2)
     if not len(ends):
         return 0, 0
@@ -222,7 +221,7 @@ def _longest(good: NDArray[np.bool_], bridged: int) -> tuple[int, int]:
 
 
 def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -> Repetition | None:
-    """The repetitions in seconds; the period is that from the first to the last of them."""
+    """Repetitions in seconds; the period is the mean from the first to the last of them."""
     step = float(grid[1] - grid[0])
     lag = agreed.lag
     count = int((agreed.last - agreed.first) / lag + 1.0 + CLOSE)
@@ -242,7 +241,7 @@ def _whole(grid: Array, x: Array, agreed: _Agreed, length: float, rate: float) -
 
 
 def _from_ends(x: Array, lag: float, first: int, count: int) -> float:
-    """The lag, from how far the last repetition lies behind the first one."""
+    """Lag refined from the delay between the first and the last repetition."""
     for _ in range(ROUNDS):
         behind = (count - 1) * lag
         ahead, speed = _ahead(x, np.arange(first, min(first + int(lag), int(len(x) - behind))), behind)

@@ -1,4 +1,4 @@
-"""From recordings to observations: gaps, clock, repetitions, motion, rows.
+"""Processing pipeline from recordings to observations: gaps, clock, repetitions, motion, rows.
 
 The motion is filtered and differentiated here, at full rate. The torque is not filtered: the band travels with the
 observations and is applied to torque and model columns alike.
@@ -82,7 +82,7 @@ def process_recording(
     effort_limits: ArrayLike | None = None,
     index: int = 0,
 ) -> tuple[tuple[ObservedRun, ...], tuple[Finding, ...]]:
-    """The contiguous runs of one recording, with motion, rows and masks.
+    """Contiguous runs of one recording, with motion, rows and masks.
 
     Args:
         recording: In robot order, SI units, joint side; its rows follow each other in time unless it says
@@ -136,7 +136,7 @@ def process_recording(
 
 
 def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recording]) -> ProcessingOptions:
-    """The same processing with its automatic cut-off, if any, found from the motion of all recordings.
+    """Options with an automatic cut-off replaced by one found from the motion of all recordings.
 
     The cut-off is the widest that any of them needs. Where no recording has rows that follow each other, there is
     no band, and the filter is left out.
@@ -158,7 +158,7 @@ def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recordin
 
 
 def _uses_given(recording: Recording, processing: ProcessingOptions) -> bool:
-    """Tell whether recorded velocities and accelerations are used as they stand."""
+    """Whether recorded velocities and accelerations are used as they are."""
     both = recording.dq is not None and recording.ddq is not None
     lacking = {"given": not both, "velocity": recording.dq is None}
     if lacking.get(str(processing.derivatives), False):
@@ -179,7 +179,7 @@ def _highest_cutoff(processing: ProcessingOptions) -> float | None:
 def _without_saturated(
     recording: Recording, processing: ProcessingOptions, limits: ArrayLike | None, findings: list[Finding]
 ) -> Recording:
-    """The recording with samples near an effort limit marked as not valid."""
+    """Recording with samples near an effort limit marked as not valid."""
     if processing.saturation is None or recording.effort is None:
         return recording
     if limits is None:
@@ -210,7 +210,7 @@ def _moving(
     recording: Recording,
     findings: list[Finding],
 ) -> tuple[ObservedRun, ...]:
-    """The runs without rows at standstill, where the processing leaves these out."""
+    """Runs with rows at standstill masked, where the options ask for it."""
     if processing.standstill == "keep":
         return tuple(runs)
     kept, share = moving(runs, still, processing)
@@ -219,7 +219,7 @@ def _moving(
 
 
 def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
-    """Return what was left out because a joint stood still, and what was not because it mostly did."""
+    """Findings about rows left out because of standstill, and about joints that mostly stand still."""
 
     def named(joints: NDArray[np.bool_]) -> str:
         return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(joints))
@@ -255,7 +255,7 @@ def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
 def _separate(
     recording: Recording, processing: ProcessingOptions, given: bool, index: int, findings: list[Finding]
 ) -> ObservedRun:
-    """Rows that do not follow each other: no filter, no derivatives, every row."""
+    """Run of separate samples: no filter, no derivatives, every row."""
     whole, _ = gather(recording, clock=False)
     if not given or whole.dq is None or whole.ddq is None:
         raise RecordingError(
@@ -285,7 +285,7 @@ def _on_a_grid(
     source: str,
     findings: list[Finding],
 ) -> list[Stretch]:
-    """The stretches on even grids, where anything is filtered or differentiated."""
+    """Stretches on uniform grids, where something is filtered or differentiated."""
     if processing.edges == "periodic" or processing.family != "none" or not given:
         return [_even(piece, processing, period, source, findings) for piece in pieces]
     findings.extend(_left_uneven(piece, source) for piece in pieces if not is_even(piece.time, piece.number))
@@ -295,7 +295,7 @@ def _on_a_grid(
 def _even(
     piece: Stretch, processing: ProcessingOptions, period: float | None, source: str, findings: list[Finding]
 ) -> Stretch:
-    """The stretch on an even grid; where the motion goes round, with a whole number of samples a period."""
+    """Stretch on a uniform grid; where the motion is periodic, with a whole number of samples per period."""
     span = None
     if processing.edges == "periodic":
         span = period if period is not None else piece.samples / piece.rate

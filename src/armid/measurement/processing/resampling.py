@@ -1,4 +1,4 @@
-"""From a recording's clock to contiguous stretches at an even rate."""
+"""Contiguous stretches of a recording at a uniform rate."""
 
 from __future__ import annotations
 
@@ -17,33 +17,34 @@ from armid.values import Array
 __all__ = ["Stretch", "gather", "is_even", "jitter", "resample_uniform", "stretches", "uniform"]
 
 GAP_STEPS = 2.5
-"""A step of so many median steps is a gap: two lost samples in a row, beyond the jitter of a log."""
+"""Number of median steps from which a step is a gap: two successive lost samples, more than the jitter of a log."""
 
 GAP_PERIODS = 0.1
-"""But a step is no gap while it is shorter than this share of a period of the cut-off: a cubic spline through ten
-points a period errs by 4e-4 of an amplitude at the cut-off, less below."""
+"""Share of a period of the cut-off below which a step is no gap: a cubic spline through ten points per period errs by
+4e-4 of an amplitude at the cut-off, less below."""
 
 JITTER = 0.05
-"""Standard deviation of the clock from an even grid, in steps, from which samples are moved to an even grid. Below
-it moving them changes a position by less than what an arm turns in a twentieth of a step."""
+"""Standard deviation of the clock from a uniform grid, in steps, from which samples are resampled. Smaller jitter
+changes a position by less than the motion in a twentieth of a step."""
 
 ASTRAY = 0.5
-"""Steps by which any one sample may be off an even grid: a sample lost near an end hardly shows in `JITTER`."""
+"""Largest distance of a single sample from a uniform grid, in steps: a sample lost near an end hardly changes
+`JITTER`."""
 
 WHOLE = 0.05
-"""Samples by which all periods together may miss a whole number of samples before they are moved; as `JITTER`."""
+"""Samples by which all periods together may miss a whole number of samples before they are resampled."""
 
 DIGITS = 10
-"""Significant digits of a mean rate; more are rounding of the clock, and an hour drifts by less than 1e-6 s."""
+"""Significant digits of a mean rate; more would be rounding of the clock, and an hour drifts by less than 1e-6 s."""
 
 CONTINUED = 3
-"""Samples by which a repeating motion is continued before it is moved to an even grid: one to reach, two so that
-the spline has its support on both sides."""
+"""Samples by which a periodic motion is extended before it is resampled: one to reach the end, two so that the spline
+has support on both sides."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Stretch:
-    """Samples that follow each other without a gap.
+    """Consecutive samples without a gap.
 
     Attributes:
         time: Shape (N,) [s].
@@ -77,24 +78,24 @@ class Stretch:
         rate: float,
         bad: Callable[[NDArray[np.bool_]], NDArray[np.bool_]],
     ) -> Stretch:
-        """The same change made to every signal, after which no sample is missing."""
+        """Stretch with the same transformation applied to every signal, after which no sample is missing."""
         dq = None if self.dq is None else signals(self.dq)
         ddq = None if self.ddq is None else signals(self.ddq)
         return Stretch(time, rate, signals(self.q), dq, ddq, signals(self.effort), bad(self.bad))
 
     def kept(self, rows: slice | NDArray[np.bool_]) -> Stretch:
-        """Some of the samples."""
+        """Stretch with a selection of its samples."""
         few = self.changed(lambda x: x[rows], self.time[rows], self.rate, lambda bad: bad[rows])
         number = np.arange(self.samples) if self.number is None else self.number
         return replace(few, number=number[rows])
 
     def cut(self, first: int, stop: int) -> Stretch:
-        """Samples `first` to `stop` - 1."""
+        """Stretch of the samples `first` to `stop` - 1."""
         return self.kept(slice(first, stop))
 
 
 def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
-    """Standard deviation of a clock from an even grid, in steps.
+    """Standard deviation of a clock from a uniform grid, in steps.
 
     Args:
         time: Stamps, shape (N,) [s].
@@ -104,13 +105,13 @@ def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
 
 
 def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
-    """Tell whether samples were taken at an even rate, for `jitter`'s arguments."""
+    """Test whether samples were taken at a uniform rate; the arguments are those of `jitter`."""
     off = _unevenness(time, number)
     return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
 
 
 def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
-    """Distance of each sample from the even grid that fits best, in steps, shape (N,)."""
+    """Distance of each sample from the uniform grid that fits best, in steps, shape (N,)."""
     if len(time) < 3:
         return np.zeros(len(time))
     index = np.arange(len(time)) if number is None else number
@@ -121,7 +122,7 @@ def _unevenness(time: Array, number: NDArray[np.int64] | None) -> Array:
 
 
 def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch], list[Finding]]:
-    """Cut a recording at the gaps of its clock.
+    """Cuts a recording at the gaps of its clock.
 
     Samples that are not finite, and a few in succession that count for no joint, are taken as missing: they are no
     gap while the step across them is short.
@@ -155,7 +156,7 @@ def stretches(recording: Recording, cutoff: float | None) -> tuple[list[Stretch]
 
 
 def _without_specks(whole: Stretch, longest: float) -> Stretch:
-    """The samples without those that count for no joint, where the step across them stays short."""
+    """Stretch without samples that are valid for no joint, where the step across them stays short."""
     spoilt = whole.bad.all(axis=1)
     if not spoilt.any() or spoilt.all():
         return whole
@@ -219,7 +220,7 @@ def _median_step(time: Array, name: str) -> float:
 
 
 def _mean_rate(piece: Stretch, step: float) -> float:
-    """Samples a second of a clock as recorded [Hz], free of the rounding of its time stamps."""
+    """Mean rate of a clock as recorded [Hz], without the rounding of its time stamps."""
     time, number = piece.time, piece.number
     steps = len(time) - 1 if number is None else int(number[-1] - number[0])
     mean = steps / float(time[-1] - time[0]) if len(time) > 1 else 1.0 / step
@@ -227,7 +228,7 @@ def _mean_rate(piece: Stretch, step: float) -> float:
 
 
 def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each: bool) -> Stretch:
-    """The stretch on an even grid: its own where its clock is even enough, else one that suits the output rows.
+    """Stretch on a uniform grid: its own where its clock is uniform enough, else one that suits the rows.
 
     On its own grid only samples that are missing are made, by a cubic spline; all others stay as they are.
 
@@ -253,7 +254,7 @@ def resample_uniform(stretch: Stretch, span: float | None, rows: float, *, each:
 
 
 def _filled(stretch: Stretch) -> Stretch:
-    """An even stretch with the samples that it lacks; one beside a bad sample is bad."""
+    """Uniform stretch with its missing samples interpolated; one next to a bad sample is bad."""
     if stretch.number is None:
         return stretch
     place = stretch.number - stretch.number[0]
@@ -273,7 +274,7 @@ def _filled(stretch: Stretch) -> Stretch:
 
 
 def uniform(stretch: Stretch, rate: float, period: float | None = None) -> Stretch:
-    """The stretch on an even grid that begins with its first sample; one beside a bad sample is bad.
+    """Stretch resampled on a uniform grid from its first sample; a sample next to a bad one is bad.
 
     Args:
         stretch: With time stamps at any distance.

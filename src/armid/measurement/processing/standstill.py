@@ -1,4 +1,4 @@
-"""Stretches in which a joint stands still between motion, where dry friction takes any value up to its bound.
+"""Detection of standstill of joints between motion, where dry friction takes any value up to its bound.
 
 A joint that turns round passes through rest in a moment: with acceleration a it is slower than v for 2 v / a. A joint
 that sticks stays there, and is fast soon after. So a stretch of slow samples is standstill where a stretch as long
@@ -31,23 +31,23 @@ SPAN = 0.024
 joint that sticks for a twentieth of a second does is seen between its edges."""
 
 NARROWEST = 2
-"""Samples on each side of one whose speed is measured, at least, at low rates."""
+"""Smallest number of samples on each side of one whose speed is measured, at low rates."""
 
 SURE = 4.0
-"""Standard deviations of a measured speed below which it is none."""
+"""Number of standard deviations of a measured speed below which it is not significant."""
 
 SLOW = 0.005
-"""Share of a joint's own RMS speed below which it is slow, where noise does not decide that: at 1 rad/s² it passes
-this in some milliseconds."""
+"""Share of a joint's RMS speed below which it is slow, where noise allows: at 1 rad/s² a joint passes through this
+range in some milliseconds."""
 
 BLIND = 0.1
-"""The same share from which on noise hides standstill altogether."""
+"""Noise relative to a joint's RMS speed from which it hides standstill altogether."""
 
 SHORTEST = 0.04
-"""Shortest standstill that counts [s]; what is shorter moves an estimate by less than its deviation."""
+"""Shortest standstill that is detected [s]; a shorter one moves an estimate by less than its standard deviation."""
 
 LEAST = 3
-"""Samples of it at low rates."""
+"""Smallest number of samples of a standstill, at low rates."""
 
 STANDS = 25.0
 """Speed, in limits of slowness, that is reached within the length of a slow stretch before or after it, from which on
@@ -55,10 +55,10 @@ the joint stood: at constant acceleration that is 3, where the velocity touches 
 and comes back 17, or some more when the stretch is a few samples."""
 
 LINGERS = 6.0
-"""The same from which on a joint that stands elsewhere may have stood, too: twice what constant acceleration does."""
+"""The same ratio for a joint that stands elsewhere in the recording: twice that of constant acceleration."""
 
 RESTING = 0.5
-"""Share of a slow stretch in which all joints are slow, from which on it is the arm that rests."""
+"""Share of a slow stretch in which all joints are slow from which the whole arm rests."""
 
 LONG = 1.0
 """Seconds of a slow stretch from which on the arm rests for long, and joints that but linger rest, too. In shorter
@@ -66,21 +66,21 @@ ones they do not: where a motion begins anew, joints that stick come to rest one
 second."""
 
 MOMENT = 0.02
-"""Share of their own RMS speeds below which all joints at once have come to rest between motions."""
+"""Share of their RMS speeds below which all joints together are at rest for a moment between motions."""
 
 SLIDING = 0.1
-"""The same from which on a joint that comes from such a moment of rest, or goes to it, slides for sure."""
+"""Share of its RMS speed from which a joint before or after such a moment certainly slides."""
 
 PASSES, HURRIES = 5.0, 3.5
 """A joint that just passes through zero is slower than so many times a speed for as many times as long; one that
 comes to rest, if only for an instant, for at most the root of that as long. What lies between tells them apart."""
 
 BESIDE = 0.5
-"""Seconds on each side of a moment of rest in which a joint may be slower."""
+"""Time on each side of a moment of rest in which a joint may be slower [s]."""
 
 
 def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bool_]:
-    """Samples at which a joint stands still among others that move, or all for a moment between motions.
+    """Mask of samples at which a joint stands still while others move, or all for a moment between motions.
 
     A joint that never moves has none, nor one whose noise hides whether it does.
 
@@ -118,7 +118,7 @@ def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bo
 
 
 def position_noise(q: Array, time: Array) -> Array:
-    """Standard deviation of each position's noise, or what rounding makes of it.
+    """Standard deviation of the noise of each position, including rounding.
 
     Args:
         q: Positions as they were logged, shape (N, n) [rad or m].
@@ -141,7 +141,7 @@ def position_noise(q: Array, time: Array) -> Array:
 
 
 def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
-    """Samples of moments at which all joints rest between motions, and of what lies next to them, shape (N, m).
+    """Mask of moments at which all joints rest between motions, with the slow samples next to them, shape (N, m).
 
     Args:
         speed: Over the joints' RMS speeds, shape (N, m).
@@ -167,7 +167,7 @@ def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:
 
 
 def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, int]]:
-    """For a limit of speed, the first sample and the one after the last about a stretch that are all below it."""
+    """First sample and end of the surrounding stretch below a limit of speed."""
 
     def below(limit: float) -> tuple[int, int]:
         before, after = np.flatnonzero(speed[:begin] >= limit), np.flatnonzero(speed[end:] >= limit)
@@ -177,7 +177,7 @@ def _around(speed: Array, begin: int, end: int) -> Callable[[float], tuple[int, 
 
 
 def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Array]:
-    """Stretches of speeds (N,) below 1, first sample and the one after the last, (K, 2), and the speed near each."""
+    """Stretches of speeds (N,) below 1, as first sample and end, (K, 2), and the speed near each."""
     slow = np.concatenate([[False], speed < 1.0, [False]])
     ends = np.flatnonzero(np.diff(slow)).reshape(-1, 2)
     ends = ends[ends[:, 1] - ends[:, 0] >= shortest]
@@ -190,7 +190,7 @@ def _slow_stretches(speed: Array, shortest: int) -> tuple[NDArray[np.intp], Arra
 
 
 def _speed(q: Array, half: int, rate: float) -> Array:
-    """Size of the velocity between the means of so many samples before and after each, shape (N, n)."""
+    """Speed from the means of a number of samples before and after each sample, shape (N, n)."""
     centred = q - q.mean(axis=0)
     whole = np.concatenate(
         [2 * centred[0] - centred[half:0:-1], centred, 2 * centred[-1] - centred[-2 : -half - 2 : -1]]

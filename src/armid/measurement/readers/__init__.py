@@ -1,4 +1,4 @@
-"""Readers of recordings, one format a file."""
+"""Readers of recordings, one module for each format."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ __all__ = ["ENDINGS", "READERS", "RecordingReader", "load_recording"]
 
 
 class RecordingReader(Protocol):
-    """Offer of a reader module."""
+    """Interface of a reader module."""
 
     SUFFIXES: tuple[str, ...]
     """Endings of the file names it reads, lower case, with the dot."""
 
     @staticmethod
     def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
-        """Read one file, by the names of the robot's joints where it is given; `load_recording` adds the source."""
+        """Reads one file, using the robot's joint names where given; `load_recording` adds the source."""
         ...
 
 
@@ -41,7 +41,7 @@ ENDINGS: tuple[str, ...] = (
 
 
 def load_recording(path: Path | str, reading: LogFormat | None = None, robot: Robot | None = None) -> Recording:
-    """Read a recording as the file says it; `interpret` puts it in the robot's terms.
+    """Reads a recording as the file has it; `to_robot_convention` converts it to the robot's convention.
 
     Args:
         path: A file in one of the known formats, its suffix says which; or the folder of a ROS bag.
@@ -58,7 +58,7 @@ def load_recording(path: Path | str, reading: LogFormat | None = None, robot: Ro
 
 
 def _reader(path: Path) -> RecordingReader:
-    """Tell who reads it."""
+    """Reader module for a path."""
     if path.is_dir():
         return bag
     known = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}

@@ -1,4 +1,4 @@
-"""ROS bags of ROS 1 and ROS 2: joint states by name, at the time of their header."""
+"""Reader of ROS 1 and ROS 2 bags: joint states by joint name, at the times of their headers."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Fields = tuple[Sequence[str], dict[str, Any]]
 
 
 def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
-    """Read joint states, matched by name. Times are the header stamps, in seconds since the first one.
+    """Reads joint states by joint name, with header stamps in seconds since the first one as times.
 
     Args:
         path: One bag file, also compressed as .db3.zstd, or the folder of a bag.
@@ -80,7 +80,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
 
 
 def _read_open(bag: Any, reading: LogFormat, robot: Robot | None, path: Path) -> Recording:
-    """The recording of an open bag."""
+    """Recording of an open bag."""
     names = {joint: name for name, joint in reading.joint_map.items() if joint}
     wanted = tuple(names.values()) if robot is None else tuple(names.get(j, j) for j in robot.joint_names)
     spare = () if robot is None else tuple(held.name for held in robot.held)
@@ -112,7 +112,7 @@ def _read_open(bag: Any, reading: LogFormat, robot: Robot | None, path: Path) ->
 
 
 def _candidates(kinds: Mapping[str, str], reading: LogFormat, path: Path) -> Iterable[list[str]]:
-    """Topics to look at, kind by kind: the one that is asked for, or all with joint states."""
+    """Topics to read, by message type: the one of the log format, or all with joint states."""
     known = sorted(topic for topic, kind in kinds.items() if kind in KINDS)
     if reading.topic is not None:
         if reading.topic in known:
@@ -132,7 +132,7 @@ def _candidates(kinds: Mapping[str, str], reading: LogFormat, path: Path) -> Ite
 
 
 def _publishers(bag: Any, topic: str, fields_of: Callable[[Any], Fields]) -> list[Publisher]:
-    """All messages of a topic, by their joints."""
+    """Messages of a topic, grouped by their joints."""
     found: dict[frozenset[str], Publisher] = {}
     wanted = [connection for connection in bag.connections if connection.topic == topic]
     for connection, received, data in bag.messages(connections=wanted):
@@ -171,7 +171,7 @@ def _several(topics: Sequence[str], path: Path) -> RecordingError:
 
 
 def _topic_finding(topic: str, others: Sequence[str]) -> Finding:
-    """Tell which topic was taken of several."""
+    """Finding about the topic chosen among several."""
     return Finding("topic-chosen", "info", topic, f"{topic} was taken, and not {', '.join(others)}.")
 
 
@@ -180,7 +180,7 @@ def _joint_state(message: Any) -> Fields:
 
 
 def _dynamic_joint_state(message: Any) -> Fields:
-    """Interfaces by name; what a joint does not have is NaN."""
+    """Interfaces by name; NaN for those that a joint does not have."""
     of_joint = [dict(zip(each.interface_names, each.values, strict=True)) for each in message.interface_values]
     return message.joint_names, {
         name: np.array([float(each.get(name, np.nan)) for each in of_joint]) for name in FIELDS
@@ -188,7 +188,7 @@ def _dynamic_joint_state(message: Any) -> Fields:
 
 
 def _controller_state(message: Any) -> Fields:
-    """Return what was measured, which older versions call actual and newer ones feedback."""
+    """Measured state, which older versions call actual and newer ones feedback."""
     point = getattr(message, "feedback", None) or message.actual
     return message.joint_names, {"position": point.positions, "velocity": point.velocities, "effort": point.effort}
 
@@ -203,7 +203,7 @@ KINDS: Mapping[str, Callable[[Any], Fields]] = {
 
 @cache
 def _store() -> Any:
-    """Definitions for bags of older distributions, which carry none; JointState is the same in all of them."""
+    """Message definitions for bags of older distributions, which contain none; JointState is the same in all."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -213,7 +213,7 @@ def _store() -> Any:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Return the errors of rosbags with a damaged bag: its own, those of SQLite, and those of plain Python."""
+    """Exceptions for damaged bags: those of rosbags, of SQLite, and plain Python ones."""
     from rosbags import highlevel, rosbag1, rosbag2, serde, typesys
 
     own = (highlevel.AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, serde.SerdeError, typesys.TypesysError)
@@ -233,7 +233,7 @@ def _faults() -> tuple[type[Exception], ...]:
 
 
 def _fault(module: str, name: str) -> list[type[Exception]]:
-    """An error of a package that rosbags brings, where it does."""
+    """Exception class of a package that rosbags brings, where it is installed."""
     import importlib
 
     try:

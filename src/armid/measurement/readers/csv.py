@@ -1,4 +1,4 @@
-"""Text tables: names of columns, then one line a sample; also packed by gzip, xz, bzip2 or zstd."""
+"""Reader of text tables with column names and one line per sample; also compressed by gzip, xz, bzip2 or zstd."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PACKED: tuple[str, ...] = (".gz", ".xz", ".bz2", ".zst")
 
 
 def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
-    """Read a text table; its encoding, its delimiter and its decimal sign are found out.
+    """Reads a text table; encoding, delimiter and decimal sign are detected.
 
     Lines that begin with `#`, `%` or `//` may precede the table; the last of them may be the header, and a line of
     units may follow it. Times may be numbers, dates as ISO 8601 has them, or times of a day.
@@ -56,7 +56,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
 
 
 def _unpacked(path: Path) -> bytes:
-    """The bytes of the text."""
+    """Uncompressed bytes of the file."""
     data = path.read_bytes()
     suffix = path.suffix.lower()
     try:

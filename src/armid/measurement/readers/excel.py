@@ -1,4 +1,4 @@
-"""Workbooks of Excel: the first sheet that has names of columns in a row above numbers."""
+"""Reader of Excel workbooks: the first sheet with a row of column names above numbers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PACKAGE = "python_calamine"
 
 
 def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
-    """Read the first sheet of a workbook that has a row of names above rows of numbers.
+    """Reads the first sheet of a workbook that has a row of names above rows of numbers.
 
     Raises:
         RecordingError: No workbook, no table in it, or a cell that is no number.
@@ -55,7 +55,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
 
 
 def _is_header(row: Sequence[Any]) -> bool:
-    """Tell whether a row names columns: two texts at least, and no number."""
+    """Test whether a row contains column names: at least two texts, and no number."""
     texts = [cell for cell in row if isinstance(cell, str) and cell.strip()]
     return len(texts) > 1 and all(isinstance(cell, str) for cell in row)
 
@@ -75,7 +75,7 @@ def _recording(
 
 
 def _number(cell: Any, where: str) -> float:
-    """A cell as a number; a date is seconds since 1970, an empty cell NaN."""
+    """Number of a cell; a date is in seconds since 1970, an empty cell is NaN."""
     if isinstance(cell, bool | int | float):
         return float(cell)
     if isinstance(cell, timedelta):

@@ -1,4 +1,4 @@
-"""MATLAB files: version 5 by SciPy, version 7.3 (which is HDF5) by h5py."""
+"""Reader of MATLAB files: version 5 by SciPy, version 7.3 (which is HDF5) by h5py."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
-    """Read matrices from a MATLAB file; a matrix has one row a sample, as MATLAB shows it.
+    """Reads matrices from a MATLAB file, with one row per sample.
 
     Raises:
         RecordingError: No MATLAB file, or a variable is missing, an object, a struct or a cell.
@@ -46,7 +46,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
 
 
 def _read_v5(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
-    """Read a file of version 5 or older."""
+    """Reads a file of version 5 or older."""
     # Imported here: it takes a third of a second, which only MATLAB files should cost.
     from scipy.io import loadmat, matlab, whosmat
 
@@ -77,7 +77,7 @@ def _read_v5(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
 
 
 def _read_v73(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
-    """Read a file of version 7.3, in which HDF5 holds every matrix transposed."""
+    """Reads a file of version 7.3, in which HDF5 stores every matrix transposed."""
     try:
         import h5py
     except ImportError as error:
@@ -104,7 +104,7 @@ def _read_v73(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
 def _assembled(
     selection: Selection, data: dict[str, NDArray[Any]], reading: LogFormat, path: Path, names: list[str]
 ) -> Recording:
-    """The recording from variables in MATLAB's orientation."""
+    """Recording from variables in MATLAB's orientation."""
     # A vector may lie or stand in MATLAB. It is one channel where each channel has its own or there is one joint;
     # otherwise it is a matrix of one row.
     shapes = {data[name].shape for name in selection.names}
@@ -119,7 +119,7 @@ def _assembled(
 
 
 def _class_v73(item: Any) -> str:
-    """MATLAB's class of an HDF5 item."""
+    """MATLAB class of an HDF5 item."""
     kind = item.attrs.get("MATLAB_class")
     if kind is not None:
         return bytes(kind).decode()

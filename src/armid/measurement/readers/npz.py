@@ -1,4 +1,4 @@
-"""NumPy archives: a matrix for each quantity or a vector for each channel; also what `armid.values.save` wrote."""
+"""Reader of NumPy archives with a matrix per quantity or a vector per channel, also of `armid.values.save`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NAMES = ("joint_names", "names")
 
 
 def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
-    """Read a NumPy archive. Nothing in it is ever unpickled.
+    """Reads a NumPy archive; nothing in it is ever unpickled.
 
     Raises:
         RecordingError: The file is no archive, needs pickle, or a variable is missing or not numeric.
@@ -54,7 +54,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
 
 
 def _recording(archive: np.lib.npyio.NpzFile, reading: LogFormat, robot: Robot | None, path: Path) -> Recording:
-    """The recording in an open archive."""
+    """Recording in an open archive."""
     if "value.json" in archive.files:
         saved = load(Recording, path)
         consecutive = saved.consecutive if reading.consecutive is None else reading.consecutive

@@ -1,4 +1,4 @@
-"""Parquet tables."""
+"""Reader of Parquet tables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXTRA = "io"
 
 
 def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
-    """Read the columns that are needed from a Parquet file.
+    """Reads the needed columns from a Parquet file.
 
     Raises:
         RecordingError: The file is truncated or no Parquet file, or a column is missing or not numeric.

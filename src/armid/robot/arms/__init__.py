@@ -1,1 +1,1 @@
-"""Built-in arms, one description a file."""
+"""Built-in arms, with one description for each."""

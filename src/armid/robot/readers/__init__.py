@@ -1,4 +1,4 @@
-"""Catalogue of the formats of robot descriptions: one module a format, one line here."""
+"""Catalogue of the formats of robot descriptions: one module and one line for each."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ __all__ = ["READERS", "DescriptionReader"]
 
 
 class DescriptionReader(Protocol):
-    """Offer of a reader module."""
+    """Interface of a reader module."""
 
     SUFFIXES: tuple[str, ...]
     """Endings of the file names it reads, lower case, with the dot."""
 
     @staticmethod
     def recognises(text: str) -> bool:
-        """Tell whether a text looks like this format; decides where two readers share an ending."""
+        """Test whether a text looks like this format, for formats with the same suffix."""
         ...
 
     @staticmethod
     def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
-        """The robot that the text describes.
+        """Reads the robot that a text describes.
 
         Joints named in `locked` that have one degree of freedom stay joints of the result; others are made fixed.
         """
@@ -33,7 +33,7 @@ class DescriptionReader(Protocol):
 
     @staticmethod
     def outline(text: str, *, source: str) -> JointOutline:
-        """All its joints, those of several degrees of freedom and those that follow others among them."""
+        """Outline of all joints, also those of several degrees of freedom and those that follow others."""
         ...
 
 

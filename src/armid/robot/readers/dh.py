@@ -1,4 +1,4 @@
-"""Tables of Denavit-Hartenberg parameters in TOML.
+"""Reader of tables of Denavit-Hartenberg parameters in TOML.
 
 A file reads so::
 
@@ -89,12 +89,12 @@ PI_EXPRESSION = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d+)?)\s*\*\s*)?pi\s*(?:/\
 
 
 def recognises(text: str) -> bool:
-    """Tell whether the text looks like a DH table."""
+    """Test whether a text looks like a DH table."""
     return "[[joint]]" in text
 
 
 def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
-    """The robot of a DH table.
+    """Reads the robot of a DH table.
 
     Args:
         text: The TOML text.
@@ -163,7 +163,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def _tip(own: Frame, links: list[Link], name: str | None, source: str) -> Frame:
-    """The table's own tip or the frame of a link."""
+    """Tip of the table or the frame of a link."""
     frames = [own, *(Frame(link.name, i, np.eye(4)) for i, link in enumerate(links))]
     for frame in frames:
         if name in (None, frame.name):
@@ -172,7 +172,7 @@ def _tip(own: Frame, links: list[Link], name: str | None, source: str) -> Frame:
 
 
 def _row(row: _Table, convention: str) -> tuple[Array, Array]:
-    """Transforms of a row before its link frame and from the link frame to the row's end, each (4, 4)."""
+    """Transforms of a row to its link frame and from the link frame to the row's end, each (4, 4)."""
     lengths, angles = ROWS[convention]
     row.only((*lengths, *angles, *JOINT))
     length = {key: row.number(key, 0.0) for key in lengths}
@@ -186,7 +186,7 @@ def _row(row: _Table, convention: str) -> tuple[Array, Array]:
 
 
 def _name(row: _Table) -> str:
-    """Name of a row's joint, by default after its place."""
+    """Name of a row's joint; its number by default."""
     return row.text("name", row.default_name)
 
 
@@ -273,7 +273,7 @@ KINDS = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """A TOML table whose entries are checked as they are taken."""
+    """TOML table whose entries are checked when they are read."""
 
     data: Any
     where: str
@@ -285,11 +285,11 @@ class _Table:
             raise self.wrong("the entry", self.data, "a table")
 
     def wrong(self, key: str, found: object, wanted: str) -> RobotError:
-        """The error for an entry that is not what it should be."""
+        """Error for an entry with a wrong value."""
         return RobotError(f"{self.where}: {key} must be {wanted}; found {found!r}.")
 
     def only(self, known: tuple[str, ...]) -> None:
-        """Refuse keys that are not known."""
+        """Raises an error for unknown keys."""
         for key in self.data:
             if key not in known:
                 close = get_close_matches(key, known, 1)
@@ -299,19 +299,19 @@ class _Table:
                 )
 
     def require(self, keys: tuple[str, ...]) -> None:
-        """Refuse a table without these keys; all that are missing are named."""
+        """Raises an error that names all missing keys."""
         missing = [key for key in keys if key not in self.data]
         if missing:
             verb, written = "is" if len(missing) == 1 else "are", ", ".join(f"{key} = …" for key in missing)
             raise RobotError(f"{self.where}: {', '.join(missing)} {verb} missing.", remedy=f"write {written}")
 
     def need(self, key: str) -> Any:
-        """The entry, refused where missing."""
+        """Entry of a key; an error where it is missing."""
         self.require((key,))
         return self.data[key]
 
     def text(self, key: str, default: str | None = None) -> str:
-        """A string that is not empty."""
+        """Non-empty string."""
         value = self.data.get(key, default) if default is not None else self.need(key)
         if not isinstance(value, str) or not value:
             raise self.wrong(key, value, "a name")
@@ -329,15 +329,15 @@ class _Table:
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
-        """A finite number."""
+        """Finite number."""
         return self._number(key, self.data.get(key, default) if default is not None else self.need(key))
 
     def angle(self, key: str) -> float:
-        """An angle [rad], 0 where left out."""
+        """Angle [rad], 0 where left out."""
         return self._angle(key, self.data.get(key, 0.0))
 
     def positive(self, key: str, *, angle: bool = False) -> float:
-        """A positive limit, infinite where left out."""
+        """Positive limit, infinite where left out."""
         if key not in self.data:
             return math.inf
         value = self._angle(key, self.data[key]) if angle else self.number(key)
@@ -348,7 +348,7 @@ class _Table:
     def vector(
         self, key: str, length: int, default: tuple[float, ...] | None = None, *, angle: bool = False
     ) -> tuple[float, ...]:
-        """Several numbers or angles."""
+        """Vector of numbers or angles."""
         if key not in self.data and default is not None:
             return default
         value = self.need(key)

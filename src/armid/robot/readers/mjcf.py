@@ -1,4 +1,4 @@
-"""MJCF, brought into a plain form (`armid.robot.mjcf_plain`) and parsed by Pinocchio; meshes are never opened.
+"""Reader of MJCF, by a plain form (`armid.robot.mjcf_plain`) and Pinocchio; meshes are never opened.
 
 Bodies with several hinges or slides become a chain of links of nothing. Limits on effort come from the joint, or
 from the actuator on it. Gravity is what the file says.
@@ -29,12 +29,12 @@ SUFFIXES: tuple[str, ...] = (".mjcf", ".xml")
 
 
 def recognises(text: str) -> bool:
-    """Tell whether the text looks like MJCF."""
+    """Test whether a text looks like MJCF."""
     return root_tag(text) == "mujoco"
 
 
 def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
-    """The robot of an MJCF text.
+    """Reads the robot of an MJCF text.
 
     Args:
         text: The MJCF.
@@ -93,14 +93,14 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def _is_moved(model: Any, joint: int, locked: Mapping[str, float]) -> bool:
-    """Tell whether a joint of the model, or one that carries it, moves; joint 0, the base, does not."""
+    """Test whether a joint of the model, or one that carries it, moves; joint 0, the base, does not."""
     while joint > 0 and model.names[joint] in locked:
         joint = model.parents[joint]
     return joint > 0
 
 
 def _root(text: str, source: str) -> ET.Element:
-    """The document of an MJCF."""
+    """Root element of an MJCF."""
     root = parse_xml(text, source)
     if root.tag != "mujoco":
         raise RobotError(

@@ -1,4 +1,4 @@
-"""URDF, parsed by Pinocchio; meshes are never opened.
+"""Reader of URDF by Pinocchio; meshes are never opened.
 
 Joint kinds, mimic tags, axes and limits are checked first, because urdfdom passes over some faults and
 reports others without saying where. Fixed joints are merged into the link that carries them.
@@ -29,12 +29,12 @@ REFUSED = ("floating", "planar", "spherical", "ball")
 
 
 def recognises(text: str) -> bool:
-    """Tell whether the text looks like a URDF."""
+    """Test whether a text looks like a URDF."""
     return root_tag(text) == "robot"
 
 
 def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
-    """The robot of a URDF text.
+    """Reads the robot of a URDF text.
 
     Args:
         text: The URDF.
@@ -108,7 +108,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def _root(text: str, source: str) -> ET.Element:
-    """The document of a URDF."""
+    """Root element of a URDF."""
     root = parse_xml(text, source)
     if root.tag != "robot":
         raise RobotError(
@@ -127,7 +127,7 @@ def _link_of(joint: ET.Element, role: str) -> str:
 
 
 def _named(joint: ET.Element, parent: int, source: str) -> SelectedJoint:
-    """A joint that is not fixed, with what it follows."""
+    """Joint that is not fixed, with its mimic law."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     limit, mimic = joint.find("limit"), joint.find("mimic")
     follows = None
@@ -149,12 +149,12 @@ MIMIC = {"offset": 0.0, "multiplier": 1.0}
 
 
 def _joints(root: ET.Element) -> list[ET.Element]:
-    """The joints themselves, not those that transmissions mention."""
+    """Joints of the robot, without those mentioned by transmissions."""
     return root.findall("joint")
 
 
 def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tuple[DescribedLimits, Finding | None]:
-    """Check a joint, make it such that urdfdom accepts it, and return its limits."""
+    """Checks a joint, changes it so that urdfdom accepts it, and returns its limits."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     if kind in REFUSED and name in locked:
         identity_only(name, kind, locked[name])
@@ -172,7 +172,7 @@ def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tup
 
 
 def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) -> None:
-    """Refuse a joint that follows another one, unless it is locked; then forget what it follows."""
+    """Raises an error for a mimic joint that is not locked; removes the mimic element of a locked one."""
     name, mimic = joint.get("name", ""), joint.find("mimic")
     if mimic is None:
         return
@@ -186,7 +186,7 @@ def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) ->
 
 
 def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLimits, Finding | None]:
-    """Limits of a joint; leaves behind a <limit> that urdfdom accepts."""
+    """Limits of a joint; replaces <limit> by one that urdfdom accepts."""
     name, limit = joint.get("name", ""), joint.find("limit")
     where = f"the limit of joint {name!r}"
     values = {key: numbers(limit, key, 1, source, where) if limit is not None else None for key in LIMIT_KEYS}

@@ -1,4 +1,4 @@
-"""Xacro: expanded by xacrodoc, then read as URDF.
+"""Reader of xacro, which xacrodoc expands to a URDF.
 
 The digest is that of the expanded text, since included files shape the robot too.
 """
@@ -25,12 +25,12 @@ SUFFIXES: tuple[str, ...] = (".xacro",)
 
 
 def recognises(text: str) -> bool:
-    """Tell whether the text looks like xacro."""
+    """Test whether a text looks like xacro."""
     return root_tag(text) == "robot" and "ros.org/wiki/xacro" in text
 
 
 def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None) -> Robot:
-    """The robot of a xacro text; arguments keep their defaults.
+    """Reads the robot of a xacro text with default arguments.
 
     Args:
         text: The xacro.
@@ -58,7 +58,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def expand(text: str, source: str) -> str:
-    """The URDF text that a xacro text stands for.
+    """URDF text of an expanded xacro text.
 
     Raises:
         MissingExtraError: xacrodoc is not installed.
@@ -99,11 +99,11 @@ def expand(text: str, source: str) -> str:
 
 
 LACKING = re.compile(r"Package not found: (\S+)")
-"""What xacrodoc says of a package that it does not find."""
+"""Message of xacrodoc for a package that it does not find."""
 
 
 def _unexpanded(source: str, error: Exception, package: str) -> RobotError:
-    """Tell why it cannot be expanded."""
+    """Error for a xacro that cannot be expanded."""
     if package:
         return RobotError(
             f"{source} cannot be expanded by xacro: the package {package} is not found.",
