@@ -131,9 +131,6 @@ def choose_poses(
         seed: Seed of the random poses.
         allowed: Test of poses (N, n), shape (N,); all are allowed where left out.
 
-    Returns:
-        Poses in an order of short moves, shape (count, n) [rad or m].
-
     Raises:
         ArmidError: The count is below one, too few random poses are allowed, or gravity acts on no joint.
     """

@@ -41,13 +41,13 @@ class Controller:
 
     Attributes:
         kind: One of `CONTROLLERS`.
-        compliance: Position error at which feedback asks for the joint's full effort [rad or m]. Gains follow, but
-            for joints so light that the loop would be faster than its clock.
+        compliance: Position error at which feedback commands the joint's full effort [rad or m]. The gains follow
+            from it, except for joints so light that the loop would be faster than its sampling allows.
         damping: Damping ratio of the loop with the mean inertia of the joint.
         integral: KI over KP [1/s]; `None` is 0, and 2 for `pid`.
-        rate: How often it runs [Hz]; 0 at every step of the simulation.
-        model_scale: Its nominal model over the true one.
-        friction: Share of viscous and Coulomb friction that it feeds forward along the plan.
+        rate: Sampling rate [Hz]; 0 for every step of the simulation.
+        model_scale: Ratio of its nominal model to the true one.
+        friction: Share of viscous and Coulomb friction in the feed-forward along the plan.
     """
 
     kind: Literal["computed-torque", "pd-gravity", "pid"] = "computed-torque"

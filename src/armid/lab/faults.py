@@ -89,7 +89,7 @@ class Delayed:
     """Delay of one quantity relative to the others.
 
     Attributes:
-        seconds: By how much [s].
+        seconds: Delay [s].
         quantity: `q`, `dq` or `effort`.
     """
 
@@ -161,8 +161,8 @@ class StuckChannel:
     Attributes:
         joint: Index of the joint, from 0.
         quantity: `q`, `dq` or `effort`.
-        start: When it gets stuck, over the length of the recording.
-        seconds: For how long [s]; infinite for the rest of the recording.
+        start: Time at which it gets stuck, as a share of the length of the recording.
+        seconds: Duration [s]; infinite for the rest of the recording.
     """
 
     joint: int = 0
@@ -217,7 +217,7 @@ class Scaled:
     """Quantity in another unit or on the other side of a gear, such as a current instead of a torque.
 
     Attributes:
-        factors: What each joint's values are multiplied by; one number for all.
+        factors: Factors of the joints' values; one number for all.
         quantity: `q`, `dq` or `effort`.
     """
 
@@ -299,7 +299,7 @@ class PositionOffset:
 
     Attributes:
         joint: Index of the joint, from 0.
-        offset: What it says too much [rad or m].
+        offset: Error that is added to the position [rad or m].
     """
 
     joint: int = 1

@@ -192,7 +192,7 @@ class Friction:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is viscous and Coulomb friction alone."""
+        """Tests whether it is viscous and Coulomb friction alone."""
         parts = (self.stribeck, self.slip, self.ripple, self.warmth)
         rest = self.offset.any() or self.asymmetry.any() or self.load.any()
         return not rest and all(part is None for part in parts)

@@ -30,9 +30,9 @@ class SensorChannel:
     Attributes:
         noise: Standard deviation of white noise.
         resolution: Step of quantisation; 0 for none.
-        bias: What it is off by.
-        drift: What it is off by more each second.
-        delay: By which it is late [s].
+        bias: Constant error.
+        drift: Change of the error per second.
+        delay: Delay [s].
         cutoff: Corner frequency of the controller's low-pass, a causal Butterworth filter [Hz]; 0 for none.
         order: Of that filter.
     """
@@ -64,7 +64,7 @@ class Sensing:
         velocity: The channel of velocities; `None` where none are logged.
         side: Where positions and torques are measured: at the `drive`, before friction and rotors, or at the `link`.
         jitter: Standard deviation of the time at which a row is taken [s]; at most a fifth of a row counts.
-        stamps: What the time column says: `true` times, `even` ones, or `none`.
+        stamps: Content of the time column: `true` times, `even` ones, or `none`.
     """
 
     rate: float = 1000.0

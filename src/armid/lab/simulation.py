@@ -48,12 +48,12 @@ class Simulated:
 
     Attributes:
         recording: The log.
-        trace: What truly happened.
+        trace: True motion.
         truth: The arm as it was simulated.
-        plan: The motion that was asked for.
-        options: What it was told.
-        gains: Of the controller; `None` without one.
-        seed: Of noise and faults.
+        plan: The planned motion.
+        options: Options of the simulation.
+        gains: Gains of the controller; `None` without one.
+        seed: Seed of noise and faults.
     """
 
     recording: Recording

@@ -51,5 +51,5 @@ class Band:
 
     @property
     def is_open(self) -> bool:
-        """Whether the band filters nothing."""
+        """Tests whether the band filters nothing."""
         return self.family == "none"

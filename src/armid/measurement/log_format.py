@@ -74,17 +74,17 @@ class LogFormat:
     Everything that is listed joint by joint stands in the robot's joint order, whatever the file's order.
 
     Attributes:
-        rate: Samples a second [Hz]; only where there is no clock.
-        consecutive: Whether rows follow each other in time; found out when `None`.
+        rate: Samples per second [Hz]; only where there is no clock.
+        consecutive: Whether rows are consecutive in time; detected when `None`.
         torque_sign: +1 or -1, one for all joints or one each: measured = sign · (URDF convention).
-        position_sign: The same of positions, velocities and accelerations.
-        drive_gain: Where the effort is a current: torque for each ampere, shape (n,) [N·m/A].
+        position_sign: Likewise for positions, velocities and accelerations.
+        drive_gain: Torque per ampere where the effort is a current, shape (n,) [N·m/A].
         drive_gain_deviation: Relative standard deviation of the gains, one or shape (n,).
         transmission: Where the log is motor-side: N, shape (n, n), with q_motor = N (q - joint_offset) and
             torque_joint = Nᵀ torque_motor.
         joint_offset: Joint position where the logged one is zero, shape (n,) [rad or m].
-        delay: By how much later the torque was logged than the positions of its time, negative where earlier; one for
-            all joints or shape (n,) [s].
+        delay: Delay of the logged torque relative to the positions, negative where it is early; one for all joints or
+            shape (n,) [s].
         columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
             the name of one column or matrix, or a list of names. An empty name leaves the quantity out.
         units: Unit of the logged angles, `rad` or `deg` (velocities and accelerations alike), one for all joints or

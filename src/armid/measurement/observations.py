@@ -25,10 +25,10 @@ class ObservedRun:
     Attributes:
         motion: Motion at full rate, N samples.
         torque: Joint torque, shape (N, n) [N·m or N].
-        rate: Samples a second [Hz].
+        rate: Samples per second [Hz].
         step: Samples from one row of the output grid to the next.
         offset: Sample of the first row.
-        mask: Which rows count, for each joint, shape (M, n).
+        mask: Valid rows of each joint, shape (M, n).
         block: Block of each row, counted from 0 without gaps, shape (M,): a period where one is stated, else about
             a second.
         consecutive: Whether the samples follow each other in time; if not, nothing may be filtered.

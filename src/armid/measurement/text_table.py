@@ -167,7 +167,7 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(text: str) -> bool:
-    """Test whether a field is a number, with a point or a comma."""
+    """Tests whether a field is a number, with a point or a comma."""
     try:
         float(text.replace(",", "."))
     except ValueError:

@@ -310,7 +310,7 @@ class _Writer:
         return ET.Element("geom", {"type": geom.get("type", "sphere"), **kept, **self._pose(geom, where)})
 
     def _has_mass(self, geom: ET.Element) -> bool:
-        """Test whether a geom contributes to the mass of its body."""
+        """Tests whether a geom contributes to the mass of its body."""
         if geom.get("type") in MASSLESS:
             return False
         low, high = numbers(
@@ -338,7 +338,7 @@ class _Writer:
 
 
 def _is_solid(geom: ET.Element) -> bool:
-    """Test whether the geom's inertia follows from its shape alone."""
+    """Tests whether the geom's inertia follows from its shape alone."""
     primitive = geom.get("type", "sphere") in PRIMITIVES and "mesh" not in geom.attrib
     return primitive and geom.get("shellinertia") != "true"
 

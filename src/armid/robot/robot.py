@@ -81,7 +81,7 @@ class InertialParameters:
         return self.first_moment / self.mass if self.mass else np.full(3, np.nan)
 
     def is_consistent(self, tolerance: float = CONSISTENCY_TOLERANCE) -> bool:
-        """Whether some distribution of positive mass has these parameters."""
+        """Tests whether some distribution of positive mass has these parameters."""
         eigenvalues = np.linalg.eigvalsh(self.pseudo_inertia)
         return bool(eigenvalues[0] >= -tolerance * max(abs(eigenvalues[-1]), np.finfo(float).tiny))
 
@@ -137,7 +137,7 @@ class Joint:
 
     @property
     def is_prismatic(self) -> bool:
-        """Whether the joint is prismatic."""
+        """Tests whether the joint is prismatic."""
         return self.kind == "prismatic"
 
     @property
@@ -166,7 +166,7 @@ class Link:
 
     Attributes:
         name: Name in the description; of the first body where several were merged.
-        inertial: What the description says of its inertia, in the link frame; `None` where it says nothing.
+        inertial: Inertial parameters of the description in the link frame; `None` where it has none.
     """
 
     name: str
@@ -197,9 +197,9 @@ class Held:
 
     Attributes:
         name: Its name.
-        position: Where it is held [rad or m].
-        unit: Unit of that, `rad` or `m`.
-        place: Its index among all joints of the description, held ones included.
+        position: Position at which it is locked [rad or m].
+        unit: Unit of the position, `rad` or `m`.
+        place: Index among all joints of the description, locked ones included.
     """
 
     name: str
@@ -220,10 +220,10 @@ class Robot(Displayed):
         gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
         source: Where the description came from: a path or the name of a built-in arm.
         sha256: Digest of the description's text; empty where there was none.
-        findings: What was noticed while reading.
-        shapes: What space the links take, as far as the description says.
-        visuals: What they look like, as far as it says.
-        held: Joints with one degree of freedom that are held still.
+        findings: Findings while reading.
+        shapes: Collision geometry of the links, as far as the description has it.
+        visuals: Visual geometry of the links, as far as the description has it.
+        held: Joints with one degree of freedom that are locked.
     """
 
     name: str

@@ -53,7 +53,7 @@ class ClosestApproach:
 
     @property
     def kept(self) -> bool:
-        """Whether the required distance is kept."""
+        """Tests whether the required distance is kept."""
         return self.distance >= self.asked - ROUNDING
 
 

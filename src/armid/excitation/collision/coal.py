@@ -250,7 +250,7 @@ def nearest(
 def too_close(
     shapes: Sequence[Shape], pair: NDArray[np.intp], margin: float, poses: tuple[Array, Array]
 ) -> NDArray[np.bool_]:
-    """Test whether two bodies are closer than a margin [m] in each pose, which is faster than a distance.
+    """Tests whether two bodies are closer than a margin [m] in each pose, which is faster than a distance.
 
     Args:
         shapes: Bodies.

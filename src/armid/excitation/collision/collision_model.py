@@ -105,7 +105,7 @@ class CollisionOptions:
         return self.shapes[self.own :]
 
     def clear(self, robot: Robot, q: Array) -> NDArray[np.bool_]:
-        """Test whether all pairs keep their required distance in poses (N, n), shape (N,)."""
+        """Tests whether all pairs keep their required distance in poses (N, n), shape (N,)."""
         poses = forward_kinematics(robot, q)
         result = (self.every.bodies.distances(poses) > self.every.margins).all(axis=1)
         for pair, kept in zip(self.measured, self.kept, strict=True):
@@ -113,7 +113,7 @@ class CollisionOptions:
         return np.asarray(result)
 
     def clear_as_they_are(self, robot: Robot, q: Array) -> bool:
-        """Test whether the pairs of `measured` keep their required distance in all poses (N, n)."""
+        """Tests whether the pairs of `measured` keep their required distance in all poses (N, n)."""
         poses = forward_kinematics(robot, q)
         return not any(
             too_close(self.shapes, pair, float(kept), poses).any()
@@ -157,7 +157,7 @@ class CollisionModel:
         return (self.distances(q) - searched)[:, checked].min(axis=1, initial=np.inf)
 
     def apart(self, q: Array) -> NDArray[np.bool_]:
-        """Test whether the pairs of kind `MEASURED` keep their distance in poses (N, n), shape (N,)."""
+        """Tests whether the pairs of kind `MEASURED` keep their distance in poses (N, n), shape (N,)."""
         which = self.required.of(MEASURED)
         found = distances(self.shapes, self.pairs[which], forward_kinematics(self.robot, q))
         return np.asarray((found > self.required.margin[which]).all(axis=1))

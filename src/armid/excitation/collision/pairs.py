@@ -41,7 +41,7 @@ def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBod
 
 
 def stands(robot: Robot, shapes: Sequence[Shape], k: int) -> bool:
-    """Test whether a body belongs to the surroundings and no link carries it."""
+    """Tests whether a body belongs to the surroundings and no link carries it."""
     return k >= len(robot.shapes) and shapes[k].link < 0
 
 

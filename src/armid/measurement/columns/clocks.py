@@ -68,7 +68,7 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 
 
 def _grows(values: Array) -> bool:
-    """Test whether numbers increase from row to row as times do, up to single faults."""
+    """Tests whether numbers increase from row to row as times do, up to single faults."""
     step = np.diff(values)
     return bool(step.size and np.isfinite(values).all() and np.median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
 
@@ -130,7 +130,7 @@ def _numbers(name: str, values: Values) -> Array | None:
 
 
 def _counts_rest(clock: Clock) -> bool:
-    """Test whether a column holds the nanoseconds to a column of whole seconds."""
+    """Tests whether a column holds the nanoseconds to a column of whole seconds."""
     return any(word in ("nanosec", "nsec", "nsecs") for word in words(clock.column))
 
 

@@ -148,7 +148,7 @@ def _in_order(members: Mapping[Channel, ColumnName]) -> dict[Channel, ColumnName
 
 
 def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
-    """Test whether a group has all joints, or numbers without a gap, from 0 or from 1."""
+    """Tests whether a group has all joints, or numbers without a gap, from 0 or from 1."""
     if group.by_name:
         return bool(wanted) and set(wanted) <= set(group.members)
     if "" in group.members:
@@ -159,7 +159,7 @@ def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
 
 
 def _goes_with(group: _Group, positions: _Group | None, channels: int) -> bool:
-    """Test whether a group has the same channels as the positions and describes the same device."""
+    """Tests whether a group has the same channels as the positions and describes the same device."""
     if positions is None:
         return not channels or "" in group.members or (not group.by_name and len(group.members) == channels)
     same = group.by_name if positions.by_name else set(group.members) == set(positions.members)

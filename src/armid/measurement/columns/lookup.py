@@ -244,7 +244,7 @@ def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tup
 
 
 def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], reading: LogFormat) -> bool:
-    """Test whether a clock is needed and the log format does not leave it out."""
+    """Tests whether a clock is needed and the log format does not leave it out."""
     asked = reading.rate is None and reading.consecutive is not False and reading.preset is None
     return asked and not chosen["time"] and "time" not in reading.columns
 

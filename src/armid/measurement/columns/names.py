@@ -140,7 +140,7 @@ class ColumnName:
 
     @property
     def commanded(self) -> bool:
-        """Whether the column holds a commanded value."""
+        """Tests whether the column holds a commanded value."""
         return self.rank[0] == 2
 
 
@@ -274,7 +274,7 @@ def column_unit(column: str) -> tuple[str, float] | None:
 
 
 def _fits(quantity: str, kind: str) -> bool:
-    """Test whether a quantity can have a unit of a kind."""
+    """Tests whether a quantity can have a unit of a kind."""
     if quantity in ("q", "dq", "ddq"):
         return kind in ("rad", "deg", "m")
     return kind == "current" if quantity == "current" else kind in ("torque", "current")

@@ -17,7 +17,7 @@ DEGREE = 0.017453292519943295
 
 
 def is_current(column: str) -> bool:
-    """Test whether a column's unit is that of a current."""
+    """Tests whether a column's unit is that of a current."""
     unit = column_unit(column)
     return unit is not None and unit[0] == "current"
 

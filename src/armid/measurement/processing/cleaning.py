@@ -258,7 +258,7 @@ def _without_repeats(recording: Recording) -> tuple[Recording, tuple[Finding, ..
 
 
 def _should_differ(values: Array, runs: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Test whether equal rows are repeats, from the changes of the channels before and after them.
+    """Tests whether equal rows are repeats, from the changes of the channels before and after them.
 
     Where an arm rests and its channels are coarse, rows are equal because nothing changes. A channel that changes by
     r of its smallest steps a row on both sides keeps its value over a row with probability 1 - r.

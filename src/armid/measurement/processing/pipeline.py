@@ -158,7 +158,7 @@ def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recordin
 
 
 def _uses_given(recording: Recording, processing: ProcessingOptions) -> bool:
-    """Whether recorded velocities and accelerations are used as they are."""
+    """Tests whether recorded velocities and accelerations are used as they are."""
     both = recording.dq is not None and recording.ddq is not None
     lacking = {"given": not both, "velocity": recording.dq is None}
     if lacking.get(str(processing.derivatives), False):

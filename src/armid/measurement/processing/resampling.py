@@ -105,7 +105,7 @@ def jitter(time: Array, number: NDArray[np.int64] | None = None) -> float:
 
 
 def is_even(time: Array, number: NDArray[np.int64] | None = None) -> bool:
-    """Test whether samples were taken at a uniform rate; the arguments are those of `jitter`."""
+    """Tests whether samples were taken at a uniform rate; the arguments are those of `jitter`."""
     off = _unevenness(time, number)
     return float(np.std(off)) <= JITTER and float(np.abs(off).max(initial=0.0)) <= ASTRAY
 

@@ -55,7 +55,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
 
 
 def _is_header(row: Sequence[Any]) -> bool:
-    """Test whether a row contains column names: at least two texts, and no number."""
+    """Tests whether a row contains column names: at least two texts, and no number."""
     texts = [cell for cell in row if isinstance(cell, str) and cell.strip()]
     return len(texts) > 1 and all(isinstance(cell, str) for cell in row)
 

@@ -20,7 +20,7 @@ class DescriptionReader(Protocol):
 
     @staticmethod
     def recognises(text: str) -> bool:
-        """Test whether a text looks like this format, for formats with the same suffix."""
+        """Tests whether a text looks like this format, for formats with the same suffix."""
         ...
 
     @staticmethod

@@ -89,7 +89,7 @@ PI_EXPRESSION = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d+)?)\s*\*\s*)?pi\s*(?:/\
 
 
 def recognises(text: str) -> bool:
-    """Test whether a text looks like a DH table."""
+    """Tests whether a text looks like a DH table."""
     return "[[joint]]" in text
 
 

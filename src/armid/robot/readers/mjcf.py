@@ -29,7 +29,7 @@ SUFFIXES: tuple[str, ...] = (".mjcf", ".xml")
 
 
 def recognises(text: str) -> bool:
-    """Test whether a text looks like MJCF."""
+    """Tests whether a text looks like MJCF."""
     return root_tag(text) == "mujoco"
 
 
@@ -93,7 +93,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
 
 def _is_moved(model: Any, joint: int, locked: Mapping[str, float]) -> bool:
-    """Test whether a joint of the model, or one that carries it, moves; joint 0, the base, does not."""
+    """Tests whether a joint of the model, or one that carries it, moves; joint 0, the base, does not."""
     while joint > 0 and model.names[joint] in locked:
         joint = model.parents[joint]
     return joint > 0

@@ -29,7 +29,7 @@ REFUSED = ("floating", "planar", "spherical", "ball")
 
 
 def recognises(text: str) -> bool:
-    """Test whether a text looks like a URDF."""
+    """Tests whether a text looks like a URDF."""
     return root_tag(text) == "robot"
 
 

@@ -25,7 +25,7 @@ SUFFIXES: tuple[str, ...] = (".xacro",)
 
 
 def recognises(text: str) -> bool:
-    """Test whether a text looks like xacro."""
+    """Tests whether a text looks like xacro."""
     return root_tag(text) == "robot" and "ros.org/wiki/xacro" in text
 
 
