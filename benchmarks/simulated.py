@@ -19,7 +19,7 @@ from armid.estimation.uncertainty.bootstrap import bootstrap
 from armid.estimation.uncertainty.covariance import choose_covariance_kind, estimate_covariance
 from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, residual_moments
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
-from armid.estimation.uncertainty.whiteness import even, flat
+from armid.estimation.uncertainty.whiteness import spectrum_test, variance_test
 from armid.excitation.builtin_plans import builtin_plan
 from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
@@ -194,8 +194,8 @@ class Simulation:
         squares, rows = (residual**2).sum(axis=0), np.full(self.model.n, float(len(residual)))
         scatter = self.noise_model.scatter(moments, squares, rows)
         half["spectral"] = _student(scatter.freedom) * np.sqrt(np.diag(scatter.covariance))
-        in_time = even(_parts(mean), weights, self.bands.averaged)
-        white = min(1.0, 2.0 * min(flat(self.noise_model, moments, squares, rows), in_time))
+        in_time = variance_test(_parts(mean), weights, self.bands.averaged)
+        white = min(1.0, 2.0 * min(spectrum_test(self.noise_model, moments, squares, rows), in_time))
         within = np.stack([squares - (mean**2).sum(axis=0), rows - len(mean)])
         repeated = self._repeated(scatter.noise, within, rows)
         chosen = choose_covariance_kind(white, K - 1 if K > 1 else None, repeated)[0]

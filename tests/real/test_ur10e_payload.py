@@ -61,7 +61,7 @@ def test_uncertain_gains_cover_the_true_mass(payload: Payload):
 
 def test_the_load_is_a_real_body(payload: Payload):
     assert np.linalg.eigvalsh(pseudo_inertia(payload.load.values))[0] >= 0.0
-    assert payload.load.moved <= 3.0
+    assert payload.load.distance <= 3.0
     assert set(payload.load.status[:4]) == {"identified"}
     assert np.linalg.norm(payload.load.com) <= 0.25  # m from the flange
 

@@ -1,9 +1,9 @@
-"""The covariance of what an earlier estimate and the samples of new recordings determine together.
+"""Covariance of a joint solution of an earlier estimate and the samples of new recordings.
 
-The earlier recordings err as their own estimate said: with A their whitened rows in its parameters, J the same rows
-in the unknowns and C its covariance, they pull with the covariance JᵀA C AᵀJ. The new recordings are looked at as an
-identification looks at its own, and the rest stands beside them as a prior does. What reversals do to both has one
-cause and is added with its sign.
+The earlier recordings keep the covariance of their estimate: with A their whitened rows in its parameters, J the same
+rows in the unknowns and C the covariance, their right-hand side of the normal equations has the covariance JᵀA C AᵀJ.
+The covariance of the new recordings follows from their samples, as in an identification; everything else enters as a
+prior. The shifts by velocity reversals in both have one cause, so they are added with their signs.
 """
 
 from __future__ import annotations
@@ -16,37 +16,37 @@ import numpy as np
 from armid.estimation.fit import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import Uncertainty
-from armid.estimation.uncertainty.jackknife import filled
-from armid.estimation.uncertainty.reversals import moved_among_unknowns
-from armid.estimation.update.stacked_problem import Earlier
+from armid.estimation.uncertainty.jackknife import blend_with_textbook
+from armid.estimation.uncertainty.reversals import shift_of_unknowns
+from armid.estimation.update.stacked_problem import EarlierErrors
 from armid.information.information import Information, stack
 from armid.maths.linalg import root_of, unit_columns
 from armid.values import Array
 
-__all__ = ["Rest", "Together", "rest_of"]
+__all__ = ["JointCovariance", "PriorInformation", "prior_information"]
 
 
 ROUNDING = 1e-9
-"""Part of the earlier rows, relative, below which they show nothing but the earlier estimate's parameters."""
+"""Share of the earlier rows outside the span of the earlier parameters that counts as rounding error."""
 
 
-UNLIKE = 0.25
-"""Share of a move by reversals that is left where those of two motions cancel, as in a load: errors are in no fixed
-proportion to moves. On logs of a SCARA arm they were 0.7 to 0.8 times these."""
+UNCANCELLED = 0.25
+"""Share of each shift by reversals that is added where the shifts of two motions cancel, as in a payload: the errors
+are in no fixed ratio to the shifts. On logs of a SCARA arm the ratio was 0.7 to 0.8."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Rest:
-    """All that stands beside the new recordings, in u unknowns.
+class PriorInformation:
+    """Information of everything but the new recordings, in u unknowns.
 
     Attributes:
         precision: Its normal equations, shape (u, u).
-        certain: Covariance of the estimate that rows of known variance make, shape (u, u).
-        scatter: That which the noise of earlier recordings makes, shape (u, u).
+        certain: Covariance of the estimate from rows of known variance, shape (u, u).
+        scatter: Covariance of the estimate from the noise of earlier recordings, shape (u, u).
         freedom: Degrees of freedom of the scatter, shape (u,).
-        moved: What reversals in earlier recordings move the estimate by, shape (u,).
-        reach: Share of that move that counted as a deviation of the earlier estimate.
-        inverse: Inverse of all normal equations, the new recordings' in them, shape (u, u).
+        moved: Shift of the estimate by reversals in earlier recordings, shape (u,).
+        reach: Share of that shift that counted as one standard deviation of the earlier estimate.
+        inverse: Inverse of all normal equations, those of the new recordings included, shape (u, u).
     """
 
     precision: Array
@@ -58,54 +58,56 @@ class Rest:
     inverse: Array
 
 
-def rest_of(ties: Array, rows: Array, own: Array, earlier: Earlier | None, inverse: Array) -> Rest:
-    """Return what stands beside the new recordings.
+def prior_information(
+    prior_rows: Array, rows: Array, in_earlier: Array, earlier: EarlierErrors | None, inverse: Array
+) -> PriorInformation:
+    """Computes the information of everything but the new recordings.
 
     Args:
-        ties: Rows of variance one, shape (k, u).
+        prior_rows: Rows of unit variance, shape (k, u).
         rows: Whitened rows of the earlier recordings in the unknowns, shape (m, u).
-        own: The same rows in the earlier estimate's parameters, shape (m, b').
-        earlier: How the earlier estimate errs; `None` where there are no such rows.
+        in_earlier: The same rows in the earlier estimate's parameters, shape (m, b').
+        earlier: Errors of the earlier estimate; `None` where there are no such rows.
         inverse: Inverse of all normal equations, shape (u, u).
     """
     u = len(inverse)
-    certain = inverse @ (ties.T @ ties) @ inverse
-    precision = ties.T @ ties + rows.T @ rows
+    certain = inverse @ (prior_rows.T @ prior_rows) @ inverse
+    precision = prior_rows.T @ prior_rows + rows.T @ rows
     if earlier is None:
-        return Rest(precision, certain, np.zeros((u, u)), np.full(u, np.inf), np.zeros(u), 0.0, inverse)
+        return PriorInformation(precision, certain, np.zeros((u, u)), np.full(u, np.inf), np.zeros(u), 0.0, inverse)
     half = root_of(earlier.covariance)
-    gain = inverse @ (rows.T @ own)
-    noise = own @ half
-    # Where scales of torque are unknowns, rows also show what the earlier estimate took as given: its rows err there
-    # as they do on the whole.
-    inside = np.linalg.qr(unit_columns(own)[0])[0]
-    left = rows - inside @ (inside.T @ rows)
-    further = inverse @ left.T if np.linalg.norm(left) > ROUNDING * np.linalg.norm(rows) else np.zeros((u, 1))
+    gain = inverse @ (rows.T @ in_earlier)
+    noise = in_earlier @ half
+    # With torque scales as unknowns, the rows have a part outside the span of the earlier parameters. There they get
+    # the mean variance of the earlier rows.
+    basis = np.linalg.qr(unit_columns(in_earlier)[0])[0]
+    outside = rows - basis @ (basis.T @ rows)
+    extra = inverse @ outside.T if np.linalg.norm(outside) > ROUNDING * np.linalg.norm(rows) else np.zeros((u, 1))
     spread = gain @ half
-    scatter = spread @ spread.T + float(np.sum(noise**2)) / len(half) * (further @ further.T)
+    scatter = spread @ spread.T + float(np.sum(noise**2)) / len(half) * (extra @ extra.T)
     part = gain**2 * np.diag(earlier.covariance)
     whole = part.sum(axis=1)
     share = np.where(whole > 0.0, whole, 1.0)
     freedom = np.where(whole > 0.0, part @ earlier.freedom / share, float(np.median(earlier.freedom)))
-    return Rest(precision, certain, scatter, freedom, gain @ earlier.moved, earlier.reach, inverse)
+    return PriorInformation(precision, certain, scatter, freedom, gain @ earlier.moved, earlier.reach, inverse)
 
 
 def _as_wide(covariance: Array, variance: Array) -> Array:
-    """The covariance with other variances (u,), correlations as they are."""
+    """Covariance with other variances (u,) and the same correlations."""
     size = np.sqrt(np.divide(variance, np.diag(covariance), out=np.zeros_like(variance), where=variance > 0.0))
     return covariance * np.outer(size, size)
 
 
-class Together(Uncertainty):
-    """The covariance of an estimate of u unknowns.
+class JointCovariance(Uncertainty):
+    """Covariance of an estimate of u unknowns from an earlier estimate and new recordings.
 
     Args:
-        fit: The estimate, with the precision of the rest as its prior.
-        problem: The new recordings with their samples, about b parameters.
-        information: Their factors in the unknowns.
-        rest: What stands beside them.
-        through: How the parameters of each joint's columns follow from the unknowns, shapes (b, u).
-        shown: Parameters of each joint's columns, shape (n, b).
+        fit: The estimate.
+        problem: The new recordings with their samples, in b parameters.
+        information: Factors of the new recordings in the unknowns.
+        remaining: Information of everything else.
+        column_maps: Matrices from the unknowns to the parameters of each joint's columns, shapes (b, u).
+        joint_values: Parameters of each joint's columns, shape (n, b).
     """
 
     def __init__(
@@ -113,71 +115,75 @@ class Together(Uncertainty):
         fit: Fit,
         problem: EstimationProblem,
         information: Information,
-        rest: Rest,
-        through: Sequence[Array],
-        shown: Array,
+        remaining: PriorInformation,
+        column_maps: Sequence[Array],
+        joint_values: Array,
     ) -> None:
-        super().__init__(replace(fit, prior_precision=rest.precision), problem, information)
-        self.rest, self._through, self._shown = rest, tuple(through), shown
-        self.inverse = rest.inverse  # from rows and not from their squares, which lose weak directions
-        self.known = rest.certain + rest.scatter
-        self.moved = rest.reach * rest.moved
-        self.felt = np.any([np.any(each, axis=0) for each in through], axis=0)
+        super().__init__(replace(fit, prior_precision=remaining.precision), problem, information)
+        self.remaining, self._column_maps, self._joint_values = remaining, tuple(column_maps), joint_values
+        self.inverse = remaining.inverse  # from rows and not from their squares, which lose weak directions
+        self.known_covariance = remaining.certain + remaining.scatter
+        self.moved = remaining.reach * remaining.moved
+        self.observed = np.any([np.any(each, axis=0) for each in column_maps], axis=0)
 
-    def covered(self) -> Fit:
-        """The fit with the covariance that fits the case."""
-        fit = super().covered()
+    def with_covariance(self) -> Fit:
+        """Fit with its covariance, of the kind that samples and motion allow."""
+        fit = super().with_covariance()
         why = f"{fit.report.why}; the earlier recordings enter with the covariance of their run"
         report = replace(fit.report, why=why)
-        if not len(report.moved):  # of another kind than `spectral`, which looks for both recordings' moves
-            report = replace(report, moved=self.rest.moved, reach=self.rest.reach)
+        if not len(report.moved):  # only the kind `spectral` computes the shifts of both
+            report = replace(report, moved=self.remaining.moved, reach=self.remaining.reach)
         return replace(fit, report=report)
 
-    def move(self, covariance: Array) -> tuple[Array, float, float]:
-        """Return what reversals in all recordings move the estimate by, and a part of each by itself."""
-        result = super().move(covariance)
-        for part in (self.rest.moved, result[0] - self.rest.moved):
-            share = UNLIKE * self.reach(part, covariance)[0]
-            self.known = self.known + share**2 * np.outer(part, part)
+    def reversal_effect(self, covariance: Array) -> tuple[Array, float, float]:
+        """Shift of the estimate by reversals in all recordings; adds a share of each shift to the covariance."""
+        result = super().reversal_effect(covariance)
+        for part in (self.remaining.moved, result[0] - self.remaining.moved):
+            share = UNCANCELLED * self.reach(part, covariance)[0]
+            self.known_covariance = self.known_covariance + share**2 * np.outer(part, part)
         return result
 
-    def by_noise(self, scatter: Array) -> Array:
-        """Covariance that the noise of new and earlier recordings makes, shape (u, u)."""
-        return scatter + self.rest.scatter
+    def noise_covariance(self, scatter: Array) -> Array:
+        """Covariance from the noise of new and earlier recordings, shape (u, u)."""
+        return scatter + self.remaining.scatter
 
-    def without_reversals(self) -> Array:
-        """Move of the estimate without rows next to reversals in new and earlier recordings, shape (u,)."""
+    def reversal_shift(self) -> Array:
+        """Shift of the estimate without rows near reversals in new and earlier recordings, shape (u,)."""
         A, y = stack(self.whole, self.fit.weights)
-        rest = self.rest.precision, -A.T @ (y - A @ self.fit.values)
+        remaining = self.remaining.precision, -A.T @ (y - A @ self.fit.values)
         root = root_of(self.inverse)
-        found = moved_among_unknowns(self.problem, self._shown, self.fit.weights, self._through, rest, root)
-        return found + self.rest.moved
+        found = shift_of_unknowns(
+            self.problem, self._joint_values, self.fit.weights, self._column_maps, remaining, root
+        )
+        return found + self.remaining.moved
 
     def white(self) -> Fit:
-        """The fit with white noise of the new recordings."""
-        return self.settled(
-            replace(self.fit, covariance_kind="white"), self._textbook(), self.known, self.fit.freedom
+        """Fit with its covariance under white noise of the new recordings."""
+        return self.with_scatter(
+            replace(self.fit, covariance_kind="white"), self._textbook(), self.known_covariance, self.fit.freedom
         )
 
     def _textbook(self) -> Array:
-        """Covariance that white noise of the new recordings makes, shape (u, u)."""
+        """Covariance from white noise of the new recordings, shape (u, u)."""
         A = stack(self.whole, self.fit.weights)[0] @ self.inverse
         return A.T @ A
 
-    def settled(self, fit: Fit, scatter: Array, known: Array, freedom: Array | float) -> Fit:
-        """The fit with its covariance, to whose degrees of freedom both scatters add [Satterthwaite1946]."""
+    def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
+        """Fit with its covariance; both scatters contribute to the degrees of freedom [Satterthwaite1946]."""
         if fit.covariance_kind in ("period", "block"):
-            scatter = _as_wide(filled(scatter, self._textbook(), float(np.min(freedom))), np.diag(scatter))
-        found = super().settled(fit, scatter, known, freedom)
-        new, old = np.diag(scatter), np.diag(self.rest.scatter)
-        spread = new**2 / np.broadcast_to(freedom, new.shape) + old**2 / self.rest.freedom
+            scatter = _as_wide(
+                blend_with_textbook(scatter, self._textbook(), float(np.min(freedom))), np.diag(scatter)
+            )
+        found = super().with_scatter(fit, scatter, known_covariance, freedom)
+        new, old = np.diag(scatter), np.diag(self.remaining.scatter)
+        spread = new**2 / np.broadcast_to(freedom, new.shape) + old**2 / self.remaining.freedom
         whole = np.diag(found.covariance) ** 2
         return replace(found, freedom=np.divide(whole, spread, out=np.full_like(whole, np.inf), where=spread > 0.0))
 
-    def shown(self) -> Array:
+    def joint_values(self) -> Array:
         """Parameters of each joint's columns, shape (n, b)."""
-        return self._shown
+        return self._joint_values
 
-    def through(self) -> tuple[Array, ...]:
-        """Tell how the parameters of each joint's columns follow from the unknowns, shapes (b, u)."""
-        return self._through
+    def column_maps(self) -> tuple[Array, ...]:
+        """Matrices from the unknowns to the parameters of each joint's columns, shapes (b, u)."""
+        return self._column_maps

@@ -143,13 +143,13 @@ def _payload_findings(
                 "turn the load through wide angles, and quickly for its inertia.",
             )
         )
-    if load.moved > FAR:
+    if load.distance > FAR:
         found.append(
             Finding(
                 "load-not-real",
                 "warning",
                 "",
-                f"The nearest real body is {load.moved:.1f} standard deviations from the best fit to the torques.",
+                f"The nearest real body is {load.distance:.1f} standard deviations from the best fit to the torques.",
                 "look for contact, for a load that was not on the arm all the time, or for other drive gains.",
             )
         )
@@ -173,7 +173,7 @@ def _payload_findings(
                 "give --gain-deviation 0.1 for gains from a data sheet, or the known mass with --mass.",
             )
         )
-    few = few_blocks_finding(load.solved.fit)
+    few = few_blocks_finding(load.solution.fit)
     return found if few is None else [*found, few]
 
 
@@ -205,10 +205,10 @@ def payload_record(payload: Payload) -> dict[str, Any]:
         "com": {"value": load.com, "interval95": load.com_intervals},
         "inertia_about_com": load.inertia_about_com,
         "inertia_about_com_interval95": dict(zip(INERTIA, load.inertia_intervals, strict=True)),
-        "distance_to_real": load.moved,
+        "distance_to_real": load.distance,
         "gains": None if payload.gains is None else _gains_record(payload),
-        "residual": {"rms": load.solved.fit.residual_rms},
-        "covariance": {"kind": load.solved.fit.covariance_kind, "why": load.solved.fit.report.why},
+        "residual": {"rms": load.solution.fit.residual_rms},
+        "covariance": {"kind": load.solution.fit.covariance_kind, "why": load.solution.fit.report.why},
         "recordings": [
             {"path": each.choice.path, "sha256": each.recording.sha256} for each in payload.new_recordings.recordings
         ],

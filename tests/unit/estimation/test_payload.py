@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError
-from armid.estimation.update.joint_solution import solve_joined
+from armid.estimation.update.joint_solution import solve_stacked
 from armid.estimation.update.payload import LOAD_NAMES, PayloadEstimate, _Region, estimate_gains, estimate_payload
 from armid.estimation.update.stacked_problem import StackedProblem, stack_problems
 from armid.information.information import stack, total
@@ -68,7 +68,7 @@ def test_friction_that_must_not_change_is_taken_for_a_load():
         estimate_payload(beside(unloaded, loaded, same_friction=True)),
     )
     assert np.linalg.norm(free.unconstrained - LOAD) < 0.5 * np.linalg.norm(held.unconstrained - LOAD)
-    assert held.solved.fit.residual_rms.sum() > 1.2 * free.solved.fit.residual_rms.sum()
+    assert held.solution.fit.residual_rms.sum() > 1.2 * free.solution.fit.residual_rms.sum()
 
 
 @pytest.mark.parametrize("load", [LOAD, POINT], ids=["box", "point"])
@@ -103,10 +103,10 @@ def test_the_load_scales_with_all_torques_together():
     """Torques that all are a tenth larger, in both recordings, mean a load a tenth heavier."""
     rng = np.random.default_rng(1)
     joined = beside(uncertain(carrying(1, rng), 0.1), uncertain(carrying(2, rng, LOAD), 0.1))
-    solved = solve_joined(joined)
+    solved = solve_stacked(joined)
     tied = 1e-4  # the ties of friction, all but weightless, do not scale
     load = solved.values[joined.load]
-    np.testing.assert_allclose(solved.moves[joined.load].sum(axis=1), 0.1 * load, atol=tied * abs(load).max())
+    np.testing.assert_allclose(solved.scale_effect[joined.load].sum(axis=1), 0.1 * load, atol=tied * abs(load).max())
 
 
 def test_noise_free_the_gains_are_exact():

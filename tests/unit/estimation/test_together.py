@@ -11,8 +11,8 @@ import pytest
 
 from armid import identify, load_study
 from armid.estimation.fit import Fit
-from armid.estimation.uncertainty.jackknife import filled
-from armid.estimation.update.joint_solution import solve_joined
+from armid.estimation.uncertainty.jackknife import blend_with_textbook
+from armid.estimation.update.joint_solution import solve_stacked
 from armid.estimation.update.stacked_problem import stack_problems
 from armid.lab.ideal_recording import record
 from armid.maths.inertia import com_inertia_to_vector
@@ -112,7 +112,7 @@ def test_intervals_of_a_load_hold_the_truth(folder: Path):
 def test_factors_alone_say_that_they_are_factors_alone(folder: Path):
     run = load_run(folder / "run")
     beside = load_new_recordings(run, [str(folder / "worn.npz")], {})
-    solved = solve_joined(stack_problems(beside.earlier, run.estimate.fit, beside.new, beside.changing))
+    solved = solve_stacked(stack_problems(beside.earlier, run.estimate.fit, beside.new, beside.changing))
     assert solved.fit.covariance_kind == "block" and "factors and no samples" in solved.fit.report.why
 
 
@@ -122,7 +122,7 @@ def test_what_reversals_do_to_both_recordings_is_added_with_its_sign(folder: Pat
     beside = load_new_recordings(run, [str(folder / "worn.npz")], {})
     joined = stack_problems(beside.earlier, run.estimate.fit, beside.new, beside.changing, samples=beside.samples)
     shared = [k for k, own in enumerate(beside.changing) if not own]
-    after = (joined.to_new @ solve_joined(joined).fit.report.moved)[shared]
+    after = (joined.to_new @ solve_stacked(joined).fit.report.moved)[shared]
     before = run.estimate.fit.report.moved[shared]
     assert after @ before / (np.linalg.norm(after) * np.linalg.norm(before)) > 0.9
     assert np.linalg.norm(after) > 0.8 * np.linalg.norm(before)
@@ -133,7 +133,7 @@ def test_a_scatter_of_few_periods_is_made_definite():
     half = rng.normal(size=(12, 12))
     textbook = half @ half.T
     draws = half @ rng.normal(size=(12, 5)) * 2.0
-    full = filled(draws @ draws.T / 5.0, textbook, 5.0)
+    full = blend_with_textbook(draws @ draws.T / 5.0, textbook, 5.0)
     ratio = np.linalg.eigvals(np.linalg.solve(textbook, full)).real
     assert ratio.min() > 1.0 and ratio.max() < 20.0 and 2.5 < np.mean(ratio) < 6.0
 
@@ -153,5 +153,5 @@ def test_a_run_that_says_nothing_of_reversals_is_read(folder: Path):
     np.savez(path, **arrays)  # pyright: ignore[reportArgumentType]
     beside = load_new_recordings(run, [str(folder / "worn.npz")], {})
     joined = stack_problems(beside.earlier, load(Fit, path), beside.new, beside.changing, samples=beside.samples)
-    values = joined.to_new @ solve_joined(joined).values
+    values = joined.to_new @ solve_stacked(joined).values
     assert np.isfinite(values).all()

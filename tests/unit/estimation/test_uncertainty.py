@@ -12,9 +12,9 @@ from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.bootstrap import bootstrap
 from armid.estimation.uncertainty.covariance import FEWEST_PERIODS, choose_covariance_kind, estimate_covariance
-from armid.estimation.uncertainty.frequency_bands import band_edges, band_products, has_repetitions, residual_moments
+from armid.estimation.uncertainty.frequency_bands import band_edges, band_products, find_periods, residual_moments
 from armid.estimation.uncertainty.jackknife import group_blocks, periods
-from armid.estimation.uncertainty.noise_spectrum import NoiseModel, leverages
+from armid.estimation.uncertainty.noise_spectrum import NoiseModel, level_basis
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, JointFactors, select, stack
 from armid.measurement.band import Band
@@ -202,12 +202,12 @@ def test_levels_are_unbiased_where_the_estimate_has_taken_much_of_the_noise():
     for _ in range(400):
         noise = rng.normal(size=(len(X), 2))
         residual = noise - X @ np.linalg.lstsq(A, noise.ravel(), rcond=None)[0]
-        sums = sums + np.linalg.solve(model.left, model.measured(residual_moments(residual.T, RATE, bands)))
+        sums = sums + np.linalg.solve(model.equations, model.measured(residual_moments(residual.T, RATE, bands)))
     mean = np.asarray(sums) / 400
-    spread = np.sqrt(2.0 * np.diag(np.linalg.inv(model.left)) / 400)
+    spread = np.sqrt(2.0 * np.diag(np.linalg.inv(model.equations)) / 400)
     white = np.tile([1.0, 0.0, 1.0], len(model.basis))
     assert (np.abs(mean - white) < 4.0 * spread).all()
-    raw = np.einsum("ejj->ej", bands.count - model.spent) / np.einsum("ejj->ej", bands.count)
+    raw = np.einsum("ejj->ej", bands.count - model.leverage) / np.einsum("ejj->ej", bands.count)
     assert raw.min() < 0.8  # what a residual alone would have made of it
 
 
@@ -222,7 +222,7 @@ def test_what_joints_have_in_common_is_seen_where_a_filter_left_noise():
 
 
 def test_hats_share_every_band_out():
-    basis = leverages(band_products(once(1), WLS.estimate(once(1)).values))
+    basis = level_basis(band_products(once(1), WLS.estimate(once(1)).values))
     np.testing.assert_allclose(basis.sum(axis=0), 1.0)
     assert (basis >= 0.0).all()
 
@@ -236,7 +236,7 @@ def test_bands_get_wider_and_cover_all_frequencies():
 def test_the_bootstrap_is_a_witness_of_the_jackknife():
     given = once(4, 40.0, memory=0.05)
     found = covered_by_factors(given)
-    draws = bootstrap(found, given.information, draws=600, seed=3, together=1)
+    draws = bootstrap(found, given.information, draws=600, seed=3, per_group=1)
     ratio = draws.std(axis=0) / np.sqrt(np.diag(found.covariance))
     # 600 draws know a deviation to 3 %; blocks drawn with replacement scatter a little less than left out ones.
     assert (ratio > 0.75).all() and (ratio < 1.25).all()
@@ -345,10 +345,10 @@ def test_periods_are_known_by_their_products_and_motions_by_their_positions():
     assert given.observations is not None and other.observations is not None
     np.testing.assert_array_equal(periods(given.information), 0)
     assert periods(other.information) is None
-    found = has_repetitions(given.observations.runs[0])
+    found = find_periods(given.observations.runs[0])
     assert found is not None
     np.testing.assert_array_equal(found, [0, 400, 800, 1200, 1600, 400])
-    assert has_repetitions(other.observations.runs[0]) is None
+    assert find_periods(other.observations.runs[0]) is None
 
 
 def test_groups_stay_within_runs():

@@ -9,7 +9,7 @@ import pytest
 
 from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, residual_moments
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
-from armid.estimation.uncertainty.whiteness import even, flat, whiteness
+from armid.estimation.uncertainty.whiteness import spectrum_test, variance_test, whiteness
 from armid.values import Array
 from noisy import OLS, RATE, coloured, dense, once
 
@@ -38,8 +38,8 @@ def probabilities(noise: Array) -> tuple[float, float, float]:
     rows = np.full(2, len(X))
     return (
         whiteness(model, moments, squares, pieces, rows),
-        flat(model, moments, squares, rows),
-        even(pieces, model.weights, False),
+        spectrum_test(model, moments, squares, rows),
+        variance_test(pieces, model.weights, False),
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from armid.errors import RecordingError
-from armid.estimation.uncertainty.frequency_bands import has_repetitions
+from armid.estimation.uncertainty.frequency_bands import find_periods
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.period import SHORTEST, repetition
 from armid.measurement.processing.pipeline import ProcessingOptions, process_recording
@@ -117,7 +117,7 @@ def test_a_found_period_is_told_and_makes_repetitions_of_short_blocks():
     counted = run.mask.any(axis=1)
     assert set(run.repetition[counted]) == {0, 1, 2}
     assert not counted[run.motion.time[run.rows] < 0.2].any()
-    periods = has_repetitions(run)
+    periods = find_periods(run)
     assert periods is not None and len(periods) == 4
     assert np.ptp(np.bincount(run.block[counted])) <= 50  # of about a second
     assert len(np.unique(run.block[counted])) == 24

@@ -86,13 +86,13 @@ def _report(payload: Payload) -> None:
 
     console, record = output_console(), payload_record(payload)
     console.print(_body(payload))
-    if payload.load.moved > 0.0:
+    if payload.load.distance > 0.0:
         console.print(
             "the nearest physically consistent body; the unconstrained estimate is "
-            f"{payload.load.moved:.2f} standard deviations away"
+            f"{payload.load.distance:.2f} standard deviations away"
         )
     console.print(_parameters(record))
-    console.print(escape(intervals_line(payload.load.solved.fit)))
+    console.print(escape(intervals_line(payload.load.solution.fit)))
     if record["gains"] is None:
         return
     table = Table(title="Drive gains")

@@ -29,7 +29,7 @@ from armid.estimation.fit import CovarianceReport, Fit
 from armid.estimation.recursive.forgetting import discount, retained_rows
 from armid.estimation.recursive.innovations import normalized_innovation, update_noise_color
 from armid.estimation.recursive.state import JUMP, ForgettingOptions, Innovations, RecursiveState
-from armid.estimation.uncertainty.jackknife import filled
+from armid.estimation.uncertainty.jackknife import blend_with_textbook
 from armid.estimation.whitening import RESOLUTION, minimum_norm_solution
 from armid.information.information import Information, JointFactors, merge, stack, total
 from armid.kernel import factor_columns
@@ -122,7 +122,7 @@ def _definite(earlier: Fit, factors: Information | None) -> Array:
         return earlier.covariance
     A = stack(total(factors), earlier.weights)[0]
     prior = np.zeros_like(earlier.covariance) if earlier.prior_precision is None else earlier.prior_precision
-    return filled(earlier.covariance, inverse_of(A.T @ A + prior), float(np.min(earlier.freedom)))
+    return blend_with_textbook(earlier.covariance, inverse_of(A.T @ A + prior), float(np.min(earlier.freedom)))
 
 
 def update(state: RecursiveState, block: Information, seconds: float) -> RecursiveState:

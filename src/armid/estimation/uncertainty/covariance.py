@@ -1,21 +1,21 @@
-"""Uncertainty of an estimate: a covariance whose intervals cover, and why it is of its kind.
+"""Covariance of an estimate with correct coverage, and the reason for its kind.
 
-Residuals of filtered recordings are correlated over many rows, and an interval made as if they were white covers a
-third of what it says. What the samples and the motion allow decides what is used instead:
+Residuals of filtered recordings are correlated over many rows. Intervals under the assumption of white residuals then
+cover about a third of the cases instead of 95 %. The kind of covariance depends on samples and motion:
 
-- `white`, the textbook's (2.44) to (2.47), only where the residuals pass a test of whiteness;
-- `period`, the scatter between periods, where the motion was repeated often enough and what is left of the torque
-  does not repeat with it, else the scatter would say how repeatable the estimate is and not how right;
-- `spectral`, from the spectrum that the residuals show and that of the columns, with all there is between joints;
-- `block`, the scatter between blocks of rows, where there are factors and no samples.
+- `white`, equations (2.44) to (2.47), only where the residuals pass a test of whiteness;
+- `period`, the scatter between periods, where the motion was repeated often enough and the residual does not repeat
+  with it; otherwise the scatter would measure the repeatability of the estimate and not its error;
+- `spectral`, from the spectra of the residuals and of the columns, correlations between joints included;
+- `block`, the scatter between blocks of rows, where factors but no samples are available.
 
-All are of the form H⁻¹ (S + c P) H⁻¹, S being the scatter of the data's pull, P the precision of a prior in rows,
-with the cone of real bodies counted as one, and c the rows that count as one of the independent samples in which a
-prior is stated: with S = c (H - P) that is c H⁻¹, the variance a posteriori. How far an estimate in the cone stands
-from the middle of what can be is added. Standard parameters follow from the base ones, and what stands alone has one
-interval in both.
+All have the form H⁻¹ (S + c P) H⁻¹. S is the covariance of the data's part of the normal equations, P the precision
+of the prior in rows (the cone of consistent bodies counts as a prior), and c the number of rows per independent
+sample, the unit in which the prior is stated. With S = c (H - P) this is c H⁻¹, the posterior covariance. The
+distance of an estimate in the cone from the analytic centre is added. Covariances of standard parameters follow from
+those of base parameters; a parameter that is both has the same interval.
 
-What an estimator holds at zero is not surer for it: it keeps the interval that the data give.
+A parameter that an estimator fixes at zero keeps the interval that the data give.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from armid.estimation.fit import CovarianceReport, Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.standard_fit import stated
-from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, has_repetitions
+from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, find_periods
 from armid.estimation.uncertainty.jackknife import RepetitionBlocks, correlation, group_blocks, jackknife, periods
-from armid.estimation.uncertainty.noise_spectrum import LARGEST, LevelScatter, NoiseModel
-from armid.estimation.uncertainty.reversals import moved_by_reversals
+from armid.estimation.uncertainty.noise_spectrum import MAX_SIZE, LevelScatter, NoiseModel
+from armid.estimation.uncertainty.reversals import shift_by_reversals
 from armid.estimation.uncertainty.whiteness import whiteness
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import Information, stack, total
@@ -50,92 +50,92 @@ __all__ = [
 ]
 
 FEWEST_BLOCKS = 4
-"""With fewer blocks their scatter says next to nothing (three degrees of freedom); the white covariance is used."""
+"""Fewest blocks for the scatter between blocks (three degrees of freedom); below, the white covariance is used."""
 
 FEWEST_PERIODS = 6
-"""With fewer periods Student's intervals are more than a third wider than those of many."""
+"""Fewest periods: with fewer, Student's intervals are more than a third wider than those of many periods."""
 
-MERGED_BLOCKS = 10
+MIN_MERGED_BLOCKS = 10
 """Blocks are not made longer where fewer than these would be left."""
 
-NEIGHBOURS = 0.05
-"""Correlation of neighbouring blocks' pulls up to which blocks count as independent: it makes deviations a twentieth
-too small, and chance alone makes it that large with a few parameters and some twenty blocks."""
+MAX_NEIGHBOUR_CORRELATION = 0.05
+"""Largest correlation of the scores of neighbouring blocks at which blocks count as independent. It makes deviations
+a twentieth too small, and occurs by chance with a few parameters and some twenty blocks."""
 
-WHITE = 0.05
-"""Probability of the test of whiteness below which residuals are not white."""
+WHITENESS_LEVEL = 0.05
+"""Significance level of the test of whiteness."""
 
-LEAST_SAID = 1e-6
-"""Probabilities below are not told apart in words."""
+SMALLEST_P = 1e-6
+"""Smallest probability that a message states."""
 
-REPEATED = 1.5
-"""What is left of the mean of all periods, as a variance over that which independent periods would leave, from which
-on the model lacks something that repeats. Chance makes it 1 within a tenth or two."""
+MAX_REPEATED = 1.5
+"""Largest variance of the mean residual of all periods, over that of independent periods, at which the residual
+counts as not repeating. By chance it is 1 within one or two tenths."""
 
-BY_CHANCE = 1.0
-"""RMS over the parameters of what reversals move them by, in deviations, that a right model is allowed: rows next to
-them are a quarter of all and move an estimate by half a deviation."""
+EXPECTED_SHIFT = 1.0
+"""RMS over the parameters of the shift by reversals, in standard deviations, that is attributed to chance. Rows near
+reversals are about a quarter of all; with a correct model they shift an estimate by half a standard deviation."""
 
-REACH = 0.65
-"""Share of that move that counts as a deviation: a 95 % interval then reaches a quarter beyond the move. Set on
-simulated logs of twelve arms in closed loop, where half of it left one below 88 %; docs/uncertainty.md has others."""
+SHIFT_SHARE = 0.65
+"""Share of that shift that counts as one standard deviation: a 95 % interval then extends a quarter beyond the shift.
+Set on simulated logs of twelve arms; one half left one arm below 88 % coverage. See docs/uncertainty.md."""
 
 FEWEST_ROWS = 3
-"""Rows of all joints for each parameter below which a spectrum cannot be told from the estimate."""
+"""Fewest rows of all joints for each parameter with which a noise spectrum can be estimated."""
 
-UNSEEN = 1e-13
-"""Least eigenvalue of the normal equations with unit columns: directions that neither data nor prior see get a huge
-variance instead of a division by zero."""
+MIN_EIGENVALUE = 1e-13
+"""Lower limit of an eigenvalue of the normal equations with unit columns: directions that neither data nor prior
+determine get a very large variance instead of a division by zero."""
 
-ALIKE = 0.1
-"""Largest difference of the rates of rows, relative, at which spectra of runs are put together."""
+RATE_TOLERANCE = 0.1
+"""Largest relative difference of the row rates of runs whose spectra are combined."""
 
 
 @one_blas_thread
 def estimate_covariance(fit: Fit, source: EstimationProblem | Information) -> Fit:
-    """The fit with a covariance whose intervals cover, and the reason why it is of its kind.
+    """Estimates the covariance of a fit, with correct coverage, and states the reason for its kind.
 
     Args:
-        fit: As the estimator gave it.
-        source: The problem, whose samples are gone through again, or the information alone, blocks apart.
+        fit: Fit of an estimator.
+        source: The problem, whose samples are processed again, or its information alone, with separate blocks.
     """
     problem = source if isinstance(source, EstimationProblem) else EstimationProblem(source)
-    return Uncertainty(fit, problem).covered()
+    return Uncertainty(fit, problem).with_covariance()
 
 
 def choose_covariance_kind(white: float, free: int | None, repeated: float) -> tuple[str, str]:
-    """Tell which kind of covariance it should be where the samples are at hand, and why.
+    """Chooses the kind of covariance where samples are available, and states the reason.
 
     Args:
-        white: Probability of such residuals if they were white.
+        white: p-value of the test of whiteness.
         free: Degrees of freedom of the scatter between periods; `None` where the motion does not repeat.
-        repeated: Variance of the residual that repeats with the motion, over what chance leaves.
+        repeated: Variance of the mean residual of all periods, over that of independent periods.
     """
-    if white >= WHITE:
+    if white >= WHITENESS_LEVEL:
         return "white", f"residuals are uncorrelated in time (test of whiteness, p = {white:.2g})"
-    said = f"p = {white:.1g}" if white > LEAST_SAID else f"p < {LEAST_SAID:g}"
-    coloured = f"residuals are correlated in time (test of whiteness, {said})"
+    p_value = f"p = {white:.1g}" if white > SMALLEST_P else f"p < {SMALLEST_P:g}"
+    correlated = f"residuals are correlated in time (test of whiteness, {p_value})"
     if free is None:
-        return "spectral", coloured
+        return "spectral", correlated
     if free < FEWEST_PERIODS - 1:
-        return "spectral", f"{coloured}, and there are fewer than {FEWEST_PERIODS} periods"
-    if repeated > REPEATED:
-        return "spectral", f"{coloured}, and {repeated:.1f} times what chance leaves of them repeats with the motion"
-    return "period", f"{coloured}, and the motion repeats"
+        return "spectral", f"{correlated}, and there are fewer than {FEWEST_PERIODS} periods"
+    if repeated > MAX_REPEATED:
+        return "spectral", f"{correlated}; a part {repeated:.1f} times chance level repeats with the motion"
+    return "period", f"{correlated}, and the motion repeats"
 
 
 class Uncertainty:
-    """Needs of every kind of covariance.
+    """Computation of the covariance of a fit, of every kind.
 
     Attributes:
-        fit: As the estimator gave it.
-        problem: With its samples, where there are any.
+        fit: Fit of an estimator.
+        problem: The problem, with its samples where there are any.
         information: Factors of the same rows in the parameters of the fit.
-        prior: Precision of what holds these beside the rows, shape (b, b).
+        prior: Precision of the prior, shape (b, b).
         inverse: Inverse of the normal equations, prior included, shape (b, b).
-        known: What is added to the scatter for certain, shape (b, b).
-        moved: What reversals move the estimate by, as far as intervals reach, shape (b,).
-        felt: Which parameters the rows show, shape (b,).
+        known_covariance: Covariance of known size that is added to the scatter, shape (b, b).
+        moved: Shift by reversals that counts as one standard deviation, shape (b,).
+        observed: Parameters that the rows depend on, shape (b,).
     """
 
     def __init__(self, fit: Fit, problem: EstimationProblem, information: Information | None = None) -> None:
@@ -147,23 +147,25 @@ class Uncertainty:
         self.prior = np.zeros((b, b)) if fit.prior_precision is None else fit.prior_precision
         A, length = unit_columns(stack(self.whole, fit.weights)[0])
         values, vectors = np.linalg.eigh(A.T @ A + self.prior / np.outer(length, length))
-        half = vectors / np.sqrt(np.maximum(values, UNSEEN)) / length[:, None]
+        half = vectors / np.sqrt(np.maximum(values, MIN_EIGENVALUE)) / length[:, None]
         self.inverse: Array = half @ half.T
-        self.known = scale_covariance(self.whole, fit.weights, self.inverse)
-        # A prior of precision P in rows errs by c P⁻¹, c rows being one independent sample, and moves by H⁻¹ P of it.
-        self.known = self.known + fit.prior_correlation * (self.inverse @ self.prior @ self.inverse)
+        self.known_covariance = scale_covariance(self.whole, fit.weights, self.inverse)
+        # A prior of precision P in rows has the covariance c P⁻¹ and changes the estimate by H⁻¹ P of its error.
+        self.known_covariance = self.known_covariance + fit.prior_correlation * (
+            self.inverse @ self.prior @ self.inverse
+        )
         own = None if fit.standard is None else fit.standard.lift
-        # An estimate at the border of what can be stands apart from the middle of it.
-        self.apart: Array = np.zeros((b, b)) if own is None else np.outer(own.base_shift, own.base_shift)
+        # An estimate on the boundary of the cone differs from the analytic centre.
+        self.border_covariance: Array = np.zeros((b, b)) if own is None else np.outer(own.base_shift, own.base_shift)
         self.moved: Array = np.zeros(b)  # by reversals
-        self.felt: NDArray[np.bool_] = np.ones(b, dtype=np.bool_)
+        self.observed: NDArray[np.bool_] = np.ones(b, dtype=np.bool_)
 
-    def covered(self) -> Fit:
-        """The fit with the covariance that fits the case."""
+    def with_covariance(self) -> Fit:
+        """Fit with its covariance, of the kind that samples and motion allow."""
         motions = self._motions()
-        spectrum, hindrance = self._spectrum()
+        spectrum, obstacle = self._spectrum()
         if spectrum is None:
-            return self._from_factors(motions, hindrance)
+            return self._from_factors(motions, obstacle)
         scatter = spectrum.scatter
         free = None if motions is None else motions.free
         kind, why = choose_covariance_kind(spectrum.whiteness, free, spectrum.repeated)
@@ -172,71 +174,74 @@ class Uncertainty:
             return replace(self.white(), report=replace(report, parts=0))
         if kind == "period" and motions is not None:
             return self._periods(motions, report)
-        moved, reach, share = self.move(self.by_noise(scatter.covariance))
+        moved, reach, share = self.reversal_effect(self.noise_covariance(scatter.covariance))
         self.moved = reach * moved if len(moved) else self.moved
         report = replace(report, moved=moved, reach=reach)
         if share:
-            said = f"samples next to velocity reversals shift a parameter by up to {share:.1f} standard deviations"
-            report = replace(report, why=f"{why}; {said}, by which intervals are widened")
+            reversal_text = (
+                f"samples next to velocity reversals shift a parameter by up to {share:.1f} standard deviations"
+            )
+            report = replace(report, why=f"{why}; {reversal_text}, by which intervals are widened")
         return replace(self._with(scatter.covariance, kind, scatter.freedom), report=report)
 
-    def move(self, covariance: Array) -> tuple[Array, float, float]:
-        """Return what reversals move the estimate by (b,), how much of it is a deviation, and its most in deviations.
+    def reversal_effect(self, covariance: Array) -> tuple[Array, float, float]:
+        """Shift of the estimate by reversals, and its size against the covariance by noise.
 
-        What chance does is left out of the second; the third is zero where there is no more.
+        Returns:
+            The shift, shape (b,), and the two values of `reach`.
         """
-        found = self.without_reversals()
+        found = self.reversal_shift()
         if found is None:
             return np.zeros(0), 0.0, 0.0
         reach, most = self.reach(found, covariance)
         return found, reach, most
 
     def reach(self, moved: Array, covariance: Array) -> tuple[float, float]:
-        """Share of a move (b,) that counts as a deviation beside noise, and its most in deviations by noise."""
+        """Share of a shift (b,) that counts as one standard deviation, and its largest element in deviations."""
         deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        ratio = np.divide(moved, deviation, out=np.zeros_like(moved), where=deviation > 0.0)[self.felt]
+        ratio = np.divide(moved, deviation, out=np.zeros_like(moved), where=deviation > 0.0)[self.observed]
         size = float(np.sqrt(np.mean(ratio**2)))
-        if size <= BY_CHANCE:
+        if size <= EXPECTED_SHIFT:
             return 0.0, 0.0
-        return float(REACH * np.sqrt(1.0 - (BY_CHANCE / size) ** 2)), float(np.abs(ratio).max())
+        return float(SHIFT_SHARE * np.sqrt(1.0 - (EXPECTED_SHIFT / size) ** 2)), float(np.abs(ratio).max())
 
-    def by_noise(self, scatter: Array) -> Array:
-        """All covariance that noise makes, with that of the scatter of these rows, shape (b, b)."""
+    def noise_covariance(self, scatter: Array) -> Array:
+        """Covariance of the estimate by noise, given the scatter of these rows, shape (b, b)."""
         return scatter
 
-    def without_reversals(self) -> Array | None:
-        """Move of the estimate without rows next to reversals, shape (b,); `None` where it is not known."""
+    def reversal_shift(self) -> Array | None:
+        """Shift of the estimate without rows near reversals, shape (b,); `None` where it is not known."""
         if self.problem.base is None or self.information.names != self.problem.information.names:
             return None
-        return moved_by_reversals(self.problem, self.fit.values, self.fit.weights, self.prior)
+        return shift_by_reversals(self.problem, self.fit.values, self.fit.weights, self.prior)
 
     def _motions(self) -> RepetitionBlocks | None:
-        """Tell which blocks are one repetition of which motion; `None` where motion does not repeat."""
+        """Repetitions of motions among the blocks; `None` where the motion does not repeat."""
         runs = () if self.problem.observations is None else self.problem.observations.runs
-        known = [run.repetition is not None for run in runs]
-        if not any(known):
+        known_covariance = [run.repetition is not None for run in runs]
+        if not any(known_covariance):
             motions = periods(self.information)
             return None if motions is None else RepetitionBlocks.of_blocks(motions)
-        if not all(known) or any(has_repetitions(run) is None for run in runs):
+        if not all(known_covariance) or any(find_periods(run) is None for run in runs):
             return None
         if sum(len(np.unique(run.block)) for run in runs) != self.information.blocks:
             return None
         return RepetitionBlocks.of_runs(runs, self.information.rows.sum(axis=1) > 0)
 
-    def _from_factors(self, motions: RepetitionBlocks | None, hindrance: str) -> Fit:
-        """The best that factors alone allow."""
-        report = CovarianceReport(hindrance, noise=self._noise())
+    def _from_factors(self, motions: RepetitionBlocks | None, obstacle: str) -> Fit:
+        """Fit with the best covariance that factors alone allow."""
+        report = CovarianceReport(obstacle, noise=self._noise())
         if motions is not None and motions.free >= FEWEST_PERIODS - 1:
-            return self._periods(motions, replace(report, why=f"{hindrance}; the motion repeats"))
+            return self._periods(motions, replace(report, why=f"{obstacle}; the motion repeats"))
         found = block_covariance(self.information, self.fit.values, self.fit.weights, self.inverse)
         if found is None:
-            why = f"{hindrance}, and fewer than {FEWEST_BLOCKS} blocks of rows: residuals are taken as uncorrelated"
+            why = f"{obstacle}, and fewer than {FEWEST_BLOCKS} blocks of rows: residuals are taken as uncorrelated"
             return replace(self.white(), report=replace(report, why=why))
         covariance, free = found
         return replace(self._with(covariance, "block", free), report=replace(report, parts=round(free) + 1))
 
     def _periods(self, found: RepetitionBlocks, report: CovarianceReport) -> Fit:
-        """The scatter between periods."""
+        """Fit with the covariance from the scatter between periods."""
         covariance = jackknife(
             self.information, found.groups, found.motions, self.fit.values, self.fit.weights, self.inverse
         )
@@ -244,28 +249,30 @@ class Uncertainty:
         return replace(fit, report=replace(report, parts=len(found.motions)))
 
     def white(self) -> Fit:
-        """The fit as the estimator gave it."""
-        return self.settled(self.fit, self.fit.covariance, np.zeros_like(self.apart), self.fit.freedom)
+        """Fit with the covariance of the estimator."""
+        return self.with_scatter(
+            self.fit, self.fit.covariance, np.zeros_like(self.border_covariance), self.fit.freedom
+        )
 
     def _with(self, covariance: Array, kind: str, freedom: Array | float) -> Fit:
-        """The fit with a scatter of the data, to which prior and torque scales add what is known for certain."""
-        return self.settled(replace(self.fit, covariance_kind=kind), covariance, self.known, freedom)
+        """Fit with a scatter of the data and the known covariance of prior and torque scales."""
+        return self.with_scatter(replace(self.fit, covariance_kind=kind), covariance, self.known_covariance, freedom)
 
-    def settled(self, fit: Fit, scatter: Array, known: Array, freedom: Array | float) -> Fit:
-        """The fit with its covariance, and standard parameters that follow it."""
-        known = known + np.outer(self.moved, self.moved)
-        certain = known + self.apart
-        learned, sure = np.diag(scatter), np.diag(certain)
-        # What is known for certain has no degrees of freedom to pay for [Satterthwaite1946].
-        share = np.where(learned > 0.0, 1.0 + sure / np.where(learned > 0.0, learned, 1.0), 1.0)
-        each = np.broadcast_to(np.asarray(freedom, dtype=np.float64), learned.shape)
+    def with_scatter(self, fit: Fit, scatter: Array, known_covariance: Array, freedom: Array | float) -> Fit:
+        """Fit with its covariance, degrees of freedom and the intervals of the standard parameters."""
+        known_covariance = known_covariance + np.outer(self.moved, self.moved)
+        certain = known_covariance + self.border_covariance
+        estimated, certain_part = np.diag(scatter), np.diag(certain)
+        # A covariance of known size has infinite degrees of freedom [Satterthwaite1946].
+        share = np.where(estimated > 0.0, 1.0 + certain_part / np.where(estimated > 0.0, estimated, 1.0), 1.0)
+        each = np.broadcast_to(np.asarray(freedom, dtype=np.float64), estimated.shape)
         standard = fit.standard
         if standard is not None and standard.lift is not None:
-            standard = replace(stated(standard, scatter, known, each), lift=None)
+            standard = replace(stated(standard, scatter, known_covariance, each), lift=None)
         return replace(fit, covariance=scatter + certain, freedom=each * share**2, standard=standard)
 
     def _spectrum(self) -> tuple[_Spectrum | None, str]:
-        """Return what the samples say about the noise; `None` and the reason where they say nothing."""
+        """Noise spectrum of the samples; `None` and the reason where it cannot be estimated."""
         observations, rows = self.problem.observations, self.whole.rows[0]
         if self.fit.information is not None:
             return None, "rows have weights of their own"
@@ -273,50 +280,50 @@ class Uncertainty:
             return None, "there are factors and no samples"
         if not all(run.consecutive for run in observations.runs):
             return None, "rows do not follow each other in time"
-        if not _same(self.problem, rows):
+        if not _samples_match(self.problem, rows):
             return None, "the samples at hand are not those of the factors"
         rates = np.array([run.rate / run.step for run in observations.runs])
-        if np.ptp(rates) > ALIKE * rates.max():
+        if np.ptp(rates) > RATE_TOLERANCE * rates.max():
             return None, "recordings have rows at different rates"
         if rows.sum() < FEWEST_ROWS * self.whole.count:
             return None, f"there are only {rows.sum()} rows for {self.whole.count} parameters"
-        bands = band_products(self.problem, self.shown())
-        if NoiseModel.size(bands, self.whole.count) > LARGEST:
+        bands = band_products(self.problem, self.joint_values())
+        if NoiseModel.size(bands, self.whole.count) > MAX_SIZE:
             return None, "the arm has too many joints for a spectrum between all of them"
-        model = NoiseModel(bands, self.fit.weights, self.inverse, self.through())
+        model = NoiseModel(bands, self.fit.weights, self.inverse, self.column_maps())
         scatter = model.scatter(bands.moments, bands.squares, rows)
-        white = whiteness(model, bands.moments, bands.squares, bands.pieces, rows)
+        white = whiteness(model, bands.moments, bands.squares, bands.parts, rows)
         return _Spectrum(model, scatter, white, _repeated(bands, scatter, rows, self.fit.weights)), ""
 
-    def shown(self) -> Array:
+    def joint_values(self) -> Array:
         """Parameters of the samples' columns, shape (b,), or of each joint's, shape (n, b)."""
         return self.fit.values
 
-    def through(self) -> tuple[Array, ...] | None:
-        """Map the fit's parameters to those of each joint's columns; `None` where they are the same."""
+    def column_maps(self) -> tuple[Array, ...] | None:
+        """Matrices from the fit's parameters to those of each joint's columns; `None` where they are the same."""
         return None
 
     def _noise(self) -> Array:
-        """Standard deviation of each joint's residual, degrees of freedom paid, shape (n,)."""
+        """Standard deviation of each joint's residual, corrected for the degrees of freedom, shape (n,)."""
         rows = self.whole.rows[0]
-        spent = np.array(
+        effective_dof = np.array(
             [
                 weight**2 * np.sum((R := joint.R[0, :, :-1]) @ self.inverse[np.ix_(own := joint.parameters, own)] * R)
                 for weight, joint in zip(self.fit.weights, self.whole.joints, strict=True)
             ]
         )
-        return self.fit.residual_rms * np.sqrt(rows / np.maximum(rows - spent, 1.0))
+        return self.fit.residual_rms * np.sqrt(rows / np.maximum(rows - effective_dof, 1.0))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Spectrum:
-    """Evidence of the samples.
+    """Noise spectrum of the samples and tests on it.
 
     Attributes:
         model: Equations for the levels of the noise.
-        scatter: What the noise does to the estimate.
-        whiteness: Probability of such residuals if they were white.
-        repeated: Variance that repeats with the motion, over what chance leaves; 1 where nothing was folded.
+        scatter: Effect of the noise on the estimate.
+        whiteness: p-value of the test of whiteness.
+        repeated: Variance of the mean residual of periods, over that of independent ones; 1 where nothing was folded.
     """
 
     model: NoiseModel
@@ -328,7 +335,7 @@ class _Spectrum:
 def block_covariance(
     information: Information, values: Array, weights: Array, inverse: Array
 ) -> tuple[Array, float] | None:
-    """Jackknife covariance (b, b) over blocks, made longer while neighbours pull alike, and its degrees of freedom.
+    """Jackknife covariance (b, b) over blocks, merged while neighbours are correlated, and its degrees of freedom.
 
     Args:
         information: Factors, one set a block, in the order of time.
@@ -339,29 +346,34 @@ def block_covariance(
     Returns:
         `None` where there are too few blocks with rows that count.
     """
-    together = 1
+    per_group = 1
     groups = group_blocks(information)
     count = int(groups.max()) + 1
     if count < FEWEST_BLOCKS:
         return None
-    while count // 2 >= MERGED_BLOCKS and correlation(information, groups, values, weights, inverse) > NEIGHBOURS:
-        together *= 2
-        groups = group_blocks(information, together)
+    while (
+        count // 2 >= MIN_MERGED_BLOCKS
+        and correlation(information, groups, values, weights, inverse) > MAX_NEIGHBOUR_CORRELATION
+    ):
+        per_group *= 2
+        groups = group_blocks(information, per_group)
         count = int(groups.max()) + 1
     one = np.zeros(count, dtype=np.int64)
     return jackknife(information, groups, one, values, weights, inverse), count - 1.0
 
 
-def _same(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
-    """Tell whether samples and information are about the same rows and parameters."""
+def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
+    """Checks whether samples and information have the same rows and parameters."""
     model, base, observations = problem.require_samples("cover")
-    known = {name.split("[", 1)[0] for name in problem.information.names}  # copies for each recording are FV_1[1], …
+    known_covariance = {
+        name.split("[", 1)[0] for name in problem.information.names
+    }  # copies for each recording are FV_1[1], …
     counted = sum(with_hysteresis_states(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
-    return known == set(base.names) and bool(np.array_equal(counted, rows))
+    return known_covariance == set(base.names) and bool(np.array_equal(counted, rows))
 
 
 def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: Array) -> float:
-    """Variance of the mean of periods over what their differences say it should be."""
+    """Ratio of the variance of the mean of periods to that expected from the differences between periods."""
     squares, free = bands.within
     if not (free > 0.0).all():
         return 1.0
@@ -372,7 +384,7 @@ def _repeated(bands: BandProducts, scatter: LevelScatter, rows: Array, weights: 
 
 
 def scale_covariance(whole: Information, weights: Array, inverse: Array) -> Array:
-    """Return what uncertain scales of the joints' torques, such as drive gains, add to the covariance (b, b).
+    """Covariance (b, b) from uncertain scales of the joints' torques, such as drive gains.
 
     With torque j off by a factor 1 + δ_j, the estimate moves by δ_j H⁻¹ w_j² R_jᵀ ρ_j; the δ_j are independent.
     """
@@ -380,6 +392,6 @@ def scale_covariance(whole: Information, weights: Array, inverse: Array) -> Arra
     for j in np.flatnonzero(whole.scale_deviation):
         only = np.where(np.arange(whole.n) == j, weights, 0.0)
         A, y = stack(whole, only)
-        move = inverse @ (A.T @ y)
-        covariance += whole.scale_deviation[j] ** 2 * np.outer(move, move)
+        change = inverse @ (A.T @ y)
+        covariance += whole.scale_deviation[j] ** 2 * np.outer(change, change)
     return covariance

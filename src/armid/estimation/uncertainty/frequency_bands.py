@@ -1,11 +1,10 @@
-"""Columns and residuals of recordings by frequency band: a second pass over the rows, compressed to products.
+"""Products of regressor columns and residuals by frequency band, from a second pass over the rows.
 
-Residuals have a spectrum: friction that the model lacks is slow, sensors hiss, filters cut. How much of each
-frequency's noise goes into an estimate depends on how much the columns have of that frequency. Both sides are
-therefore kept as products of Fourier coefficients, summed over narrow bands of the frequency axis.
+Residuals are not white, and the effect of noise at a frequency depends on the columns at that frequency. So products
+of the Fourier coefficients of columns and residuals are summed over narrow frequency bands.
 
-Where the motion repeats, the periods are first put together (`folded`): what a model lacks repeats with the motion
-and does not average out, and only the mean of the periods, taken as one recording, shows how large it is.
+Where the motion repeats, the periods are first averaged (`folded`). Model errors repeat with the motion and do not
+average out; the mean of the periods, taken as one recording, shows their size.
 """
 
 from __future__ import annotations
@@ -30,45 +29,44 @@ __all__ = [
     "GatheredBands",
     "band_edges",
     "band_products",
+    "column_numbers",
+    "find_periods",
     "gather_bands",
-    "has_repetitions",
-    "named_columns",
     "residual_moments",
 ]
 
-ENOUGH_RATE = 100.0
-"""Rows a second that show all of a spectrum that an arm's motion reaches [Hz]; denser rows are averaged."""
+MAX_RATE = 100.0
+"""Row rate that covers the spectrum of an arm's motion [Hz]; rows at higher rates are averaged."""
 
 SEGMENT = 8192
-"""Rows transformed at a time, after averaging: longer than noise of an arm remembers."""
+"""Rows of a segment, after averaging: longer than the correlation time of an arm's noise."""
 
-NARROW = 8.0
-"""Real numbers of a recording's spectrum in the lowest band: four frequencies and their phases."""
+LOWEST_BAND_SIZE = 8.0
+"""Real numbers of a recording's spectrum in the lowest band: four complex coefficients."""
 
 PER_OCTAVE = 3
-"""Bands an octave, narrow enough for a filter's edge."""
+"""Bands per octave, narrow enough to resolve the edge of a filter."""
 
 SAME_MOTION = 0.05
-"""Largest RMS difference of two periods' positions, over their spread, that is still the same motion: a hundredth is
-what controllers leave, and rows that lie up to half a step apart in phase add as much again."""
+"""Largest RMS difference of the positions of two periods over their spread; control and phase cause up to 0.02."""
 
-PIECES = 10
+PARTS = 10
 """Parts of a segment whose variances are compared."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class GatheredBands:
-    """Consecutive rows, perhaps averaged, perhaps several periods in one.
+    """Consecutive rows of one segment, averaged where rows are dense or periods are folded.
 
-    A row that stands for m rows of a joint is their sum over √m, so that products and white noise keep their size.
+    A row that replaces m rows of a joint is their sum over √m, so that products and white noise keep their size.
 
     Attributes:
-        columns: Joint by joint, zero where nothing counts, shape (W, M).
-        residual: Shape (n, M) [N·m or N].
-        counts: Whether anything counts, shape (n, M).
-        rate: Rows a second [Hz].
-        squares: Sum of squares of the residual's rows as they were, shape (n,).
-        within: Sum of squares and number of rows that the difference between periods has, shape (2, n).
+        columns: Regressor columns joint by joint, zero in masked rows, shape (W, M).
+        residual: Residuals, shape (n, M) [N·m or N].
+        counts: Mask of rows in use, shape (n, M).
+        rate: Row rate [Hz].
+        squares: Sum of squared residuals before averaging, shape (n,).
+        within: Sum of squares and number of rows of the differences between periods, shape (2, n).
     """
 
     columns: Array
@@ -81,20 +79,19 @@ class GatheredBands:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BandProducts:
-    """Products in E bands of the columns of n joints, W altogether, and of residuals.
+    """Products of the W columns of n joints, and of their residuals, in E frequency bands.
 
     Attributes:
         parameters: Parameters of each joint's columns, shapes (k_j,).
         edges: Lower edge of each band [Hz], shape (E,).
         frequency: Mean frequency of each band [Hz], shape (E,).
-        count: Real numbers that each pair of joints has in each band, shape (E, n, n).
-        products: Of columns, shape (E, W, W).
-        moments: Of residuals, shape (E, n, n) [N²·m² or N²].
-        pieces: Sum of squares, number of rows of parts of the time, shape (parts, 2, n).
+        count: Real numbers of the spectrum of each pair of joints in each band, shape (E, n, n).
+        products: Products of columns, shape (E, W, W).
+        moments: Products of residuals, shape (E, n, n) [N²·m² or N²].
+        parts: Sum of squares and number of rows of each part of the time, shape (parts, 2, n).
         squares: Sum of squared residuals of all rows, shape (n,).
-        within: Sum of squares and number of rows that the difference between periods has, shape (2, n); zero where
-            nothing was folded.
-        averaged: Whether rows are means, of others beside them or of periods.
+        within: Sum of squares and number of rows of the differences between periods, shape (2, n), zero without any.
+        averaged: Whether rows are averages of neighbouring rows or of periods.
     """
 
     parameters: tuple[NDArray[np.int32], ...]
@@ -103,7 +100,7 @@ class BandProducts:
     count: Array
     products: Array
     moments: Array
-    pieces: Array
+    parts: Array
     squares: Array
     within: Array
     averaged: bool
@@ -120,11 +117,11 @@ class BandProducts:
 
 
 def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[GatheredBands]:
-    """The rows of a problem with their residuals, averaged to a moderate rate, periods folded.
+    """Yields the rows of a problem with their residuals, averaged to `MAX_RATE`, periods folded.
 
     Args:
-        problem: With its samples.
-        values: Of the parameters of the problem's information, shape (b,), or of each joint's torque, shape (n, b).
+        problem: Problem with its samples.
+        values: Values of the parameters, shape (b,), or separate values for each joint's torque, shape (n, b).
     """
     model, base, observations = problem.require_samples("cover")
     information = problem.information
@@ -132,39 +129,41 @@ def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[Gathered
     source = column_source(model, base)
     for given in observations.runs:
         run = with_hysteresis_states(model, given, observations.band)
-        parameters = named_columns(source, information.names, run)
-        places = [np.searchsorted(j.parameters, own) for j, own in zip(information.joints, parameters, strict=True)]
+        parameters = column_numbers(source, information.names, run)
+        positions = [
+            np.searchsorted(j.parameters, own) for j, own in zip(information.joints, parameters, strict=True)
+        ]
         width = [len(joint.parameters) for joint in information.joints]
-        collector = _Collector(run, places, width)
+        collector = _Collector(run, positions, width)
         for begin, x in rows(source, run, observations.band):
             blocks = [x[a:b] for a, b in zip(source.layout.offset, source.layout.offset[1:], strict=False)]
             columns = [block[:-1] for block in blocks]
             residual = [
-                block[-1] - each[own] @ block[:-1]
-                for block, each, own in zip(blocks, values, parameters, strict=True)
+                block[-1] - joint_values[own] @ block[:-1]
+                for block, joint_values, own in zip(blocks, values, parameters, strict=True)
             ]
-            yield from collector.take(begin, columns, np.array(residual))
-        yield from collector.rest()
+            yield from collector.add(begin, columns, np.array(residual))
+        yield from collector.folded_rows()
 
 
 def band_products(problem: EstimationProblem, values: Array) -> BandProducts:
-    """Everything that the covariance of an estimate needs of the rows.
+    """Computes the products of columns and residuals in all frequency bands.
 
     Args:
-        problem: With its samples.
-        values: The estimate, shape (b,), or that of each joint's torque, shape (n, b).
+        problem: Problem with its samples.
+        values: The estimate, shape (b,), or separate values for each joint's torque, shape (n, b).
     """
     parameters = tuple(joint.parameters for joint in problem.information.joints)
     n, W = len(parameters), sum(len(own) for own in parameters)
-    parts = list(gather_bands(problem, values)) if _is_short(problem) else None
-    lengths = [(part.residual.shape[1], part.rate) for part in parts] if parts else _lengths(problem)
+    gathered = list(gather_bands(problem, values)) if _is_short(problem) else None
+    lengths = [(part.residual.shape[1], part.rate) for part in gathered] if gathered else _lengths(problem)
     edges = band_edges(lengths)
     E = len(edges)
     products, moments, count = np.zeros((E, W, W)), np.zeros((E, n, n)), np.zeros((E, n, n))
     weighted = np.zeros((E, 2))
-    pieces: list[Array] = []
+    parts: list[Array] = []
     squares, within = np.zeros(n), np.zeros((2, n))
-    for part in parts if parts is not None else gather_bands(problem, values):
+    for part in gathered if gathered is not None else gather_bands(problem, values):
         M = part.residual.shape[1]
         hertz = frequencies(M) * part.rate
         label, real = _labels(M, part.rate, edges)
@@ -175,7 +174,7 @@ def band_products(problem: EstimationProblem, values: Array) -> BandProducts:
         count += np.bincount(label, real, E)[:, None, None] * share
         squares += part.squares
         within += part.within
-        pieces.append(_pieces(part))
+        parts.append(_part_variances(part))
     used = weighted[:, 1] > 0.0
     averaged = bool(within.any()) or any(_averaging(run) > 1 for run in _runs(problem))
     return BandProducts(
@@ -185,7 +184,7 @@ def band_products(problem: EstimationProblem, values: Array) -> BandProducts:
         count[used],
         products[used],
         moments[used],
-        np.concatenate(pieces),
+        np.concatenate(parts),
         squares,
         within,
         averaged,
@@ -193,19 +192,19 @@ def band_products(problem: EstimationProblem, values: Array) -> BandProducts:
 
 
 def residual_moments(residual: Array, rate: float, bands: BandProducts) -> Array:
-    """Products of one segment's residuals in the bands of others, shape (E, n, n).
+    """Products of one segment's residuals in given bands, shape (E, n, n).
 
     Args:
-        residual: Shape (n, M).
-        rate: Rows a second [Hz].
-        bands: Where the bands are.
+        residual: Residuals of the segment, shape (n, M).
+        rate: Row rate [Hz].
+        bands: Products that define the bands.
     """
     label, real = _labels(residual.shape[1], rate, bands.edges)
     return _products(residual, label, real, len(bands.edges))
 
 
 def band_edges(lengths: list[tuple[int, float]]) -> Array:
-    """Lower edges of the bands [Hz], from what spectra of segments of some lengths and rates can tell apart.
+    """Lower edges of the bands [Hz], from the frequency resolution of segments of given lengths and rates.
 
     Args:
         lengths: Rows and rate [Hz] of each segment.
@@ -213,7 +212,7 @@ def band_edges(lengths: list[tuple[int, float]]) -> Array:
     seconds = sum(rows / rate for rows, rate in lengths)
     step = 1.0 / max(rows / rate for rows, rate in lengths)
     highest = max(rate for _, rate in lengths) / 2.0
-    edges = [0.0, max(NARROW / (2.0 * seconds), step)]
+    edges = [0.0, max(LOWEST_BAND_SIZE / (2.0 * seconds), step)]
     while edges[-1] < highest:
         edges.append(max(edges[-1] * 2.0 ** (1.0 / PER_OCTAVE), edges[-1] + step))
     edges.pop()
@@ -222,20 +221,19 @@ def band_edges(lengths: list[tuple[int, float]]) -> Array:
     return np.array([0.0, *(np.array(edges[1:]) - step / 2.0)])
 
 
-def named_columns(source: ColumnSource, names: tuple[str, ...], run: ObservedRun) -> list[NDArray[np.int64]]:
-    """Numbers of each joint's columns among parameters, of which each recording may have its own copies."""
+def column_numbers(source: ColumnSource, names: tuple[str, ...], run: ObservedRun) -> list[NDArray[np.int64]]:
+    """Positions of each joint's columns among the parameters, of which a recording may have separate copies."""
     number, copy = {name: k for k, name in enumerate(names)}, f"[{run.recording + 1}]"
     every = np.array([number.get(name, number.get(name + copy, -1)) for name in source.names], dtype=np.int64)
     return [every[own] for own in source.layout.parameters]
 
 
-def has_repetitions(run: ObservedRun) -> NDArray[np.int64] | None:
-    """First rows of the periods of a motion that repeats, and the shortest one's number of rows at the end.
-
-    Blocks are the periods where repetitions are not known.
+def find_periods(run: ObservedRun) -> NDArray[np.int64] | None:
+    """Finds the periods of a motion that repeats.
 
     Returns:
-        `None` where the blocks are no periods of one motion.
+        First row of each period, then the number of rows of the shortest; `None` where repetitions, or blocks where
+        none are recorded, are not periods of one motion.
     """
     label = run.block if run.repetition is None else run.repetition
     borders = np.flatnonzero(np.diff(label, prepend=-1, append=-1))
@@ -248,67 +246,67 @@ def has_repetitions(run: ObservedRun) -> NDArray[np.int64] | None:
     length = int(lengths.min())
     periods = np.stack([q[a : a + length] for a in begins])
     spread = np.sqrt(np.mean((periods[0] - periods[0].mean(axis=0)) ** 2))
-    apart = np.sqrt(np.mean((periods - periods.mean(axis=0)) ** 2, axis=(1, 2)))
-    if not (apart <= SAME_MOTION * spread).all():
+    difference = np.sqrt(np.mean((periods - periods.mean(axis=0)) ** 2, axis=(1, 2)))
+    if not (difference <= SAME_MOTION * spread).all():
         return None
     return np.append(begins, length)
 
 
 class _Collector:
-    """Puts the rows of one run together: averaged, in segments or folded into one period."""
+    """Collects the rows of one run, averaged, into segments or folded into one period."""
 
-    def __init__(self, run: ObservedRun, places: list[NDArray[np.intp]], width: list[int]) -> None:
-        self.run, self.places, self.width = run, places, width
-        self.of = np.repeat(np.arange(len(width)), width)
-        self.each = _averaging(run)
-        self.stretches, self.folded = _stretches(run, self.each)
-        self.at = 0
+    def __init__(self, run: ObservedRun, positions: list[NDArray[np.intp]], width: list[int]) -> None:
+        self.run, self.positions, self.width = run, positions, width
+        self.joint_of = np.repeat(np.arange(len(width)), width)
+        self.rows_per_mean = _averaging(run)
+        self.segments, self.folded = _segments(run, self.rows_per_mean)
+        self.current = 0
         self._clear()
 
     def _clear(self) -> None:
-        length = -(-self.stretches[self.at][1] // self.each) if self.at < len(self.stretches) else 0
+        length = -(-self.segments[self.current][1] // self.rows_per_mean) if self.current < len(self.segments) else 0
         n = len(self.width)
-        self.sums = np.zeros((len(self.of), length))
+        self.sums = np.zeros((len(self.joint_of), length))
         self.residual = np.zeros((n, length))
         self.count = np.zeros((n, length))
         self.squares = np.zeros(n)
-        self.apart = np.zeros(n)
+        self.period_squares = np.zeros(n)
 
-    def take(self, begin: int, columns: list[Array], residual: Array) -> Iterator[GatheredBands]:
-        """Take rows that follow those taken; gives what is complete."""
+    def add(self, begin: int, columns: list[Array], residual: Array) -> Iterator[GatheredBands]:
+        """Adds the next rows; yields each segment when it is complete."""
         end = begin + residual.shape[1]
-        while self.at < len(self.stretches):
-            origin, length = self.stretches[self.at]
+        while self.current < len(self.segments):
+            origin, length = self.segments[self.current]
             a, b = max(begin, origin), min(end, origin + length)
             if a < b:
-                self._add(
+                self._accumulate(
                     a - origin, [x[:, a - begin : b - begin] for x in columns], residual[:, a - begin : b - begin]
                 )
             if end < origin + length:
                 return
-            self.at += 1
+            self.current += 1
             if not self.folded:
                 yield self._gathered(1)
                 self._clear()
 
-    def rest(self) -> Iterator[GatheredBands]:
-        """Return what folding has put together."""
+    def folded_rows(self) -> Iterator[GatheredBands]:
+        """Yields the folded period."""
         if self.folded:
-            yield self._gathered(len(self.stretches))
+            yield self._gathered(len(self.segments))
 
-    def _add(self, first: int, columns: list[Array], residual: Array) -> None:
-        """Add rows whose first is row `first` of their stretch."""
-        origin = self.stretches[self.at][0] + first
+    def _accumulate(self, first: int, columns: list[Array], residual: Array) -> None:
+        """Adds rows, the first of which is row `first` of its segment."""
+        origin = self.segments[self.current][0] + first
         length = residual.shape[1]
         mask = self.run.mask[origin : origin + length].T
-        group = np.arange(first, first + length) // self.each
+        group = np.arange(first, first + length) // self.rows_per_mean
         starts = np.flatnonzero(np.diff(group, prepend=-1))
         into = group[starts]
         column = 0
         for j, x in enumerate(columns):
             kept = x if mask[j].all() else x * mask[j]
-            summed = kept if self.each == 1 else np.add.reduceat(kept, starts, axis=1)
-            self.sums[column + self.places[j], into[0] : into[-1] + 1] += summed
+            summed = kept if self.rows_per_mean == 1 else np.add.reduceat(kept, starts, axis=1)
+            self.sums[column + self.positions[j], into[0] : into[-1] + 1] += summed
             column += self.width[j]
         kept = residual * mask
         summed = np.add.reduceat(kept, starts, axis=1)
@@ -316,40 +314,40 @@ class _Collector:
         self.residual[:, into] += summed
         self.count[:, into] += count
         self.squares += (kept**2).sum(axis=1)
-        self.apart += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
+        self.period_squares += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
 
     def _gathered(self, periods: int) -> GatheredBands:
-        """Return what was added, with rows scaled to keep products and white noise at their size."""
+        """Collected rows, scaled so that products and white noise keep their size."""
         scale = 1.0 / np.sqrt(np.maximum(self.count, 1.0))
         residual = self.residual * scale
         within = np.zeros((2, len(self.width)))
         if periods > 1:
-            within[0] = self.apart - (residual**2).sum(axis=1)
+            within[0] = self.period_squares - (residual**2).sum(axis=1)
             within[1] = (self.count > 0).sum(axis=1) * (periods - 1)
         return GatheredBands(
-            self.sums * scale[self.of],
+            self.sums * scale[self.joint_of],
             residual,
             self.count > 0.0,
-            self.run.rate / (self.run.step * self.each),
+            self.run.rate / (self.run.step * self.rows_per_mean),
             self.squares.copy(),
             within,
         )
 
 
-def _stretches(run: ObservedRun, each: int) -> tuple[list[tuple[int, int]], bool]:
-    """First row and number of rows of what is taken together, and whether all of it goes into one."""
-    periods = has_repetitions(run)
+def _segments(run: ObservedRun, rows_per_mean: int) -> tuple[list[tuple[int, int]], bool]:
+    """First row and number of rows of each segment, and whether all segments are folded into one."""
+    periods = find_periods(run)
     if periods is not None:
         return [(int(a), int(periods[-1])) for a in periods[:-1]], True
-    total, longest = len(run.rows), SEGMENT * each
-    parts = -(-total // longest)
-    borders = [k * total // parts for k in range(parts + 1)]
+    total, longest = len(run.rows), SEGMENT * rows_per_mean
+    count = -(-total // longest)
+    borders = [k * total // count for k in range(count + 1)]
     return [(a, b - a) for a, b in itertools.pairwise(borders)], False
 
 
 def _averaging(run: ObservedRun) -> int:
-    """Rows that are averaged into one."""
-    return max(1, int(run.rate / (run.step * ENOUGH_RATE)))
+    """Number of rows that are averaged into one."""
+    return max(1, int(run.rate / (run.step * MAX_RATE)))
 
 
 def _runs(problem: EstimationProblem) -> tuple[ObservedRun, ...]:
@@ -357,22 +355,25 @@ def _runs(problem: EstimationProblem) -> tuple[ObservedRun, ...]:
 
 
 def _is_short(problem: EstimationProblem) -> bool:
-    """Tell whether all rows fit in memory together, so that they need to be made only once."""
+    """Checks whether all rows fit in memory, so that they are computed only once."""
     return sum(rows for rows, _ in _lengths(problem)) <= SEGMENT
 
 
 def _lengths(problem: EstimationProblem) -> list[tuple[int, float]]:
-    """Rows and rate of what `gather_bands` will give."""
-    found: list[tuple[int, float]] = []
+    """Rows and rate of each segment that `gather_bands` yields."""
+    lengths: list[tuple[int, float]] = []
     for run in _runs(problem):
-        each = _averaging(run)
-        parts, folded = _stretches(run, each)
-        found += [(-(-length // each), run.rate / (run.step * each)) for _, length in parts[: 1 if folded else None]]
-    return found
+        rows_per_mean = _averaging(run)
+        segments, folded = _segments(run, rows_per_mean)
+        lengths += [
+            (-(-length // rows_per_mean), run.rate / (run.step * rows_per_mean))
+            for _, length in segments[: 1 if folded else None]
+        ]
+    return lengths
 
 
 def _labels(count: int, rate: float, edges: Array) -> tuple[NDArray[np.intp], Array]:
-    """Band of each coefficient of the spectrum of so many rows, and how many real numbers each is."""
+    """Band of each coefficient of a spectrum of `count` rows, and its number of real numbers."""
     label = np.searchsorted(edges, frequencies(count) * rate, side="right") - 1
     real = np.full(len(label), 2.0)
     real[0] = 1.0
@@ -385,15 +386,15 @@ def _products(signals: Array, label: NDArray[np.intp], real: Array, bands: int) 
     result = np.zeros((bands, len(signals), len(signals)))
     x = spectrum(signals.T) * np.sqrt(real / signals.shape[1])[:, None]
     for a, b in itertools.pairwise(np.flatnonzero(np.diff(label, prepend=-1, append=-1))):
-        parts = np.concatenate([x[a:b].real, x[a:b].imag])
-        result[label[a]] = parts.T @ parts
+        stacked = np.concatenate([x[a:b].real, x[a:b].imag])
+        result[label[a]] = stacked.T @ stacked
     return result
 
 
-def _pieces(part: GatheredBands) -> Array:
-    """Sum of squares and number of rows of parts of the time, shape (parts, 2, n)."""
+def _part_variances(part: GatheredBands) -> Array:
+    """Sum of squares and number of rows of each part of the time, shape (parts, 2, n)."""
     M = part.residual.shape[1]
-    starts = np.unique(np.arange(PIECES) * M // PIECES)
+    starts = np.unique(np.arange(PARTS) * M // PARTS)
     squares = np.add.reduceat(part.residual**2, starts, axis=1)
     counts = np.add.reduceat(part.counts.astype(np.float64), starts, axis=1)
     return np.stack([squares, counts]).transpose(2, 0, 1)

@@ -4,10 +4,10 @@ The estimate without block k differs from the estimate by
 
     Δ_k = (H - H_k)⁻¹ s_k,        s_k = Σ_j w_j² R_jkᵀ (ρ_jk - R_jk π),
 
-and the jackknife cov = (B - 1) / B Σ_k (Δ_k - mean)(Δ_k - mean)ᵀ holds whatever the correlation inside a block and
-between joints, with few blocks and many parameters too. There the plain sandwich H⁻¹ Σ s_k s_kᵀ H⁻¹ is too small: a
-block pulls the estimate towards itself [Bell2002]. Where blocks are periods of one motion, all H_k are alike and the
-jackknife is the variance of the mean of the periods' own estimates.
+and the jackknife cov = (B - 1) / B Σ_k (Δ_k - mean)(Δ_k - mean)ᵀ is valid for any correlation inside a block and
+between joints, also with few blocks and many parameters. There the sandwich H⁻¹ Σ s_k s_kᵀ H⁻¹ is too small, because
+each block has leverage on the estimate [Bell2002]. If the blocks are periods of one motion, all H_k are nearly equal,
+and the jackknife is the variance of the mean of the estimates from single periods.
 """
 
 from __future__ import annotations
@@ -22,28 +22,37 @@ from armid.information.information import Information
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
 
-__all__ = ["RepetitionBlocks", "block_products", "correlation", "filled", "group_blocks", "jackknife", "periods"]
+__all__ = [
+    "RepetitionBlocks",
+    "blend_with_textbook",
+    "block_products",
+    "correlation",
+    "group_blocks",
+    "jackknife",
+    "periods",
+]
 
 RIDGE = 1e-12
-"""Added to the diagonal of H, relative: a block that alone shows a direction then gives a huge variance."""
+"""Added to the diagonal of H, relative: a direction that only one block determines then gets a very large
+variance."""
 
 Groups = NDArray[np.int64]
 
-TOGETHER = 32
-"""Blocks solved for at a time: a few megabytes."""
+BATCH = 32
+"""Blocks solved at a time, which takes a few megabytes."""
 
 SAME_MOTION = 0.2
-"""Largest difference of two blocks' products, over their size, that still are periods of one motion. Noise of the
-positions and rows masked near an end make a few hundredths, other motion makes about one."""
+"""Largest relative difference of the products of two blocks that count as periods of one motion. Noise of the
+positions and masked rows near an end cause a few hundredths, another motion about one."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RepetitionBlocks:
-    """Repetitions of motions.
+    """Assignment of blocks to repetitions of motions.
 
     Attributes:
-        groups: Repetition that each block is in, -1 for none, shape (blocks,).
-        motions: Motion that each repetition is of, shape (repetitions,).
+        groups: Repetition of each block, -1 for none, shape (blocks,).
+        motions: Motion of each repetition, shape (repetitions,).
     """
 
     groups: Groups
@@ -56,78 +65,78 @@ class RepetitionBlocks:
 
     @classmethod
     def of_blocks(cls, motions: Groups) -> RepetitionBlocks:
-        """Blocks that are a repetition each, by the motion that they are of."""
+        """Assignment where each block is one repetition, from the motion of each block (-1 for none)."""
         used = np.flatnonzero(motions >= 0)
         groups = np.full(len(motions), -1, dtype=np.int64)
         groups[used] = np.arange(len(used))
         return cls(groups, motions[used])
 
     @classmethod
-    def of_runs(cls, runs: Sequence[ObservedRun], filled: NDArray[np.bool_]) -> RepetitionBlocks:
-        """Repetitions of runs that know theirs; blocks without rows are in none.
+    def of_runs(cls, runs: Sequence[ObservedRun], has_rows: NDArray[np.bool_]) -> RepetitionBlocks:
+        """Assignment by the repetitions that the runs record; blocks without rows have none.
 
         Args:
-            runs: In the order of their blocks.
-            filled: Which blocks have rows, shape (blocks,).
+            runs: Runs in the order of their blocks.
+            has_rows: Blocks that have rows, shape (blocks,).
         """
         labels: list[tuple[int, int]] = []
         for k, run in enumerate(runs):
             first = np.unique(run.block, return_index=True)[1]
             repetition = run.block if run.repetition is None else run.repetition
             labels += [(k, int(repetition[row])) for row in first]
-        used = sorted({label for label, any_row in zip(labels, filled, strict=True) if any_row})
+        used = sorted({label for label, any_row in zip(labels, has_rows, strict=True) if any_row})
         number = {label: k for k, label in enumerate(used)}
-        groups = [number[label] if any_row else -1 for label, any_row in zip(labels, filled, strict=True)]
+        groups = [number[label] if any_row else -1 for label, any_row in zip(labels, has_rows, strict=True)]
         return cls(np.array(groups, dtype=np.int64), np.array([k for k, _ in used], dtype=np.int64))
 
 
-def group_blocks(information: Information, together: int = 1) -> Groups:
-    """Number of the group that each block is in, -1 for a block without rows, shape (blocks,).
+def group_blocks(information: Information, per_group: int = 1) -> Groups:
+    """Groups neighbouring blocks: number of each block's group, -1 for a block without rows, shape (blocks,).
 
     Args:
         information: Factors, blocks in the order of time.
-        together: Neighbouring blocks of one run that make a group; what is left over joins the last.
+        per_group: Neighbouring blocks of one run in a group; a remainder joins the last group.
     """
     result = np.full(information.blocks, -1, dtype=np.int64)
     first = 0
     for run in np.unique(information.run):
-        own = np.flatnonzero((information.run == run) & information.rows.any(axis=1))
-        if not len(own):
+        of_run = np.flatnonzero((information.run == run) & information.rows.any(axis=1))
+        if not len(of_run):
             continue
-        count = max(1, len(own) // together)
-        result[own] = first + np.arange(len(own)) * count // len(own)
+        count = max(1, len(of_run) // per_group)
+        result[of_run] = first + np.arange(len(of_run)) * count // len(of_run)
         first += count
     return result
 
 
 def periods(information: Information) -> Groups | None:
-    """Number of the motion of which each block is a period; `None` where some block has no other like it.
+    """Detects periods: number of the motion of each block; `None` where a block has no counterpart.
 
-    Periods of one motion have nearly the same products of columns, which blocks of other motion never have.
+    Periods of one motion have nearly the same products of columns; blocks of different motions do not.
     """
     length = [np.linalg.norm(joint.R[:, :, :-1], axis=(0, 1)) for joint in information.joints]
     length = [np.where(each > 0.0, each, 1.0) for each in length]
 
     def products(k: int) -> list[Array]:
-        own = [joint.R[k, :, :-1] / size for joint, size in zip(information.joints, length, strict=True)]
-        return [R.T @ R for R in own]
+        factors = [joint.R[k, :, :-1] / size for joint, size in zip(information.joints, length, strict=True)]
+        return [R.T @ R for R in factors]
 
     result = np.full(information.blocks, -1, dtype=np.int64)
-    left = np.flatnonzero(information.rows.any(axis=1)).tolist()
+    remaining = np.flatnonzero(information.rows.any(axis=1)).tolist()
     motion = 0
-    while left:
-        first = products(left[0])
+    while remaining:
+        first = products(remaining[0])
         size = sum(float(np.sum(X**2)) for X in first)
         alike = [
             k
-            for k in left
+            for k in remaining
             if sum(float(np.sum((X - Y) ** 2)) for X, Y in zip(first, products(k), strict=True))
             <= SAME_MOTION**2 * size
         ]
         if len(alike) < 2:
             return None
         result[alike] = motion
-        left = [k for k in left if result[k] < 0]
+        remaining = [k for k in remaining if result[k] < 0]
         motion += 1
     return result if motion else None
 
@@ -150,29 +159,29 @@ def jackknife(
     whole[np.diag_indices(len(values))] *= 1.0 + RIDGE
     count = len(motions)
     change = np.empty((count, len(values)))
-    for begin in range(0, count, TOGETHER):
-        some = np.where((groups >= begin) & (groups < begin + TOGETHER), groups - begin, -1)
-        normal, gradient = block_products(information, some, values, weights, scale)
+    for begin in range(0, count, BATCH):
+        batch = np.where((groups >= begin) & (groups < begin + BATCH), groups - begin, -1)
+        normal, gradient = block_products(information, batch, values, weights, scale)
         part = slice(begin, begin + len(normal))
         change[part] = np.linalg.solve(whole - normal, gradient[:, :, None])[:, :, 0] / scale
     covariance = np.zeros((len(values), len(values)))
     for motion in np.unique(motions):
-        own = change[motions == motion]
-        own = own - own.mean(axis=0)
-        covariance += own.T @ own * (len(own) - 1) / len(own)
+        of_motion = change[motions == motion]
+        of_motion = of_motion - of_motion.mean(axis=0)
+        covariance += of_motion.T @ of_motion * (len(of_motion) - 1) / len(of_motion)
     return covariance
 
 
-def filled(scatter: Array, textbook: Array, freedom: float) -> Array:
-    """A scatter that can be inverted.
+def blend_with_textbook(scatter: Array, textbook: Array, freedom: float) -> Array:
+    """Blends a scatter with the covariance under white residuals, so that it can be inverted.
 
-    With f degrees of freedom it has the rank f, and its inverse would take the estimate as exact in all further
-    directions; single variances are only known to √(2/f), too. It is drawn to the covariance under white residuals,
-    as much larger as it is on the whole, as if b degrees of freedom had shown that.
+    A scatter with f degrees of freedom has rank f; in all other directions its inverse would treat the estimate as
+    exact. Single variances have the relative error √(2/f), too. The white covariance is scaled to the mean ratio of
+    the variances and gets the weight of b degrees of freedom.
 
     Args:
         scatter: Covariance from the scatter between blocks or periods, shape (b, b).
-        textbook: That under white residuals, shape (b, b).
+        textbook: Covariance under white residuals, shape (b, b).
         freedom: Degrees of freedom f of the scatter.
     """
     known = np.diag(textbook) > 0.0
@@ -182,11 +191,11 @@ def filled(scatter: Array, textbook: Array, freedom: float) -> Array:
 
 
 def correlation(information: Information, groups: Groups, values: Array, weights: Array, inverse: Array) -> float:
-    """Tell how far groups pull the same way as their neighbours: s_kᵀ H⁻¹ s_k+1 over s_kᵀ H⁻¹ s_k, summed.
+    """Correlation of the gradients of neighbouring groups: Σ s_kᵀ H⁻¹ s_k+1 over Σ s_kᵀ H⁻¹ s_k.
 
     Args:
         information: Factors, one set a block.
-        groups: Group that each block is in, in the order of time, shape (blocks,).
+        groups: Group of each block, in the order of time, shape (blocks,).
         values: Estimate, shape (b,).
         weights: Weight of each joint's rows, shape (n,).
         inverse: H⁻¹, shape (b, b).
@@ -195,14 +204,14 @@ def correlation(information: Information, groups: Groups, values: Array, weights
     run = np.zeros(count, dtype=np.int64)
     run[groups[groups >= 0]] = information.run[groups >= 0]
     gradient = np.zeros((count, len(values)))
-    for begin in range(0, count, TOGETHER):
-        some = np.where((groups >= begin) & (groups < begin + TOGETHER), groups - begin, -1)
-        part = block_products(information, some, values, weights, np.ones(len(values)))[1]
+    for begin in range(0, count, BATCH):
+        batch = np.where((groups >= begin) & (groups < begin + BATCH), groups - begin, -1)
+        part = block_products(information, batch, values, weights, np.ones(len(values)))[1]
         gradient[begin : begin + len(part)] = part
     moved = gradient @ inverse
-    beside = run[1:] == run[:-1]
+    same_run = run[1:] == run[:-1]
     total = float(np.sum(gradient * moved))
-    return float(np.sum((gradient[1:] * moved[:-1])[beside])) / total if total > 0.0 else 0.0
+    return float(np.sum((gradient[1:] * moved[:-1])[same_run])) / total if total > 0.0 else 0.0
 
 
 def block_products(
@@ -228,8 +237,8 @@ def block_products(
         residual = weight * (R[:, :, -1] - R[:, :, :-1] @ values[own])
         scaled = np.ascontiguousarray((weight * R[:, :, :-1] / scale[own]).transpose(0, 2, 1))
         products = scaled @ scaled.transpose(0, 2, 1)
-        pulls = (scaled @ residual[:, :, None])[:, :, 0]
+        gradients = (scaled @ residual[:, :, None])[:, :, 0]
         for k in range(count):
             normal[k, own[:, None], own] += products[into == k].sum(axis=0)
-            gradient[k, own] += pulls[into == k].sum(axis=0)
+            gradient[k, own] += gradients[into == k].sum(axis=0)
     return normal, gradient

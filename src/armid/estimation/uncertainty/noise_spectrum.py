@@ -1,13 +1,13 @@
-"""The noise of a recording as a spectrum, and the covariance of an estimate that it makes.
+"""Noise spectrum of a recording, and the covariance of an estimate under this noise.
 
-The residual is no picture of the noise: the estimate has taken its part out of it, most where the motion is, which is
-where it matters. With weighted rows X̃, r̃ and M = 1 - X̃ H⁻¹ X̃ᵀ, noise with covariance Γ = Σ_c θ_c E_c leaves
+Residuals underestimate the noise, most at the frequencies that the motion excites, because the fit absorbs part of it
+there. With weighted rows X̃, residuals r̃ and M = 1 - X̃ H⁻¹ X̃ᵀ, noise with covariance Γ = Σ_c θ_c E_c gives
 
     E[r̃ᵀ E_a r̃] = Σ_c tr(E_a M E_c M) θ_c,        cov = H⁻¹ X̃ᵀ Γ X̃ H⁻¹.
 
-E_c is the part of the noise that one pair of joints shares around one frequency. The left side is what was measured
-and the traces are known, so the levels θ follow from linear equations without bias [Rao1971], whatever the colour of
-the noise; how well they are known gives each parameter's interval its own degrees of freedom [Satterthwaite1946].
+E_c is the part of the noise of one pair of joints around one frequency. The left side is measured and the traces are
+known, so linear equations give unbiased levels θ [Rao1971] for any spectrum of the noise. The uncertainty of the
+levels determines the degrees of freedom of each parameter's interval [Satterthwaite1946].
 """
 
 from __future__ import annotations
@@ -22,32 +22,32 @@ from armid.estimation.uncertainty.frequency_bands import BandProducts
 from armid.maths.linalg import root_of
 from armid.values import Array
 
-__all__ = ["LARGEST", "LevelScatter", "NoiseModel", "leverages"]
+__all__ = ["MAX_SIZE", "LevelScatter", "NoiseModel", "level_basis"]
 
-FIRST = 10.0
-"""Real numbers of the spectrum below the second knot, as few as give the lowest level any certainty."""
+LOWEST_KNOT_SIZE = 10.0
+"""Real numbers of the spectrum below the second knot, few but enough to estimate the lowest level."""
 
-TOWARDS_POOLED = 10.0
-"""Degrees of freedom with which correlations between joints at one frequency are drawn to those at all."""
+POOLED_DOF = 10.0
+"""Degrees of freedom of the prior that shrinks correlations at one frequency to those pooled over all frequencies."""
 
-SMALLEST_LEVEL = 1e-3
-"""Smallest level at a frequency over the joint's mean level: below it the estimate of the level is noise."""
+MIN_LEVEL = 1e-3
+"""Lower limit of a level, over the joint's mean level: smaller estimates of a level are noise."""
 
-FAINT = 2e-2
-"""Level at a frequency over the joint's mean level below which it says nothing about correlations."""
+MIN_FOR_CORRELATION = 2e-2
+"""Smallest level, over the joint's mean level, that is used to estimate correlations."""
 
-SMALLEST_CORRELATION = 1e-2
-"""Smallest eigenvalue of correlations between joints."""
+MIN_CORRELATION_EIGENVALUE = 1e-2
+"""Lower limit of an eigenvalue of the correlation matrix between joints."""
 
-SLIGHT = 1e-3
-"""Observations of white noise that the equations are given beside the data, so that they can be solved where a joint
-has no rows."""
+WHITE_PRIOR = 1e-3
+"""Weight of a prior of white noise in the equations, in observations, so that they are regular where a joint has no
+rows."""
 
 FEWEST_FREE = 2.0
 """Fewest degrees of freedom of a level; intervals are then more than twice as wide as those of many."""
 
-LARGEST = 30_000_000
-"""Numbers that the matrices of all levels may have: a quarter of a gigabyte."""
+MAX_SIZE = 30_000_000
+"""Largest number of elements in the matrices of all levels: a quarter of a gigabyte."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -71,9 +71,9 @@ class NoiseModel:
     Attributes:
         basis: Share of each level in each band, shape (B, E); every band's shares sum to one.
         pairs: First and second joint of each pair, shapes (pairs,).
-        left: tr(E_a M E_c M), shape (levels, levels), levels in the order frequency, pair of joints.
-        spent: tr(H⁻¹ X̃_jᵀ P X̃_k) for the coefficients P of each band, shape (E, n, n).
-        free: Real numbers that each level of one joint is seen in, less those that the estimate spent, shape (B, n).
+        equations: tr(E_a M E_c M), shape (levels, levels), levels in the order frequency, pair of joints.
+        leverage: tr(H⁻¹ X̃_jᵀ P X̃_k) for the coefficients P of each band, shape (E, n, n).
+        free: Degrees of freedom of each level of a joint: its real numbers less their leverage, shape (B, n).
     """
 
     def __init__(
@@ -81,36 +81,36 @@ class NoiseModel:
         bands: BandProducts,
         weights: Array,
         inverse: Array,
-        through: Sequence[Array] | None = None,
+        column_maps: Sequence[Array] | None = None,
     ) -> None:
-        """Set the equations up.
+        """Sets up the equations.
 
         Args:
             bands: Products of the rows.
             weights: Weight of each joint's rows, shape (n,).
             inverse: H⁻¹, prior included, shape (b, b).
-            through: How the parameters of each joint's columns follow from b unknowns, shapes (c, b); the unknowns
-                are the parameters where not given.
+            column_maps: Matrices from b unknowns to the parameters of each joint's columns, shapes (c, b); identity
+                where not given.
         """
         self.bands, self.weights = bands, weights
-        self.basis = leverages(bands)
+        self.basis = level_basis(bands)
         self.pairs = np.triu_indices(bands.n)
-        self.twice = np.where(self.pairs[0] == self.pairs[1], 1.0, 2.0)
+        self.multiplicity = np.where(self.pairs[0] == self.pairs[1], 1.0, 2.0)
         try:
             self.root = np.linalg.cholesky(inverse)
-        except np.linalg.LinAlgError:  # directions that are known to all digits beside others that hardly are
+        except np.linalg.LinAlgError:  # the inverse is ill-conditioned
             self.root = root_of(inverse)
-        roots = [self.root] * bands.n if through is None else [each @ self.root for each in through]
+        roots = [self.root] * bands.n if column_maps is None else [each @ self.root for each in column_maps]
         self.roots = [root[k] * w for root, k, w in zip(roots, bands.parameters, weights, strict=True)]
-        self.spent = self._spent()
+        self.leverage = self._band_leverage()
         self.free = self._free()
-        self.packed, self.own = self._matrices()
-        self.left = self.packed @ self.packed.T + self._diagonal() - self._leverage()
+        self.packed, self.variances = self._matrices()
+        self.equations = self.packed @ self.packed.T + self._diagonal() - self._cross_leverage()
 
     @staticmethod
     def size(bands: BandProducts, count: int) -> int:
-        """Numbers that the matrices of all levels have, for so many parameters."""
-        return len(leverages(bands)) * bands.n * (bands.n + 1) // 2 * count * (count + 1) // 2
+        """Number of elements in the matrices of all levels, for `count` parameters."""
+        return len(level_basis(bands)) * bands.n * (bands.n + 1) // 2 * count * (count + 1) // 2
 
     def levels(self, moments: Array) -> Array:
         """Covariance of the noise at each frequency, in weighted units, shape (B, n, n).
@@ -119,18 +119,18 @@ class NoiseModel:
             moments: Products of residuals in each band, shape (E, n, n).
         """
         measured = self.measured(moments)
-        slight = SLIGHT * np.tile(self.twice, len(self.basis))
+        ridge = WHITE_PRIOR * np.tile(self.multiplicity, len(self.basis))
         white = np.tile(self.pairs[0] == self.pairs[1], len(self.basis))
-        theta = np.linalg.solve(self.left + np.diag(slight), measured + slight * white)
-        return self._possible(self._square(np.asarray(theta, dtype=np.float64)))
+        theta = np.linalg.solve(self.equations + np.diag(ridge), measured + ridge * white)
+        return self._regularise(self._square(np.asarray(theta, dtype=np.float64)))
 
     def scatter(self, moments: Array, squares: Array, rows: Array) -> LevelScatter:
-        """Return what the noise behind these residuals does to the estimate.
+        """Effect of the noise on the estimate, from residuals.
 
         Args:
             moments: Products of residuals in each band, shape (E, n, n).
             squares: Sum of squared residuals, shape (n,).
-            rows: Rows that counted, shape (n,).
+            rows: Number of rows in use, shape (n,).
         """
         levels = self.levels(moments)
         theta = levels[:, *self.pairs].ravel()
@@ -141,28 +141,28 @@ class NoiseModel:
         covariance = self.root @ inner @ self.root.T
         power = np.einsum("ae,ajj,ejj->j", self.basis, levels, self.bands.count)
         seen = np.einsum("ejj->j", moments) * self.weights**2
-        taken = np.maximum(power - seen, 0.0) / self.weights**2
-        return LevelScatter(covariance, self._freedom(levels), np.sqrt((squares + taken) / np.maximum(rows, 1.0)))
+        absorbed = np.maximum(power - seen, 0.0) / self.weights**2
+        return LevelScatter(covariance, self._freedom(levels), np.sqrt((squares + absorbed) / np.maximum(rows, 1.0)))
 
     def measured(self, moments: Array) -> Array:
         """r̃ᵀ E_a r̃ for each level, shape (levels,)."""
         weighted = moments * np.outer(self.weights, self.weights)
-        found = np.tensordot(self.basis, weighted, (1, 0))[:, *self.pairs] * self.twice
+        found = np.tensordot(self.basis, weighted, (1, 0))[:, *self.pairs] * self.multiplicity
         return np.asarray(found.ravel(), dtype=np.float64)
 
     def _matrices(self) -> tuple[Array, Array]:
         """Lᵀ X̃ᵀ E_c X̃ L in packed form (levels, b (b + 1) / 2), and the diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹."""
         bands, b = self.bands, len(self.root)
-        own = self.roots
+        roots = self.roots
         upper, scale = np.triu_indices(b), _packing(b)
-        packed = np.empty((len(self.basis), len(self.twice), len(scale)))
-        variances = np.empty((len(self.basis), len(self.twice), b))
+        packed = np.empty((len(self.basis), len(self.multiplicity), len(scale)))
+        variances = np.empty((len(self.basis), len(self.multiplicity), b))
         offset = bands.offset
         for a, share in enumerate(self.basis):
             X = np.tensordot(share, bands.products, 1)
-            right = [X[:, offset[k] : offset[k + 1]] @ own[k] for k in range(bands.n)]
+            right = [X[:, offset[k] : offset[k + 1]] @ roots[k] for k in range(bands.n)]
             for c, (j, k) in enumerate(zip(*self.pairs, strict=True)):
-                D = own[j].T @ right[k][offset[j] : offset[j + 1]]
+                D = roots[j].T @ right[k][offset[j] : offset[j + 1]]
                 D = D if j == k else D + D.T
                 packed[a, c] = D[upper] * scale
                 variances[a, c] = np.einsum("ij,ij->i", self.root @ D, self.root)
@@ -170,25 +170,25 @@ class NoiseModel:
 
     def _diagonal(self) -> Array:
         """tr(E_a E_c), which only levels of the same pair have."""
-        B, P = len(self.basis), len(self.twice)
-        count = self.bands.count[:, *self.pairs] * self.twice
+        B, P = len(self.basis), len(self.multiplicity)
+        count = self.bands.count[:, *self.pairs] * self.multiplicity
         result = np.zeros((B, P, B, P))
         for c in range(P):
             result[:, c, :, c] = (self.basis * count[:, c]) @ self.basis.T
         return result.reshape(B * P, B * P)
 
-    def _leverage(self) -> Array:
+    def _cross_leverage(self) -> Array:
         """tr(E_a E_c Q) + tr(E_c E_a Q) with Q = X̃ H⁻¹ X̃ᵀ."""
-        B, P, n = len(self.basis), len(self.twice), self.bands.n
-        taken = np.einsum("ae,ce,ejk->acjk", self.basis, self.basis, self.spent, optimize=True)
-        one = np.zeros((P, n, n))
-        one[np.arange(P), *self.pairs] = 1.0
-        one[np.arange(P), self.pairs[1], self.pairs[0]] = 1.0
-        product = np.einsum("cij,djk->cdik", one, one, optimize=True)
-        half = np.einsum("abik,cdik->acbd", taken, product, optimize=True).reshape(B * P, B * P)
+        B, P, n = len(self.basis), len(self.multiplicity), self.bands.n
+        weighted = np.einsum("ae,ce,ejk->acjk", self.basis, self.basis, self.leverage, optimize=True)
+        unit = np.zeros((P, n, n))
+        unit[np.arange(P), *self.pairs] = 1.0
+        unit[np.arange(P), self.pairs[1], self.pairs[0]] = 1.0
+        product = np.einsum("cij,djk->cdik", unit, unit, optimize=True)
+        half = np.einsum("abik,cdik->acbd", weighted, product, optimize=True).reshape(B * P, B * P)
         return half + half.T
 
-    def _spent(self) -> Array:
+    def _band_leverage(self) -> Array:
         """tr(H⁻¹ X̃_jᵀ P X̃_k) for the coefficients P of each band, shape (E, n, n)."""
         bands = self.bands
         rows = np.concatenate(self.roots)
@@ -198,40 +198,42 @@ class NoiseModel:
         )
 
     def _square(self, theta: Array) -> Array:
-        """Levels (levels,) as symmetric matrices (B, n, n)."""
+        """Symmetric matrices (B, n, n) of levels (levels,)."""
         levels = np.zeros((len(self.basis), self.bands.n, self.bands.n))
         levels[:, *self.pairs] = theta.reshape(len(self.basis), -1)
         levels[:, self.pairs[1], self.pairs[0]] = levels[:, *self.pairs]
         return levels
 
-    def _possible(self, levels: Array) -> Array:
-        """Positive levels, with correlations drawn to those of all frequencies, as few numbers determine each."""
+    def _regularise(self, levels: Array) -> Array:
+        """Positive definite levels, correlations shrunk to those pooled over all frequencies."""
         variance = np.einsum("ajj->aj", levels)
-        mean = np.maximum(variance.mean(axis=0), SMALLEST_LEVEL)
-        size = np.sqrt(np.maximum(variance, SMALLEST_LEVEL * mean))
-        # Where there is hardly any noise, what joints seem to have in common says nothing.
-        loud = variance > FAINT * mean
-        free = self.free.mean(axis=1)[:, None, None] * (loud[:, :, None] & loud[:, None, :])
+        mean = np.maximum(variance.mean(axis=0), MIN_LEVEL)
+        size = np.sqrt(np.maximum(variance, MIN_LEVEL * mean))
+        # At frequencies with very little noise the correlations between joints are not reliable.
+        significant = variance > MIN_FOR_CORRELATION * mean
+        free = self.free.mean(axis=1)[:, None, None] * (significant[:, :, None] & significant[:, None, :])
         correlation = np.clip(levels / size[:, :, None] / size[:, None, :], -1.0, 1.0)
         pooled = (free * correlation).sum(axis=0) / np.maximum(free.sum(axis=0), FEWEST_FREE)
         np.fill_diagonal(pooled, 1.0)
-        correlation = (free * correlation + TOWARDS_POOLED * pooled) / (free + TOWARDS_POOLED)
+        correlation = (free * correlation + POOLED_DOF * pooled) / (free + POOLED_DOF)
         values, vectors = np.linalg.eigh(correlation)
-        correlation = (vectors * np.maximum(values, SMALLEST_CORRELATION)[:, None, :]) @ vectors.transpose(0, 2, 1)
+        correlation = (vectors * np.maximum(values, MIN_CORRELATION_EIGENVALUE)[:, None, :]) @ vectors.transpose(
+            0, 2, 1
+        )
         unit = np.sqrt(np.einsum("ajj->aj", correlation))
         size = size / unit
         return correlation * size[:, :, None] * size[:, None, :]
 
     def _free(self) -> Array:
-        """Real numbers that each level of one joint is seen in, less those that the estimate spent, shape (B, n)."""
+        """Degrees of freedom of each level of a joint: its real numbers less their leverage, shape (B, n)."""
         count = np.einsum("ae,ejj->aj", self.basis, self.bands.count)
-        spent = np.einsum("ae,ejj->aj", self.basis, self.spent)
-        return np.maximum(count - spent, FEWEST_FREE)
+        leverage = np.einsum("ae,ejj->aj", self.basis, self.leverage)
+        return np.maximum(count - leverage, FEWEST_FREE)
 
     def _freedom(self, levels: Array) -> Array:
         """Degrees of freedom of each parameter's variance, shape (b,)."""
-        half = self.own / self.twice[None, :, None]
-        share = np.zeros((*levels.shape, self.own.shape[2]))
+        half = self.variances / self.multiplicity[None, :, None]
+        share = np.zeros((*levels.shape, self.variances.shape[2]))
         share[:, *self.pairs] = half
         share[:, self.pairs[1], self.pairs[0]] = half
         mixed = np.einsum("ajkp,akl->ajlp", share, levels, optimize=True)
@@ -243,20 +245,20 @@ class NoiseModel:
         return np.maximum(variance**2 / np.maximum(spread, np.finfo(float).tiny), 1.0)
 
 
-def leverages(bands: BandProducts) -> Array:
-    """Share of each level in each band, shape (B, E): levels stand an octave apart, with straight lines between."""
+def level_basis(bands: BandProducts) -> Array:
+    """Share of each level in each band, shape (B, E): linear interpolation between levels one octave apart."""
     count = np.einsum("ejj->e", bands.count) / bands.n
-    reached = np.cumsum(count)
-    first = float(bands.frequency[min(int(np.searchsorted(reached, FIRST)), len(reached) - 1)])
-    knots: list[float] = [0.0, max(first, float(bands.frequency[min(1, len(reached) - 1)]))]
+    cumulative = np.cumsum(count)
+    first = float(bands.frequency[min(int(np.searchsorted(cumulative, LOWEST_KNOT_SIZE)), len(cumulative) - 1)])
+    knots: list[float] = [0.0, max(first, float(bands.frequency[min(1, len(cumulative) - 1)]))]
     while knots[-1] * 2.0 < bands.frequency[-1]:
         knots.append(knots[-1] * 2.0)
-    at: NDArray[np.float64] = np.array(knots)
-    shares = np.array([np.interp(bands.frequency, at, row) for row in np.eye(len(at))])
+    knot_frequencies: NDArray[np.float64] = np.array(knots)
+    shares = np.array([np.interp(bands.frequency, knot_frequencies, row) for row in np.eye(len(knot_frequencies))])
     return shares[shares.sum(axis=1) > 0.0]
 
 
 def _packing(b: int) -> Array:
-    """Factors of the upper triangle with which packed matrices have the inner product of whole ones."""
+    """Factors of the upper triangle for which packed matrices have the inner product of full matrices."""
     rows, columns = np.triu_indices(b)
     return np.where(rows == columns, 1.0, np.sqrt(2.0))

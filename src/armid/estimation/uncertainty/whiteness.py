@@ -1,10 +1,9 @@
-"""Whiteness of residuals: the test that the textbook's intervals have to pass.
+"""Test of whiteness of the residuals, which decides whether white intervals are valid.
 
-Were the noise white and alike on all weighted rows, the spectrum of the residual would be flat but for what the
-estimate took out of it, joints would have nothing in common, and no joint and no part of the time would be noisier
-than another. All of that has known means and variances, so what is found is compared with chi-squared, as Ljung and
-Box do with autocorrelations [Ljung1978]; here the estimate's own share in the residual is accounted for frequency
-by frequency.
+If the noise were white with equal variance on all weighted rows, the spectrum of the residual would be flat except
+for the part that the fit absorbs, joints would be uncorrelated, and all joints and parts of the time would have the
+same variance. The means and variances of these statistics are known, so they are compared with chi-squared, as Ljung
+and Box do for autocorrelations [Ljung1978]. The part that the fit absorbs is accounted for at each frequency.
 """
 
 from __future__ import annotations
@@ -14,24 +13,30 @@ import numpy as np
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.values import Array
 
-__all__ = ["even", "flat", "whiteness"]
+__all__ = ["spectrum_test", "variance_test", "whiteness"]
 
 
-def whiteness(model: NoiseModel, moments: Array, squares: Array, pieces: Array, rows: Array) -> float:
-    """Probability of residuals as far from white as these, if the noise were white; small means coloured.
+def whiteness(model: NoiseModel, moments: Array, squares: Array, parts: Array, rows: Array) -> float:
+    """p-value of the hypothesis that the residuals are white; small values mean correlated residuals.
 
     Args:
         model: Equations for the levels of the noise.
         moments: Products of residuals in each band, shape (E, n, n).
         squares: Sum of squared residuals of all rows, shape (n,).
-        pieces: Sum of squares and number of rows of parts of the time, shape (parts, 2, n).
+        parts: Sum of squares and number of rows of parts of the time, shape (parts, 2, n).
         rows: Rows that counted, shape (n,).
     """
-    return min(1.0, 2.0 * min(flat(model, moments, squares, rows), even(pieces, model.weights, model.bands.averaged)))
+    return min(
+        1.0,
+        2.0
+        * min(
+            spectrum_test(model, moments, squares, rows), variance_test(parts, model.weights, model.bands.averaged)
+        ),
+    )
 
 
-def flat(model: NoiseModel, moments: Array, squares: Array, rows: Array) -> float:
-    """The same for the spectrum of each joint and for what joints have in common, whatever their levels.
+def spectrum_test(model: NoiseModel, moments: Array, squares: Array, rows: Array) -> float:
+    """p-value for flat spectra of all joints and no correlation between joints, for any noise levels.
 
     Args:
         model: Equations for the levels of the noise.
@@ -41,47 +46,47 @@ def flat(model: NoiseModel, moments: Array, squares: Array, rows: Array) -> floa
     """
     from scipy.special import chdtrc  # a third of a second to import
 
-    spent = np.einsum("ejj->j", model.spent)
-    level = np.sqrt(squares / np.maximum(rows - spent, 1.0)) * model.weights
+    effective_dof = np.einsum("ejj->j", model.leverage)
+    level = np.sqrt(squares / np.maximum(rows - effective_dof, 1.0)) * model.weights
     level = np.where(level > 0.0, level, 1.0)
     size = np.tile(level[model.pairs[0]] * level[model.pairs[1]], len(model.basis))
-    own = np.tile(model.pairs[0] == model.pairs[1], len(model.basis)).astype(np.float64)
+    is_diagonal = np.tile(model.pairs[0] == model.pairs[1], len(model.basis)).astype(np.float64)
     combined = _combined(model)
-    apart = combined @ (model.measured(moments) / size - model.left @ own)
-    variance = 2.0 * combined @ model.left @ combined.T
+    difference = combined @ (model.measured(moments) / size - model.equations @ is_diagonal)
+    variance = 2.0 * combined @ model.equations @ combined.T
     seen = np.diag(variance) > 0.0
-    apart, variance = apart[seen], variance[np.ix_(seen, seen)]
-    # The mean level of each joint is that of its rows by construction, unless these are means.
-    free = len(apart) - (0 if model.bands.averaged else model.bands.n)
-    return float(chdtrc(free, apart @ np.linalg.lstsq(variance, apart, rcond=None)[0]))
+    difference, variance = difference[seen], variance[np.ix_(seen, seen)]
+    # The mean level of each joint equals that of its rows by construction, unless the rows are averages.
+    free = len(difference) - (0 if model.bands.averaged else model.bands.n)
+    return float(chdtrc(free, difference @ np.linalg.lstsq(variance, difference, rcond=None)[0]))
 
 
-def even(pieces: Array, weights: Array, averaged: bool) -> float:
-    """The same for the variances of joints, weighted, and of parts of the time.
+def variance_test(parts: Array, weights: Array, averaged: bool) -> float:
+    """p-value for equal variances of all weighted joints and all parts of the time.
 
     Args:
-        pieces: Sum of squares and number of rows of each part, shape (parts, 2, n).
+        parts: Sum of squares and number of rows of each part, shape (parts, 2, n).
         weights: Weight of each joint's rows, shape (n,).
-        averaged: Whether rows are means of others.
+        averaged: Whether rows are averages of others.
     """
     from scipy.special import chdtrc
 
-    squares, rows = pieces[:, 0] * weights**2, pieces[:, 1]
+    squares, rows = parts[:, 0] * weights**2, parts[:, 1]
     known = rows > 0.0
     level = squares.sum() / max(rows.sum(), 1.0)
     if level == 0.0:
         return 1.0
-    apart = np.where(known, (squares - rows * level) ** 2 / (2.0 * level**2 * np.where(known, rows, 1.0)), 0.0)
-    # Weights that differ were made from the joints' residuals, whose levels then agree by construction.
-    made_alike = int(known.any(axis=0).sum()) if np.ptp(weights) > 0.0 and not averaged else 1
-    free = int(known.sum()) - made_alike
-    return float(chdtrc(free, apart.sum())) if free > 0 else 1.0
+    difference = np.where(known, (squares - rows * level) ** 2 / (2.0 * level**2 * np.where(known, rows, 1.0)), 0.0)
+    # Unequal weights were computed from the joints' residuals, so that their levels are equal by construction.
+    equalised = int(known.any(axis=0).sum()) if np.ptp(weights) > 0.0 and not averaged else 1
+    free = int(known.sum()) - equalised
+    return float(chdtrc(free, difference.sum())) if free > 0 else 1.0
 
 
 def _combined(model: NoiseModel) -> Array:
-    """Levels of each joint as they are, those of two joints summed over all frequencies, shape (k, levels)."""
+    """Matrix (k, levels) that keeps the levels of each joint and sums those of each pair over all frequencies."""
     B, P = len(model.basis), len(model.pairs[0])
-    own = model.pairs[0] == model.pairs[1]
-    alone = np.eye(B * P)[np.tile(own, B)]
-    common = np.tile(np.eye(P)[~own], (1, B))
+    is_diagonal = model.pairs[0] == model.pairs[1]
+    alone = np.eye(B * P)[np.tile(is_diagonal, B)]
+    common = np.tile(np.eye(P)[~is_diagonal], (1, B))
     return np.concatenate([alone, common])

@@ -1,1 +1,1 @@
-"""Earlier estimates updated by new recordings: recalibration and payload."""
+"""Updates of an earlier estimate by new recordings: recalibration, payload and drive gains."""

@@ -1,4 +1,4 @@
-"""An earlier estimate brought up to date: what may have changed from new recordings, the rest from both."""
+"""Recalibration of an earlier estimate: changed parameters from the new recordings, the others from both."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.estimate import collapse
 from armid.estimation.fit import Fit
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.update.joint_solution import JointSolution, solve_joined
+from armid.estimation.update.joint_solution import JointSolution, solve_stacked
 from armid.estimation.update.stacked_problem import stack_problems
 from armid.information.information import Information, JointFactors, merge
 from armid.values import Array
 
-__all__ = ["ParameterChange", "Recalibrated", "recalibrate_fit"]
+__all__ = ["ParameterChange", "RecalibratedFit", "recalibrate_fit"]
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
-    """A base parameter before and after.
+    """Change of a base parameter by a recalibration.
 
     Attributes:
         name: The parameter.
         before: Its earlier value.
         after: Its new value.
-        change: The difference. What changed freely is compared within the solution of both recordings, so that what
-            they share, scales of torque as well, cancels; that can differ a little from after less before.
+        change: The difference. For a parameter with separate values it is taken within the joint solution, where
+            common errors, of torque scales too, cancel; so it can differ slightly from after minus before.
         deviation: Standard deviation of the change.
-        beyond: Whether the change is outside its 95 % interval.
+        beyond: Whether zero is outside the 95 % interval of the change.
     """
 
     name: str
@@ -48,14 +48,14 @@ class ParameterChange:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Recalibrated:
-    """A new estimate beside the earlier one.
+class RecalibratedFit:
+    """Recalibrated estimate.
 
     Attributes:
         fit: The new estimate.
-        information: Factors whose least-squares estimate it is: those of the new recordings, and the earlier ones as
-            they would be with what has changed.
-        changes: Every base parameter before and after.
+        information: Factors whose least-squares estimate it is: those of the new recordings, and the earlier ones
+            with torques shifted to the changed parameters.
+        changes: Change of every base parameter.
     """
 
     fit: Fit
@@ -67,45 +67,48 @@ def recalibrate_fit(
     earlier: Information,
     fit: Fit,
     new: Information,
-    own: NDArray[np.bool_],
+    changing: NDArray[np.bool_],
     tool: Array | None = None,
     samples: EstimationProblem | None = None,
-) -> Recalibrated:
-    """Estimate anew.
+) -> RecalibratedFit:
+    """Recalibrates an estimate with new recordings.
 
     Args:
         earlier: Factors that the earlier estimate was made from.
         fit: The earlier estimate.
         new: Factors of the new recordings.
-        own: Which base parameters may have changed freely, shape (b,).
-        tool: What ten parameters of another tool add to the base parameters, shape (b, 10); `None` for the same tool.
+        changing: Base parameters that have separate values in the new recordings, shape (b,).
+        tool: Change of the base parameters with each of ten parameters of another tool, shape (b, 10); `None` for the
+            same tool.
         samples: The new recordings with their samples.
 
     Raises:
-        EstimationError: The new recordings do not show what the tool changes.
+        EstimationError: The new recordings do not determine the effect of the tool.
     """
-    joined = stack_problems(earlier, fit, new, own, tool, samples)
-    solved = solve_joined(joined)
-    to_new = joined.to_new
-    hidden = np.abs(to_new @ solved.unseen.T).max(axis=1, initial=0.0) > 0.0
-    if hidden.any():
-        names = ", ".join(name for name, each in zip(new.names, hidden, strict=True) if each)
+    stacked = stack_problems(earlier, fit, new, changing, tool, samples)
+    solved = solve_stacked(stacked)
+    to_new = stacked.to_new
+    undetermined = np.abs(to_new @ solved.undetermined.T).max(axis=1, initial=0.0) > 0.0
+    if undetermined.any():
+        names = ", ".join(name for name, each in zip(new.names, undetermined, strict=True) if each)
         raise EstimationError(
             f"The recordings do not determine what has become of {names}.",
             remedy="move every joint through wide angles, or let less change (without --tool or --all).",
         )
-    found = _fit(new, to_new, solved)
-    moved = to_new - joined.before
-    changes = _changes(new.names, fit, found, moved, solved)
-    shifted = earlier if own.all() else _shifted(earlier, joined.information.names, found.values, solved.values)
+    estimate = _fit(new, to_new, solved)
+    difference = to_new - stacked.before
+    changes = _changes(new.names, fit, estimate, difference, solved)
+    shifted = (
+        earlier if changing.all() else _shifted(earlier, stacked.information.names, estimate.values, solved.values)
+    )
     last = int(shifted.recording.max(initial=-1)) + 1
     runs = new.run + 1 + int(shifted.run.max(initial=-1))
     latest = replace(new, recording=new.recording + last, run=runs)
-    return Recalibrated(found, new if own.all() else merge([shifted, latest]), changes)
+    return RecalibratedFit(estimate, new if changing.all() else merge([shifted, latest]), changes)
 
 
 def _fit(new: Information, to_new: Array, solved: JointSolution) -> Fit:
-    """The new estimate in base parameters, with the residual of the new recordings: the arm is as they show it."""
+    """New estimate in base parameters, with the residual of the new recordings."""
     part = np.abs(to_new) / np.abs(to_new).sum(axis=1, keepdims=True)
     values = to_new @ solved.values
     rows, moved = new.rows.sum(axis=0), solved.fit.report.moved
@@ -124,51 +127,51 @@ def _fit(new: Information, to_new: Array, solved: JointSolution) -> Fit:
 
 
 def _changes(
-    names: tuple[str, ...], fit: Fit, found: Fit, moved: Array, solved: JointSolution
+    names: tuple[str, ...], fit: Fit, estimate: Fit, difference: Array, solved: JointSolution
 ) -> tuple[ParameterChange, ...]:
-    """Every parameter before and after, and whether the difference is more than chance.
+    """Change of every parameter and its significance.
 
-    For what changed freely the deviation of the difference follows from both recordings. What is shared has one value
-    in both; there the earlier and the new estimate are compared as if they were independent.
+    For a parameter with separate values, the deviation of the difference follows from the joint solution. A shared
+    parameter has one value in it; there the earlier and the new estimate are compared as if they were independent.
     """
     from scipy.special import stdtrit  # a third of a second to import
 
     before = collapse(names, fit)
     earlier = np.array([[name == copy.split("[", 1)[0] for copy in fit.names] for name in names], dtype=np.float64)
     earlier /= earlier.sum(axis=1, keepdims=True)
-    variance = np.einsum("ik,kl,il->i", moved, solved.whole_covariance, moved)
-    apart = np.einsum("ik,kl,il->i", earlier, fit.covariance, earlier) + np.diag(found.covariance)
-    free = moved.any(axis=1)
-    change = np.where(free, moved @ solved.values, found.values - before)
-    deviation = np.sqrt(np.where(free, variance, apart))
-    beyond = np.abs(change) > stdtrit(found.freedom, 0.975) * deviation
+    variance = np.einsum("ik,kl,il->i", difference, solved.whole_covariance, difference)
+    apart = np.einsum("ik,kl,il->i", earlier, fit.covariance, earlier) + np.diag(estimate.covariance)
+    has_own_value = difference.any(axis=1)
+    change = np.where(has_own_value, difference @ solved.values, estimate.values - before)
+    deviation = np.sqrt(np.where(has_own_value, variance, apart))
+    beyond = np.abs(change) > stdtrit(estimate.freedom, 0.975) * deviation
     return tuple(
         ParameterChange(
-            name, float(before[k]), float(found.values[k]), float(change[k]), float(deviation[k]), bool(beyond[k])
+            name, float(before[k]), float(estimate.values[k]), float(change[k]), float(deviation[k]), bool(beyond[k])
         )
         for k, name in enumerate(names)
     )
 
 
 def _shifted(earlier: Information, unknowns: tuple[str, ...], values: Array, solution: Array) -> Information:
-    """Earlier factors as they would be with the new values: torque moved by what the difference of both makes.
+    """Earlier factors with torques shifted by the effect of the changed values.
 
-    Their residuals stay, and so does the optimum: least squares on these and the new factors gives the new values.
+    Their residuals stay the same, so that least squares on these and the new factors gives the new values.
     """
     position = {name: k for k, name in enumerate(unknowns)}
     joints = [np.array(joint.R) for joint in earlier.joints]
     for recording in np.unique(earlier.recording):
         blocks = earlier.recording == recording
-        places = [_place(position, name, int(recording)) for name in earlier.names]
-        difference = values - solution[places]
+        positions = [_earlier_position(position, name, int(recording)) for name in earlier.names]
+        difference = values - solution[positions]
         for joint, R in zip(earlier.joints, joints, strict=True):
             R[blocks, :, -1] += R[blocks, :, :-1] @ difference[joint.parameters]
     factors = tuple(JointFactors(joint.parameters, R) for joint, R in zip(earlier.joints, joints, strict=True))
     return replace(earlier, joints=factors)
 
 
-def _place(position: dict[str, int], name: str, recording: int) -> int:
-    """Tell where the value of an earlier recording stands: shared, its own, or that of all earlier ones."""
+def _earlier_position(position: dict[str, int], name: str, recording: int) -> int:
+    """Position of a parameter of an earlier recording: shared, of this recording, or of all earlier ones."""
     for each in (name, f"{name}[{recording + 1}]", f"{name}[1]"):
         if each in position:
             return position[each]
