@@ -379,7 +379,7 @@ def test_an_earlier_run_is_kept_unless_its_folder_is_named(armid: Armid, small: 
     assert f"run written to {Path('runs') / 'small-2'}\n" in second.out
     assert Path("runs/small/estimate.json").read_bytes() == kept
     third = armid(*command, "--out", "runs/small")
-    assert f"run written to {Path('runs') / 'small'}, in place of the one there\n" in third.out
+    assert f"run written to {Path('runs') / 'small'}, replacing the earlier run there\n" in third.out
 
 
 def test_the_preset_processes_and_estimates_as_the_thesis_does(armid: Armid, small: Path):
@@ -566,12 +566,12 @@ def assert_refused(done: Done, problem: str, help: str = "") -> None:
         (("base", "iiwa14-r820", "--terms", "magic"), "Unknown torque term 'magic'", "viscous"),
         (("base", "iiwa14-r820", "--terms", ","), "--terms names no term", "rigid-body"),
         (("identify", "nowhere.toml"), "nowhere.toml cannot be read", "give the path of a study.toml"),
-        (("identify", "{small}/run1.csv"), "alone is no study", "an arm followed by its recordings"),
+        (("identify", "{small}/run1.csv"), "is not a study", "an arm followed by its recordings"),
         (("identify", "iiwa14-r820", "nowhere.csv"), "nowhere.csv does not exist", "check the path"),
         (("identify", "iiwa14-r820", "{small}/run1.csv"), "3 channels; iiwa14-r820 has 7 joints", "joints = ["),
         (("identify", "{small}/study.toml", "--rate", "3"), "found --rate", "[[recording]]"),
         (("identify", "{small}/study.toml", "--edges", "cut"), "edges = 'cut' is not known", "drop, periodic, pad"),
-        (("identify", "{small}/study.toml", "--cutoff", "low"), "--cutoff low is no frequency", "auto"),
+        (("identify", "{small}/study.toml", "--cutoff", "low"), "--cutoff low is not a frequency", "auto"),
         (("identify", "{small}/study.toml", "--method", "magic"), "Unknown estimation method 'magic'", "ols, wls"),
         (("identify", "{small}/study.toml", "--validate", "{small}/run1.csv"), "hold the same data", "part = [0.0"),
         (("identify", "{small}/study.toml", "--validate", "no.csv"), "no.csv does not exist", ""),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armid.cli.main import _joined, main
+from armid.cli.main import _join_numbers, main
 from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import load_plan
 from armid.robot import load_robot
@@ -185,7 +185,7 @@ def test_a_plan_after_a_run(identified, tmp_path, capsys):
 
 def test_a_run_about_another_arm_is_refused(identified, small, tmp_path, capsys):
     error = stopped([small, *QUICK, "--after", identified / "run", "--out", tmp_path / "none"], capsys)
-    assert "is about other parameters than pendulum" in error and not (tmp_path / "none").exists()
+    assert "has none of the parameters of pendulum" in error and not (tmp_path / "none").exists()
     assert "--terms rigid-body,viscous,coulomb" in error
 
 
@@ -217,19 +217,19 @@ def test_the_same_seed_gives_the_same_problem_to_other_options(small, tmp_path, 
         (["--criterion", "best"], "no criterion 'best'"),
         (["--criterion", "prediction"], "needs motions"),
         (["--limits", "soft"], "no limits of kind"),
-        (["--limit", "first.velocity=fast"], "this is no limit"),
+        (["--limit", "first.velocity=fast"], "not a limit"),
         (["--limit", "third.velocity=1"], "no joint 'third'"),
         (["--limit", "first.position=1:-1"], "leave no room"),
         (["--start", "0,2"], "outside -1.5 to 1.5"),
         (["--start", "0"], "needs 2 finite numbers"),
-        (["--start", "0,x"], "these are no numbers"),
+        (["--start", "0,x"], "not a list of numbers"),
         (["--collision"], "what space its links take"),
         (["--tip-box", "1", "1", "1", "0", "0", "0"], "the box is empty"),
         (["--noise", "0"], "must be positive"),
         (["--format", "gcode"], "no format 'gcode'"),
         (["--after", "nowhere"], "nowhere"),
         (["--envelope", "thesis-a1@27"], "moves 7 joints"),
-        (["--envelope", "thesis-a1@soon"], "no duration"),
+        (["--envelope", "thesis-a1@soon"], "not a duration"),
         (["--torque-margin", "1.5"], ""),
         (["--environment", "nowhere.toml"], "no environment"),
         (["--duration", "nan"], "duration must be positive"),
@@ -345,10 +345,10 @@ def test_a_folder_that_is_no_plan_is_left_alone(small, tmp_path, capsys):
 
 
 def test_numbers_with_blanks():
-    assert _joined(["excite", "ur5e", "--start", "0", "-1.5", "1e-3", "--json"]) == [
+    assert _join_numbers(["excite", "ur5e", "--start", "0", "-1.5", "1e-3", "--json"]) == [
         "excite", "ur5e", "--start=0,-1.5,1e-3", "--json",
     ]  # fmt: skip
-    assert _joined(["--start", "0,1", "--gravity", "0", "0", "9.81"])[-4:] == ["--gravity", "0", "0", "9.81"]
+    assert _join_numbers(["--start", "0,1", "--gravity", "0", "0", "9.81"])[-4:] == ["--gravity", "0", "0", "9.81"]
 
 
 def test_in_a_process_of_its_own(small, tmp_path):

@@ -108,7 +108,7 @@ def test_bodies_keep_apart_by_default(arm, tmp_path, capsys):
     assert "✓ every limit holds, and bodies keep apart" in text
     page = prose(tmp_path / "plan" / "preflight.html")
     assert "✓ every limit holds, and bodies keep apart" in page
-    assert page.index("Motion") < page.index("What to expect")
+    assert page.index("Motion") < page.index("Expected accuracy")
     assert "1 times" not in text and "with the ways" not in text and "…3.0000 rad" in text
     assert "; move it with --floor HEIGHT" in " ".join(told.split())
     assert "; move it with --floor HEIGHT" in (tmp_path / "plan" / "preflight.txt").read_text()
@@ -186,7 +186,7 @@ def test_what_contradicts_itself_is_refused(asked, arm, tmp_path, capsys, monkey
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cell.toml").write_text("[[sphere]]\nradius = 0.1\nxyz = [1, 0, 0]\n")
     code, _, err = run(["excite", arm, *QUICK, "--no-collision", *asked, "--out", "plan"], capsys)
-    assert code == 2 and "--no-collision leaves out" in err
+    assert code == 2 and "--no-collision contradicts" in err
 
 
 def test_the_floor_is_where_the_arm_stands_and_nowhere_else(arm, tmp_path, capsys):

@@ -177,7 +177,7 @@ def test_options_hold_for_recordings_to_check_on_and_it_is_said(tmp_path: Path, 
     run = tmp_path / "run"
     plain = ("identify", arm, train, "--validate", check, "--out", run, "--no-report")
     code, _, err = called(capsys, *plain, "--units", "deg")
-    assert code == 0 and 'units = "deg" holds for check.csv' in " ".join(err.split())
+    assert code == 0 and 'units = "deg" also holds for check.csv' in " ".join(err.split())
     assert called(capsys, "validate", run, check)[0] == 0
     code, _, err = called(capsys, "identify", arm, train, "--out", run, "--no-report", "--units", "deg")
     assert "reading-shared" not in err
@@ -210,6 +210,6 @@ def test_options_beside_a_study_are_refused_by_the_doctor(tmp_path: Path, capsys
     study = tmp_path / "study.toml"
     study.write_text('[robot]\ndescription = "panda"\n[[recording]]\npath = "a.csv"\n')
     code, _, err = called(capsys, "doctor", study, "--rate", "50")
-    assert code == 2 and "says all by itself" in err
+    assert code == 2 and "takes no options" in err
     code, _, err = called(capsys, "identify", study, "--columns", "q1")
     assert code == 2 and "--columns q1: no quantity" in err

@@ -100,7 +100,7 @@ def understood(command: str) -> None:
     words = shlex.split(command.removesuffix(FAILS))
     group = get_command(cli.app)
     assert isinstance(group, TyperGroup) and words[1] in group.commands, f"no such command: {command}"
-    arguments = cli._repeated("--validate", cli._joined(words[2:]))  # as `main` does before it parses
+    arguments = cli._repeat_option("--validate", cli._join_numbers(words[2:]))  # as `main` does before it parses
     group.commands[words[1]].make_context(words[1], arguments)
 
 

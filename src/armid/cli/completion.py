@@ -1,7 +1,7 @@
 """Completion in a shell: names from catalogues, and joints and links of the arm on the line.
 
-A shell waits for each key, so nothing heavy is loaded: names of catalogues stand here, which a contract test compares
-with them, and names of an arm are picked from the text of its description without reading it as a robot.
+The user waits for the completion, so no heavy module is imported. Names of catalogues are copied here, and a contract
+test compares them. Names of joints and links are extracted from the text of a description, without building a robot.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ TERMS = (
 """Torque terms."""
 
 CRITERIA = ("d-optimal", "condition", "scaled-condition", "a-optimal", "e-optimal", "prediction", "worst")
-"""Criteria of a designed motion."""
+"""Criteria for the design of a motion."""
 
 EXPORTS = ("urdf", "mjcf", "sdf", "c", "cpp", "matlab", "python", "julia")
 """Formats of robot descriptions and languages of code."""
@@ -64,18 +64,18 @@ KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
 
 ARMS = Path(armid.__file__).parent / "robot" / "arms"
 
-LARGEST = 20_000_000
-"""Characters of a description that are looked through: more than any arm has without its meshes."""
+MAX_CHARACTERS = 20_000_000
+"""Largest number of characters searched in a description; descriptions without meshes are shorter."""
 
 COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 JOINT = re.compile(r"<joint\b([^>]*)>")
 LINK = re.compile(r"<(?:link|body|site)\b([^>]*)>")
 NAME = re.compile(r"""\bname\s*=\s*["']([^"'$]+)["']""")
-STILL = re.compile(r"""\btype\s*=\s*["'](?:fixed|free)["']""")
+NOT_MOVING = re.compile(r"""\btype\s*=\s*["'](?:fixed|free)["']""")
 
 
 def known_arms(incomplete: str) -> list[str]:
-    """Built-in arms and descriptions in this folder that begin so; where none does, shells go on with files."""
+    """Built-in arms and descriptions in this folder that begin with a text; if none does, shells complete files."""
     files = (path.name for path in Path().iterdir() if path.suffix in DESCRIPTIONS)
     return sorted(
         name for name in chain((path.stem for path in ARMS.glob("*.toml")), files) if name.startswith(incomplete)
@@ -83,7 +83,7 @@ def known_arms(incomplete: str) -> list[str]:
 
 
 def among(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """A completion with one of these names."""
+    """Completion function for one of these names."""
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in names if name.startswith(incomplete)]
@@ -92,18 +92,18 @@ def among(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def terms(incomplete: str) -> list[str]:
-    """Torque terms behind those that are there already, with commas between; first of all `auto`."""
-    done, comma, begun = incomplete.rpartition(",")
-    used = set(done.split(","))
+    """Torque terms not yet in the comma-separated list; `auto` only as the first."""
+    prefix, comma, start = incomplete.rpartition(",")
+    used = set(prefix.split(","))
     names = TERMS if comma else ("auto", *TERMS)
-    return [done + comma + name for name in names if name.startswith(begun) and name not in used]
+    return [prefix + comma + name for name in names if name.startswith(start) and name not in used]
 
 
 def joints(incomplete: str) -> list[str]:
-    """Moving joints of the arm that the command line names, behind commas too."""
-    done, comma, begun = incomplete.rpartition(",")
-    used = set(done.split(","))
-    return [done + comma + name for name in _names(_joints) if name.startswith(begun) and name not in used]
+    """Moving joints of the arm on the command line, also after a comma."""
+    prefix, comma, start = incomplete.rpartition(",")
+    used = set(prefix.split(","))
+    return [prefix + comma + name for name in _names(_joints) if name.startswith(start) and name not in used]
 
 
 def limits(incomplete: str) -> list[str]:
@@ -118,22 +118,22 @@ def links(incomplete: str) -> list[str]:
 
 
 def _names(find: Callable[[Path, str], list[str]]) -> list[str]:
-    """Names in the description of the arm on the command line; none where there is none that can be read."""
+    """Names in the description of the arm on the command line; empty if none can be read."""
     for path in _descriptions(_words()):
         try:
             with path.open(encoding="utf-8") as stream:
-                found = find(path, stream.read(LARGEST))
+                names = find(path, stream.read(MAX_CHARACTERS))
         except (OSError, ValueError):  # a shell shows nothing rather than an error
             continue
-        if found:
-            return list(dict.fromkeys(found))
+        if names:
+            return list(dict.fromkeys(names))
     return []
 
 
 def _words() -> list[str]:
-    """The command line so far, as the shell hands it over.
+    """Words of the command line so far, from the variables that the shell sets.
 
-    A parser that meets an option without its value, which is what is being completed, forgets the arguments.
+    They are used because the parser drops the arguments while the value of an option is still missing.
     """
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     try:
@@ -143,7 +143,7 @@ def _words() -> list[str]:
 
 
 def _descriptions(words: Iterable[str]) -> Iterable[Path]:
-    """Files that words name: a built-in arm, a description, or the one of a study."""
+    """Description files named by the words: built-in arms, descriptions, and those of studies."""
     for word in words:
         if (ARMS / f"{word}.toml").is_file():
             yield ARMS / f"{word}.toml"
@@ -152,30 +152,32 @@ def _descriptions(words: Iterable[str]) -> Iterable[Path]:
 
 
 def _of_study(path: Path) -> Iterable[Path]:
-    """The file, or where it is a study the description that it names."""
+    """The file itself, or if it is a study, the description that it names."""
     if path.suffix == ".toml":
         try:
-            said = tomllib.loads(path.read_text(encoding="utf-8")).get("robot", {}).get("description")
+            description = tomllib.loads(path.read_text(encoding="utf-8")).get("robot", {}).get("description")
         except (OSError, ValueError, AttributeError):
-            said = None
-        if isinstance(said, str):
-            built_in = ARMS / f"{said}.toml"
-            yield built_in if built_in.is_file() else path.parent / said
+            description = None
+        if isinstance(description, str):
+            built_in = ARMS / f"{description}.toml"
+            yield built_in if built_in.is_file() else path.parent / description
             return
     yield path
 
 
 def _joints(path: Path, text: str) -> list[str]:
-    """Joints that move."""
+    """Names of the moving joints."""
     if path.suffix == ".toml":
         rows = tomllib.loads(text).get("joint", [])
         return [str(row.get("name", f"joint_{k}")) for k, row in enumerate(rows, 1)]
-    written = JOINT.findall(COMMENT.sub("", text))
-    return [name[1] for attributes in written if not STILL.search(attributes) and (name := NAME.search(attributes))]
+    joints = JOINT.findall(COMMENT.sub("", text))
+    return [
+        name[1] for attributes in joints if not NOT_MOVING.search(attributes) and (name := NAME.search(attributes))
+    ]
 
 
 def _links(path: Path, text: str) -> list[str]:
-    """Links of URDF, bodies and sites of MJCF; a DH table has none with a name."""
+    """Names of URDF links or MJCF bodies and sites; empty for a DH table, whose links have no names."""
     if path.suffix == ".toml":
         return []
     return [name[1] for attributes in LINK.findall(COMMENT.sub("", text)) if (name := NAME.search(attributes))]

@@ -1,4 +1,4 @@
-"""Usage and options of a command as it shows them: arguments as they are written, switches without a type."""
+"""Layout of a command's help: arguments as a user writes them, switches without a type."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ __all__ = ["Command"]
 
 
 class Command(TyperCommand):
-    """A command whose help has `STUDY | ROBOT RECORDING…` for an argument and nothing behind a switch."""
+    """Command whose help shows arguments such as `STUDY | ROBOT RECORDING…`, and switches without a type."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         for param in self.params:
-            _bare(param)
+            _without_type(param)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; hints know its options."""
+        """Run the command; store its context, from which hints take the command's options."""
         CONTEXT.set(ctx)
         return super().invoke(ctx)
 
     def get_help_option(self, ctx: Any) -> Any:
-        """The option for help, a switch as others are."""
-        return _bare(super().get_help_option(ctx))
+        """Option for help, shown as a switch without a type."""
+        return _without_type(super().get_help_option(ctx))
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Options and arguments of the line that says how the command is used."""
-        pieces = [self.options_metavar or ""]
-        pieces += [_usage(param) for param in self.get_params(ctx) if param.param_type_name == "argument"]
-        return [piece for piece in pieces if piece]
+        """Options and arguments for the usage line of the command."""
+        parts = [self.options_metavar or ""]
+        parts += [_usage(param) for param in self.get_params(ctx) if param.param_type_name == "argument"]
+        return [part for part in parts if part]
 
 
-def _bare(param: Any) -> Any:
-    """A switch without a type to give."""
+def _without_type(param: Any) -> Any:
+    """Removes the type from the help of a switch."""
     if getattr(param, "is_flag", False):
         param.metavar = ""
     return param
 
 
 def _usage(param: Any) -> str:
-    """An argument: in brackets where it may be left out, in parentheses where it is one of several."""
+    """Argument in the usage line: in brackets if it is optional, in parentheses if it has alternatives."""
     text = param.metavar or param.name.upper()
     if param.nargs == -1 and "…" not in text:
         text += "…"

@@ -1,4 +1,4 @@
-"""Hints in the words of the command line: the options of the command in use, then the keys of a study."""
+"""Remedies rewritten for the command line: options of the running command instead of keys of a study."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 __all__ = ["CONTEXT", "hint", "options_of_command"]
 
 CONTEXT: ContextVar[Any] = ContextVar("context", default=None)
-"""Context of the command that runs; kept here, for versions of typer differ in whose click they use."""
+"""Context of the running command; stored here because versions of typer differ in the click that they use."""
 
 
 def hint(remedy: str) -> str:
-    """A remedy as somebody at the prompt needs it; as it stands where no command runs, or nothing is to be said.
+    """Remedy with options of the running command; unchanged if no command runs or it names no key.
 
     Args:
-        remedy: Of a finding or an error.
+        remedy: Remedy of a finding or an error.
     """
     if " = " not in remedy or CONTEXT.get() is None:
         return remedy
@@ -26,21 +26,21 @@ def hint(remedy: str) -> str:
 
 
 def options_of_command() -> tuple[str, ...]:
-    """Keys of a study that the command in use has options for; a study on the line says its readings itself."""
+    """Keys of a study that are options of the running command; without log-format keys if a study is given."""
     from armid.study.remedies import OF_READING, OPTIONS
 
     context = CONTEXT.get()
     if context is None:
         return ()
     known = set(chain.from_iterable(param.opts for param in context.command.params))
-    found = tuple(key for key in OPTIONS if f"--{key.replace('_', '-')}" in known)
+    keys = tuple(key for key in OPTIONS if f"--{key.replace('_', '-')}" in known)
     if not _has_study(context):
-        return found
-    return () if context.info_name == "doctor" else tuple(key for key in found if key not in OF_READING)
+        return keys
+    return () if context.info_name == "doctor" else tuple(key for key in keys if key not in OF_READING)
 
 
 def _has_study(context: Any) -> bool:
-    """Tell whether the command was given a study in the place of an arm and recordings."""
+    """True if the command was given a study instead of an arm and recordings."""
     names = [param.name for param in context.command.params if param.param_type_name == "argument"]
     given: list[Any] = []
     for name in names:

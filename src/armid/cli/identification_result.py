@@ -1,4 +1,4 @@
-"""An identification on the screen: the verdict, torque errors, parameters folded, and what to do next."""
+"""Printed result of an identification: verdict, torque errors, summary of parameters, next commands."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 
 __all__ = ["intervals_line", "print_next", "print_result"]
 
-KINDS = {
+COVARIANCE_SOURCES = {
     "white": "the variance of the residuals, taken as uncorrelated",
     "period": "the scatter between periods",
     "spectral": "the spectrum of the residuals",
     "block": "the scatter between blocks",
     "recursive": "the innovations of the recursive estimate",
 }
-"""What a kind of covariance is made of, in words."""
+"""Source of the noise estimate, by kind of covariance."""
 
 
 def intervals_line(fit: Fit) -> str:
-    """Return what intervals were made from, and why."""
-    return f"intervals from {KINDS[fit.covariance_kind]}: {fit.report.why}"
+    """Return the source of the intervals, and the reason for its choice."""
+    return f"intervals from {COVARIANCE_SOURCES[fit.covariance_kind]}: {fit.report.why}"
 
 
 def print_result(result: Result, *, verbose: bool = False) -> None:
-    """Verdict and torque error first; parameters in one line, or with `verbose` in full."""
+    """Print the verdict, torque errors and parameters; parameters in one line, or all of them if `verbose`."""
     console, estimate = output_console(), result.estimate
     fit = estimate.fit
     console.print(f"[bold]{escape(estimate.robot)}[/]: ", end="")
@@ -46,7 +46,7 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
     console.print(validation_table(result.validation, result.training, units))
     if result.ladder is not None:
         console.print(friction_selection_table(result.ladder, result.robot))
-        console.print(_method_said(result))
+        console.print(_method_line(result))
     if verbose:
         console.print(estimate_table(estimate, result.robot.joint_names))
     else:
@@ -63,54 +63,54 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
     )
 
 
-def _method_said(result: Result) -> str:
-    """Tell how the estimate that follows chosen friction was made, where that is other than without."""
+def _method_line(result: Result) -> str:
+    """Method of the estimate after friction selection, and the weight of its prior."""
     from armid.study.config import AUTOMATIC_METHOD, PLAIN_METHOD
 
     method = result.estimate.method
     default = method == AUTOMATIC_METHOD
-    why = f", the default where friction is chosen ({PLAIN_METHOD} where it is named)" if default else ""
+    reason = f", the default where friction is chosen ({PLAIN_METHOD} where it is named)" if default else ""
     has_prior = any(finding.code == "prior-weight" for finding in result.estimate.findings)
     weight = result.ladder.prior_weight if result.ladder and has_prior else None
     prior = (
         ""
         if weight is None
-        else f"; the prior of its bodies weighs {weight:.3g} independent samples, as chosen with the friction"
+        else f"; the weight of its prior, {weight:.3g} independent samples, was chosen together with the friction"
     )
-    return f"estimated by {method}{why}{prior}"
+    return f"estimated by {method}{reason}{prior}"
 
 
 def print_next(
-    result: Result, folder: Path, *, page: bool, replaced: bool = False, asked: Sequence[str] = ()
+    result: Result, folder: Path, *, page: bool, replaced: bool = False, inputs: Sequence[str] = ()
 ) -> None:
-    """Print where the run is, its page, and commands that go on with it.
+    """Print the run's folder, its page, and commands to continue with.
 
     Args:
-        result: What was identified.
+        result: Result of the identification.
         folder: The run's folder.
-        page: Whether its page was written.
-        replaced: Whether another run was there.
-        asked: The study, or the arm and recordings, as they were asked for.
+        page: True if the page was written.
+        replaced: True if an earlier run in this folder was replaced.
+        inputs: The study, or the arm and its recordings, as given on the command line.
     """
     run = shlex.quote(str(folder))
-    lines = [f"run written to {folder}{', in place of the one there' if replaced else ''}"]
+    lines = [f"run written to {folder}{', replacing the earlier run there' if replaced else ''}"]
     if page:
         lines.append(f"open {folder / PAGE}")
     steps: list[tuple[str, str]] = []
     if not page:
-        steps.append((f"armid report {run}", "a page about it"))
+        steps.append((f"armid report {run}", "a page about this run"))
     if result.validation.verdict == "not judged":
-        steps.append((f"armid validate {run} RECORDING", "torque error on a recording that did not train it"))
-    if result.validation.verdict == "fail" and asked:
-        steps.append((f"armid doctor {' '.join(map(shlex.quote, asked))}", "faults of the recordings"))
+        steps.append((f"armid validate {run} RECORDING", "torque error on a recording not used for training"))
+    if result.validation.verdict == "fail" and inputs:
+        steps.append((f"armid doctor {' '.join(map(shlex.quote, inputs))}", "faults of the recordings"))
     if result.estimate.fit.standard is None:
         steps.append((f"armid export {run} --to c", "the model as source code; descriptions need --method physical"))
     else:
-        form = "mjcf" if Path(result.study.robot.description).suffix == ".xml" else "urdf"
-        steps.append((f"armid export {run} --to {form}", "the model as a robot description, or code: --to c"))
+        format_name = "mjcf" if Path(result.study.robot.description).suffix == ".xml" else "urdf"
+        steps.append((f"armid export {run} --to {format_name}", "the model as a robot description, or code: --to c"))
     if result.validation.verdict != "not judged":
         steps.append((f"armid validate {run} RECORDING", "torque error on a further recording"))
     steps.append((f"armid preview {run}", "the recorded motion of the arm"))
     width = max(len(command) for command, _ in steps)
-    lines += ["next:", *(f"  {command:{width}}   {what}" for command, what in steps)]
+    lines += ["next:", *(f"  {command:{width}}   {purpose}" for command, purpose in steps)]
     sys.stdout.write("\n" + "\n".join(lines) + "\n")

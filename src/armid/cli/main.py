@@ -45,11 +45,11 @@ INTERRUPTED = 130
 
 
 class _StoppedError(Exception):
-    """Ctrl-C inside a command; the parser would end the program without a word."""
+    """Interruption by Ctrl-C follows_option a command, which the parser would otherwise end without a message."""
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with Ctrl-C as an exception that `main` sees, and with hints that name its options."""
+    """Wraps a command: Ctrl-C becomes an exception that `main` handles, and hints name the command's options."""
 
     @wraps(command)
     def run(**options: Any) -> None:
@@ -67,12 +67,14 @@ def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
 app = typer.Typer(
     name="armid",
     pretty_exceptions_enable=False,
+    epilog="docs/glossary.md explains the terms.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    """Prints the version and ends the program, if requested."""
+    if requested:
         from importlib.metadata import version
 
         sys.stdout.write(f"armid {version('armid')}\n")
@@ -118,12 +120,13 @@ for command in COMMANDS:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; errors of armid become one message and exit code 2."""
     prefer_one_thread()
-    given = sys.argv[1:] if arguments is None else arguments
+    raw_arguments = sys.argv[1:] if arguments is None else arguments
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # a terminal without Greek letters gets their numbers
+        if isinstance(stream, TextIOWrapper):  # escapes what the terminal cannot show, as Greek letters
             stream.reconfigure(errors="backslashreplace")
     try:
-        copy_context().run(app, _repeated("--validate", _joined(given)), prog_name="armid", standalone_mode=True)
+        parsed = _repeat_option("--validate", _join_numbers(raw_arguments))
+        copy_context().run(app, parsed, prog_name="armid", standalone_mode=True)
     except ArmidError as error:
         from armid.cli.console import print_error
 
@@ -134,34 +137,34 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(INTERRUPTED)
 
 
-def _repeated(option: str, arguments: list[str]) -> list[str]:
-    """`--validate a b` as `--validate a --validate b`, which the parser understands."""
+def _repeat_option(option: str, arguments: list[str]) -> list[str]:
+    """Rewrites `--validate a b` as `--validate a --validate b`, the only form that the parser accepts."""
     result: list[str] = []
-    inside = False
+    follows_option = False
     for argument in arguments:
         if argument.startswith("-"):
-            inside = argument == option
-            if not inside:
+            follows_option = argument == option
+            if not follows_option:
                 result.append(argument)
-        elif inside:
+        elif follows_option:
             result += [option, argument]
         else:
             result.append(argument)
-    if inside and (not result or option not in result):
+    if follows_option and (not result or option not in result):
         result.append(option)
     return result
 
 
-POSES = ("--start", "--begin", "--end", "--noise", "--tip", "--tip-box")
-"""Options of `excite` with as many numbers as there are joints, which may have blanks between them."""
+NUMBER_LISTS = ("--start", "--begin", "--end", "--noise", "--tip", "--tip-box")
+"""Options of `excite` that take several numbers; the numbers may be separated by blanks."""
 
 
-def _joined(arguments: list[str]) -> list[str]:
-    """`--start 0 -1 0` as `--start=0,-1,0`, which the parser understands."""
+def _join_numbers(arguments: list[str]) -> list[str]:
+    """Rewrites `--start 0 -1 0` as `--start=0,-1,0`, the only form that the parser accepts."""
     result: list[str] = []
     for argument in arguments:
         name, equals, _ = (result[-1] if result else "").partition("=")
-        if name in POSES and NUMBERS.fullmatch(argument):
+        if name in NUMBER_LISTS and NUMBERS.fullmatch(argument):
             result[-1] = f"{result[-1]},{argument}" if equals else f"{name}={argument}"
         else:
             result.append(argument)
@@ -169,3 +172,4 @@ def _joined(arguments: list[str]) -> list[str]:
 
 
 NUMBERS = re.compile(r"[-+.\deE]+(,[-+.\deE]*)*,?")
+"""One number, or several with commas between them."""

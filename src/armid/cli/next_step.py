@@ -1,4 +1,4 @@
-"""Answer of `armid` alone: what to do next, by what lies in the working folder."""
+"""Output of `armid` without a command: next commands for the files in the working folder."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ RECORDINGS = (
     *(f"{text}{packed}" for text in TEXT for packed in (".gz", ".xz", ".bz2", ".zst")),
     *(".bag.zstd", ".db3.zstd", ".mcap.zstd"),
 )
-"""Endings that readers know; a test compares them, because to import the readers takes NumPy."""
+"""File endings of the readers, copied here because importing the readers takes NumPy; a test compares them."""
 
-VAGUE = (".txt", ".log", ".dat", ".asc")
-"""Endings that recordings have, and much else: files with another go first."""
+AMBIGUOUS = (".txt", ".log", ".dat", ".asc")
+"""Endings that other files often have, too; recordings with another ending are listed first."""
 
 BEGIN = (
-    ("armid demo", "the whole job on a virtual arm, half a minute"),
-    ("armid base ROBOT", "what the torques of your arm can show"),
+    ("armid demo", "the whole identification on a virtual arm, half a minute"),
+    ("armid base ROBOT", "the parameters that the torques of your arm determine"),
     ("armid excite ROBOT", "the motion to record"),
-    ("armid doctor ROBOT RECORDING", "whether a log can be trusted"),
-    ("armid identify ROBOT RECORDING --validate OTHER", "a model, checked on motion that it has not seen"),
+    ("armid doctor ROBOT RECORDING", "faults of a recording"),
+    ("armid identify ROBOT RECORDING --validate OTHER", "a model, validated on a held-out recording"),
 )
 
 
 def next_step(folder: Path | str = ".") -> str:
-    """The next command for a folder, most finished work first: a run, a study, an arm with recordings, an arm.
+    """Next commands for a folder: for its latest run, else its study, else its arm with recordings, else its arm.
 
     Args:
         folder: Where to look.
@@ -38,40 +38,40 @@ def next_step(folder: Path | str = ".") -> str:
     steps = _steps(Path(folder)) or BEGIN
     width = max(len(command) for command, _ in steps)
     lines = ["armid finds the dynamic model of a robot arm. Next, for instance:", ""]
-    lines += [f"  {command:{width}}   {what}" for command, what in steps]
+    lines += [f"  {command:{width}}   {purpose}" for command, purpose in steps]
     return "\n".join([*lines, "", "armid --help lists all commands, armid COMMAND --help has examples."]) + "\n"
 
 
 def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
-    """Commands that suit what lies in a folder; none where nothing does."""
+    """Commands for the files in a folder; empty if there are no known files."""
     files = sorted(path.name for path in folder.iterdir() if path.is_file())
     runs = [path.parent for path in folder.glob("runs/*/estimate.json")]
     if runs:
         run = max(runs, key=lambda path: (path / "estimate.json").stat().st_mtime).relative_to(folder)
         return (
             (f"armid report {run}", "a page about the latest run"),
-            (f"armid validate {run} RECORDING", "its error on motion that it has not seen"),
-            (f"armid export {run} --to urdf", "the model written back, or as source code: --to c"),
+            (f"armid validate {run} RECORDING", "its torque error on a held-out recording"),
+            (f"armid export {run} --to urdf", "the model as a robot description, or as source code: --to c"),
         )
     arms = [name for name in files if name.endswith(DESCRIPTIONS)]
     if "study.toml" in files:
-        return ("armid doctor study.toml", "what is wrong with the logs"), ("armid identify study.toml", "a model")
+        return ("armid doctor study.toml", "faults of the recordings"), ("armid identify study.toml", "a model")
     logs = _logs(folder, files)
     if arms and logs:
         return (
-            (f"armid doctor {arms[0]} {logs[0]}", "what is wrong with the log"),
-            (f"armid identify {arms[0]} {logs[0]}", "a model; keep a recording for --validate"),
+            (f"armid doctor {arms[0]} {logs[0]}", "faults of the recording"),
+            (f"armid identify {arms[0]} {logs[0]}", "a model; hold out a recording for --validate"),
         )
     if arms:
         return (
-            (f"armid base {arms[0]}", "what its torques can show"),
+            (f"armid base {arms[0]}", "the parameters that its torques determine"),
             (f"armid excite {arms[0]}", "the motion to record"),
         )
     return ()
 
 
 def _logs(folder: Path, files: Sequence[str]) -> list[str]:
-    """Recordings in a folder, those of which the name is sure first: files, and folders of ROS bags."""
+    """Recordings in a folder, ambiguous endings last: files, and folders of ROS bags."""
     known = [name for name in files if name.lower().endswith(RECORDINGS)]
     bags = sorted(path.parent.name for path in folder.glob("*/metadata.yaml"))
-    return [*sorted(known, key=lambda name: name.lower().endswith(VAGUE)), *bags]
+    return [*sorted(known, key=lambda name: name.lower().endswith(AMBIGUOUS)), *bags]

@@ -1,4 +1,4 @@
-"""Options that commands share, and the robots and models they choose."""
+"""Options shared by commands, and their conversion to robots and models."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Gravity = Annotated[
     typer.Option(
         "--gravity",
         metavar="X Y Z",
-        help="Gravity in the base frame, m/s²; the description's by default (URDF: 0 0 -9.81); hanging: 0 0 9.81.",
+        help="Gravity in the base frame, m/s²; by default the description's (URDF: 0 0 -9.81); hanging: 0 0 9.81.",
     ),
 ]
 Lock = Annotated[
@@ -64,7 +64,7 @@ Only = Annotated[
     typer.Option(
         "--only",
         metavar="JOINT,…",
-        help="Joints that move, names or patterns as arm_left_*; others are held still.",
+        help="Joints that move, names or patterns as arm_left_*; all others are held still.",
         autocompletion=joints,
     ),
 ]
@@ -73,25 +73,25 @@ TipLink = Annotated[
     typer.Option(
         "--tip",
         metavar="LINK",
-        help="Where the arm ends: joints not between base and LINK are held still.",
+        help="Last link of the arm: joints not between base and LINK are held still.",
         autocompletion=links,
     ),
 ]
 Package = Annotated[
     list[str] | None,
-    typer.Option("--package", metavar="NAME=DIR", help="Where a ROS package is, for meshes and xacro; repeatable."),
+    typer.Option("--package", metavar="NAME=DIR", help="Folder of a ROS package, for meshes and xacro; repeatable."),
 ]
 Terms = Annotated[
     str | None,
     typer.Option(
         "--terms",
         metavar="A,B,…",
-        help="Torque terms, as rigid-body,viscous,coulomb; `auto`: `identify` chooses friction joint by joint.",
+        help="Torque terms, as rigid-body,viscous,coulomb; `auto`: `identify` selects friction for each joint.",
         autocompletion=terms,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on standard output.")]
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where to write.")]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also print every parameter with its interval.")]
 Threads = Annotated[int, typer.Option("--threads", min=1, help="Threads of the kernel.")]
 
@@ -104,11 +104,11 @@ def robot_choice(
     tip: str | None = None,
     package: list[str] | None = None,
 ) -> RobotChoice:
-    """The robot that the command line names, and which of its joints move."""
+    """Choice of the robot and its moving joints, from the command line."""
     from armid.study.config import RobotChoice
 
     if tip is not None and BOX.fullmatch(tip):
-        raise ArmidError(f"--tip {tip}: this is no link.", remedy="the box that the tip keeps to is --tip-box.")
+        raise ArmidError(f"--tip {tip}: not a link.", remedy="give the box that the tip stays in with --tip-box.")
     if package:
         from armid.robot.packages import give_packages
 
@@ -117,32 +117,34 @@ def robot_choice(
 
 
 def _packages(given: list[str] | None) -> dict[str, str]:
-    """Folders by package, of `NAME=DIR`."""
+    """Folders by package, from `NAME=DIR`."""
     result: dict[str, str] = {}
     for each in given or ():
         name, _, folder = each.partition("=")
         if not name or not folder:
-            raise ArmidError(f"--package {each}: no package and folder.", remedy="write --package NAME=DIR.")
+            raise ArmidError(
+                f"--package {each}: a package name or its folder is missing.", remedy="write --package NAME=DIR."
+            )
         result[name] = str(Path(folder).resolve())
     return result
 
 
 BOX = re.compile(r"[-+.\deE]+(,[-+.\deE]+){5}")
-"""Six numbers."""
+"""Six numbers separated by commas."""
 
 
 def _separate(given: list[str] | None) -> tuple[str, ...]:
-    """Return what repeated options with commas list."""
+    """Entries of a repeatable option, split at commas."""
     parts = (part.strip() for each in given or () for part in each.split(","))
     return tuple(part for part in parts if part)
 
 
 def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelChoice:
-    """The terms that the command line names, with their default shapes.
+    """Choice of the torque terms named on the command line, with their default options.
 
     Args:
-        terms: Names with commas between them, or `auto`.
-        default: Terms where none are named, of commands that have no recordings to choose by.
+        terms: Names separated by commas, or `auto`.
+        default: Terms if none are named; given by commands without recordings, which cannot select terms.
 
     Raises:
         StudyError: An empty list, or `auto` without recordings.
@@ -151,7 +153,9 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
 
     if terms == "auto":
         if default:
-            raise StudyError("--terms auto chooses by recordings, and there are none.", remedy="name the terms.")
+            raise StudyError(
+                "--terms auto needs recordings to select terms, and this command has none.", remedy="name the terms."
+            )
         return ModelChoice(automatic=True)
     if terms is None:
         names = default
@@ -165,13 +169,13 @@ def model_choice(terms: str | None, *, default: tuple[str, ...] = ()) -> ModelCh
 
 
 def run_folder(out: Path | None, robot: str) -> Path:
-    """Choose the run's folder: what the command line says, else `runs/` and the arm's name, numbered where taken."""
+    """Folder of the run: the given one, else `runs/` and the arm's name, with a number if that folder exists."""
     if out is not None:
         return out
-    usual = Path("runs") / (re.sub(r"[^\w.+-]+", "-", robot).strip(".-") or "robot")
-    numbered = (usual.with_name(f"{usual.name}-{number}") for number in count(2))
-    return next(folder for folder in chain((usual,), numbered) if not folder.exists())
+    default = Path("runs") / (re.sub(r"[^\w.+-]+", "-", robot).strip(".-") or "robot")
+    numbered = (default.with_name(f"{default.name}-{number}") for number in count(2))
+    return next(folder for folder in chain((default,), numbered) if not folder.exists())
 
 
 BASE_TERMS = ("rigid-body", "viscous", "coulomb")
-"""Terms of every command but `identify`, Coulomb friction with a width of zero."""
+"""Default terms of all commands except `identify`; Coulomb friction has width zero."""

@@ -1,4 +1,4 @@
-"""Parameters on the screen: base parameters grouped by joint, bodies of links, friction joint by joint."""
+"""Printed tables of parameters: base parameters by joint, inertias of links, friction by joint."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ __all__ = ["estimate_table", "folded_line", "friction_selection_table", "print_l
 
 FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
 
-NARROWEST = 12
-"""Characters of a link's name before it goes on in the next line."""
+MIN_NAME_WIDTH = 12
+"""Least width of a column of link names; longer names are folded [characters]."""
 
-ENDLESS = 1000
-"""Columns in which any table has the width that it asks for."""
+UNLIMITED_WIDTH = 1000
+"""Width that no table exceeds, to measure how wide a table would like to be [characters]."""
 
 ORDER = (4, 6, 9, 5, 7, 8)
 """Entries of an inertia as they are printed: xx yy zz xy xz yz."""
@@ -38,19 +38,19 @@ PRIORS = {
     "mass": "the smallest bodies (mass and second moments)",
     "none": "none",
 }
-"""What a kind of prior asks for, in words."""
+"""Description of each kind of prior."""
 
 
 def folded_line(estimate: Estimate) -> str:
-    """Count the parameters and say how well they are known, in one line."""
+    """Number of parameters and how many are poorly identified, in one line."""
     names = estimate.fit.names
     poor = int(estimate.fit.poorly_identified.sum())
-    known = f"; relative standard deviation of {poor} more than ten times the smallest" if poor else ""
-    return f"{len(names)} base parameters, {count_text(names)}, by {estimate.method}{known}"
+    note = f"; relative standard deviation of {poor} more than ten times the smallest" if poor else ""
+    return f"{len(names)} base parameters, {count_text(names)}, by {estimate.method}{note}"
 
 
 def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
-    """Base parameters with intervals, grouped by the joints whose numbers they end in."""
+    """Table of base parameters with intervals, grouped by joint."""
     fit, ends = estimate.fit, estimate.intervals
     decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
     table = Table(
@@ -61,10 +61,10 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
     for name in ("parameter", "value", "unit", "σ %", "95 % interval"):
         table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
     units = dict(zip(estimate.base.names, estimate.base.units, strict=True))
-    for number, own in by_joint(fit.names).items():
+    for number, indices in by_joint(fit.names).items():
         table.add_section()
         table.add_row(f"[bold]{number} {escape(joints[number - 1])}[/]")
-        for k in own:
+        for k in indices:
             table.add_row(
                 escape(fit.names[k]),
                 f"{fit.values[k]:.{decimals[k]}f}",
@@ -76,29 +76,32 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
 
 
 def _decimals(half_width: float) -> int:
-    """Decimals that show two digits of an interval's half width, but no fewer than Table 4.1 has."""
+    """Decimals that show two digits of an interval's half width, at least as many as in Table 4.1."""
     if not 0.0 < half_width < math.inf:
         return FEWEST_DECIMALS
     return min(max(FEWEST_DECIMALS, 1 - math.floor(math.log10(half_width))), MOST_DECIMALS)
 
 
 def _percent(relative: float) -> str:
-    """Two decimals, as in Table 4.1, three digits where these say nothing; above a thousand it is only large."""
+    """Percentage with two decimals, three significant digits below 0.1, and `> 999` from a thousand on."""
     if not relative < 1000.0:
         return "> 999"
     return f"{relative:.2f}" if relative >= 0.1 else f"{relative:.3g}"
 
 
 def print_links(console: Console, table: LinkTable) -> None:
-    """Mass, centre of mass and inertia about it of each link, estimate above description; or why there is none."""
+    """Prints mass, centre of mass and inertia of each link, estimated and described, or why there are none."""
     if table.note or not table.links:
         console.print(f"bodies of the links: {escape(table.note)}", highlight=False)
         return
     mass, inertia = (range(4), ("mass kg", "x m", "y m", "z m")), (ORDER, ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))
     title = "Bodies of the links, new (estimate) and old (description)"
-    whole = _bodies(table, (*mass[0], *inertia[0]), (*mass[1], *inertia[1]), title)
-    if console.measure(whole, options=console.options.update(max_width=ENDLESS)).maximum <= console.width:
-        console.print(whole)
+    full_table = _bodies(table, (*mass[0], *inertia[0]), (*mass[1], *inertia[1]), title)
+    if (
+        console.measure(full_table, options=console.options.update(max_width=UNLIMITED_WIDTH)).maximum
+        <= console.width
+    ):
+        console.print(full_table)
     else:
         console.print(_bodies(table, *mass, title))
         console.print(_bodies(table, *inertia, None))
@@ -106,9 +109,9 @@ def print_links(console: Console, table: LinkTable) -> None:
 
 
 def _bodies(table: LinkTable, columns: Sequence[int], names: Sequence[str], title: str | None) -> Table:
-    """Some quantities of every link, two rows each; names of links are folded before a number is cut."""
+    """Table of some quantities, two rows a link; names of links are folded so that no number is cut."""
     shown = Table(title=title, header_style="bold")
-    shown.add_column("link", overflow="fold", min_width=NARROWEST)
+    shown.add_column("link", overflow="fold", min_width=MIN_NAME_WIDTH)
     shown.add_column("", no_wrap=True)
     for name in names:
         shown.add_column(name, justify="right", no_wrap=True)
@@ -124,7 +127,7 @@ def _bodies(table: LinkTable, columns: Sequence[int], names: Sequence[str], titl
 
 
 def _links_note(table: LinkTable) -> str:
-    """Name the numbers, and those of them that the torques determine, with intervals."""
+    """Note below the table: meaning of the columns, and intervals of values that the torques determine."""
     lines = ["centre of mass x y z and axes in the link frame; inertia about the centre of mass, kg·m²"]
     short = ("mass", "x", "y", "z", *QUANTITIES[4:])
     for body in table.links:
@@ -133,13 +136,13 @@ def _links_note(table: LinkTable) -> str:
         if spans:
             lines.append(f"* {escape(body.link)}, 95 %: {spans}")
     starred = len(lines) > 1
-    rest = "the others have" if starred else "each of these values has"
-    lines.append(f"{'* determined by the torques; ' if starred else ''}{rest} a part that the prior decides")
+    others = "the others have" if starred else "each of these values has"
+    lines.append(f"{'* determined by the torques; ' if starred else ''}{others} a part that depends on the prior")
     return "\n".join(lines)
 
 
 def _digits(body: LinkProperties) -> list[int]:
-    """Decimals of each quantity, three digits of the largest of its kind, the same for estimate and description."""
+    """Decimals of each quantity, so that the largest of its kind has three digits."""
     result = [0] * 10
     for kind in ((0,), (1, 2, 3), tuple(range(4, 10))):
         sizes = np.abs(np.concatenate([body.estimate[list(kind)], body.description[list(kind)]]))
@@ -155,7 +158,7 @@ def _plain(value: float, decimals: int) -> str:
 
 
 def status_line(standard: StandardFit) -> str:
-    """Return what the data say of the standard parameters, in one line, and the prior that says the rest."""
+    """Count of standard parameters by status, and the prior that decides the others, in one line."""
     kinds = ("identified", "prior-dominated", "not identifiable")
     counts = ", ".join(f"{standard.status.count(kind)} {kind}" for kind in kinds)
     prior = standard.prior
@@ -163,18 +166,18 @@ def status_line(standard: StandardFit) -> str:
     return f"of {len(standard.names)} standard parameters {counts}; prior: {PRIORS[prior.kind]}{weight}"
 
 
-def friction_selection_table(ladder: FrictionSelection, robot: Robot) -> Table:
-    """Friction that was chosen for each joint, one law a line, and what it gains on motion that was left out."""
-    table = Table(title="Friction chosen by held-out stretches of the training motion", header_style="bold")
+def friction_selection_table(selection: FrictionSelection, robot: Robot) -> Table:
+    """Table of the friction selected for each joint, and its RMS ratio on held-out blocks."""
+    table = Table(title="Friction selected by held-out blocks of the training motion", header_style="bold")
     table.add_column("#", justify="right")
     table.add_column("joint")
     table.add_column("RMS ratio, with / without", justify="right")
     table.add_column("added laws")
     for j, joint in enumerate(robot.joints):
-        laws = friction_of_joint(ladder.added, joint.name, prismatic=joint.kind == "prismatic")
-        gain = f"{ladder.ratio[j]:.2f} ± {ladder.deviation[j]:.2f}"
+        laws = friction_of_joint(selection.added, joint.name, prismatic=joint.kind == "prismatic")
+        gain = f"{selection.ratio[j]:.2f} ± {selection.deviation[j]:.2f}"
         table.add_row(str(j + 1), escape(joint.name), gain if laws else "-", escape("\n".join(laws) or "none"))
-    said = "± standard error between stretches; these made the choice, so that the ratio is optimistic"
-    table.caption = " ".join(filter(None, ((said + ".") if ladder.evidence else "", ladder.why)))
+    note = "± standard error between blocks; the selection used the same blocks, so the ratio is optimistic"
+    table.caption = " ".join(filter(None, ((note + ".") if selection.evidence else "", selection.why)))
     table.caption_justify = "left"
     return table

@@ -1,4 +1,4 @@
-"""Options that say how recordings are read, and what they make of a reading."""
+"""Options for the log format of recordings, and their conversion to arguments of `LogFormat`."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ Columns = Annotated[
     ),
 ]
 Data = Annotated[
-    Path | None, typer.Option("--data", metavar="FOLDER", help="Where the recordings are, if they were moved.")
+    Path | None, typer.Option("--data", metavar="FOLDER", help="Folder of the recordings, if they were moved.")
 ]
-Rate = Annotated[float | None, typer.Option(help="Samples a second, Hz, where there is no clock.")]
-TimeUnit = Annotated[float | None, typer.Option(help="Length of a unit of the clock, s, as 0.001.")]
-TorqueSign = Annotated[int | None, typer.Option(help="-1 where the torque is measured against the URDF.")]
+Rate = Annotated[float | None, typer.Option(help="Sampling rate of a recording without a clock, Hz.")]
+TimeUnit = Annotated[float | None, typer.Option(help="Unit of the clock in seconds, for instance 0.001.")]
+TorqueSign = Annotated[int | None, typer.Option(help="-1 if the torque is measured against the URDF's joint axes.")]
 Units = Annotated[
-    str | None, typer.Option(metavar="rad|deg", help="Unit of recorded angles; what columns say, else rad.")
+    str | None, typer.Option(metavar="rad|deg", help="Unit of angles; by default as in the columns, else rad.")
 ]
 
 
@@ -42,30 +42,30 @@ def given(
     time_unit: float | None = None,
     period: float | str | None = None,
 ) -> dict[str, Any]:
-    """Return what the command line says of a reading, without what it leaves open."""
+    """Arguments of `LogFormat` that the command line gives; options left out are not included."""
     keys = {"rate": rate, "torque_sign": torque_sign, "units": units, "time_unit": time_unit, "period": period}
-    said: dict[str, Any] = {key: value for key, value in keys.items() if value is not None}
-    return said | ({"columns": columns_given(columns)} if columns else {})
+    arguments: dict[str, Any] = {key: value for key, value in keys.items() if value is not None}
+    return arguments | ({"columns": columns_given(columns)} if columns else {})
 
 
 def changed_reading(
     reading: LogFormat, rate: float | None, torque_sign: int | None, columns: list[str] | None
 ) -> dict[str, Any]:
-    """Return what the command line says of reading beyond a run's; columns that it does not name stay the run's."""
-    said = given(columns, rate, torque_sign)
-    return said | ({"columns": {**reading.columns, **said["columns"]}} if columns else {})
+    """Arguments of `LogFormat` that differ from a run's; columns not named on the command line stay the run's."""
+    arguments = given(columns, rate, torque_sign)
+    return arguments | ({"columns": {**reading.columns, **arguments["columns"]}} if columns else {})
 
 
 def columns_given(given: list[str]) -> dict[str, str | list[str]]:
-    """Names by quantity, of `QUANTITY=NAME,…`; several of one quantity are one list.
+    """Column names by quantity, from `QUANTITY=NAME,…`; several names of one quantity become a list.
 
     Raises:
-        ArmidError: No quantity.
+        ArmidError: An entry names no quantity.
     """
-    found: dict[str, list[str]] = {}
+    by_quantity: dict[str, list[str]] = {}
     for each in given:
         quantity, equals, names = each.partition("=")
         if not equals:
             raise ArmidError(f"--columns {each}: no quantity.", remedy="write as --columns 'time=Zeit [ms]'.")
-        found.setdefault(quantity.strip(), []).extend(name.strip() for name in names.split(","))
-    return {quantity: names[0] if len(names) == 1 else names for quantity, names in found.items()}
+        by_quantity.setdefault(quantity.strip(), []).extend(name.strip() for name in names.split(","))
+    return {quantity: names[0] if len(names) == 1 else names for quantity, names in by_quantity.items()}

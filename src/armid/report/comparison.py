@@ -1,4 +1,4 @@
-"""Two runs of one arm: what changed beyond the intervals, and how the torque errors compare."""
+"""Comparison of two runs of an arm: changes beyond the intervals, and torque errors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from armid.values import Array
 __all__ = ["COMPARISON", "Pair", "RunChange", "changes", "pair_of"]
 
 BY_CHANCE = 0.05
-"""Share of unchanged parameters whose change leaves a 95 % interval all the same."""
+"""Expected share of unchanged parameters whose estimates differ by more than a 95 % interval."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,7 +37,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class RunChange:
-    """A parameter that both runs have, and mean the same by.
+    """Change of a parameter that means the same in both runs.
 
     Attributes:
         name: The parameter.
@@ -62,18 +62,18 @@ class RunChange:
 
     @property
     def size(self) -> float:
-        """The change over half the interval that it has itself; above 1 it is more than noise."""
+        """Change divided by half of its own interval; above 1 noise alone does not explain it."""
         half = float(np.hypot(self.before_half, self.after_half))
         return abs(self.difference) / half if half > 0.0 else float(np.inf if self.difference else 0.0)
 
 
 def pair_of(before: PageData, after: PageData) -> Pair:
-    """Two runs that can be compared.
+    """Pair of two runs, checked to be comparable.
 
     Raises:
         ArmidError: They are of arms with other joints, or share no parameter.
     """
-    names = [material.run.robot.joint_names for material in (before, after)]
+    names = [page_data.run.robot.joint_names for page_data in (before, after)]
     if names[0] != names[1]:
         raise ArmidError(
             f"{before.run.folder} has joints {', '.join(names[0])}; {after.run.folder} has {', '.join(names[1])}.",
@@ -88,43 +88,43 @@ def pair_of(before: PageData, after: PageData) -> Pair:
 
 
 def changes(pair: Pair) -> list[RunChange]:
-    """Parameters of both runs, the largest change first. Those that are grouped otherwise are not the same."""
-    meaning = [
+    """Changes of parameters in both runs, largest first; parameters with different groupings are excluded."""
+    formulas = [
         dict(zip(m.run.estimate.base.names, base_formulas(m.run.estimate.base), strict=True)) for m in _both(pair)
     ]
-    found: list[RunChange] = []
+    result: list[RunChange] = []
     values = [_values(m) for m in _both(pair)]
     units = dict(zip(pair.before.run.estimate.base.names, pair.before.run.estimate.base.units, strict=True))
     for name, (before, before_half) in values[0].items():
         plain = name.split("[", 1)[0]
-        if name in values[1] and meaning[0][plain] == meaning[1].get(plain):
+        if name in values[1] and formulas[0][plain] == formulas[1].get(plain):
             after, after_half = values[1][name]
-            found.append(RunChange(name, units[plain], before, after, before_half, after_half))
-    return sorted(found, key=lambda change: -change.size)
+            result.append(RunChange(name, units[plain], before, after, before_half, after_half))
+    return sorted(result, key=lambda change: -change.size)
 
 
 def _both(pair: Pair) -> tuple[PageData, PageData]:
     return pair.before, pair.after
 
 
-def _values(material: PageData) -> dict[str, tuple[float, float]]:
+def _values(page_data: PageData) -> dict[str, tuple[float, float]]:
     """Value and half interval of each parameter."""
-    fit = material.run.estimate.fit
-    half = 0.5 * np.ptp(material.run.estimate.intervals, axis=1)
+    fit = page_data.run.estimate.fit
+    half = 0.5 * np.ptp(page_data.run.estimate.intervals, axis=1)
     return {name: (float(x), float(h)) for name, x, h in zip(fit.names, fit.values, half, strict=True)}
 
 
 def _show_changes(pair: Pair) -> Section:
-    found = changes(pair)
-    beyond = [each.name for each in found if each.size > 1.0]
-    shared = {each.name for each in found}
+    all_changes = changes(pair)
+    beyond = [each.name for each in all_changes if each.size > 1.0]
+    shared = {each.name for each in all_changes}
     content = {
         "beyond": beyond,
-        "count": len(found),
-        "chance": round(BY_CHANCE * len(found)),
+        "count": len(all_changes),
+        "chance": round(BY_CHANCE * len(all_changes)),
         "only": [
-            (material.run.folder, [name for name in material.run.estimate.fit.names if name not in shared])
-            for material in _both(pair)
+            (page_data.run.folder, [name for name in page_data.run.estimate.fit.names if name not in shared])
+            for page_data in _both(pair)
         ],
     }
     columns = (
@@ -136,7 +136,7 @@ def _show_changes(pair: Pair) -> Section:
         Column("change over its half interval"),
     )
     rows: list[list[TableCell]] = []
-    for each in found:
+    for each in all_changes:
         decimals = decimals_of(min(each.before_half, each.after_half) or abs(each.difference))
         mark = " ▲" if each.size > 1.0 else ""
         rows.append(
@@ -149,9 +149,9 @@ def _show_changes(pair: Pair) -> Section:
                 TableCell(fixed(each.size, 2) + mark, each.size, kind="poor" if mark else ""),
             ]
         )
-    note = "± half of the 95 % interval. A change has an interval of its own, from both; ▲ marks changes beyond it."
+    note = "± half of the 95 % interval. The interval of a change follows from both; ▲ marks changes beyond it."
     return Section(
-        "What changed", content, (Table("changes", "Parameters, the largest change first", columns, rows, note),)
+        "Changes", content, (Table("changes", "Parameters, the largest change first", columns, rows, note),)
     )
 
 
@@ -160,9 +160,9 @@ def _show_errors(pair: Pair) -> Section:
     columns = [Column("joint", words=True)]
     numbers: list[Array] = []
     for what, of in (("training", PageData.training_rms), ("validation", PageData.validation_rms)):
-        for when, material in (("before", pair.before), ("after", pair.after)):
+        for when, page_data in (("before", pair.before), ("after", pair.after)):
             columns.append(Column(f"{what}, {when}", unit))
-            numbers.append(of(material))
+            numbers.append(of(page_data))
     rows = [
         [
             TableCell(label_of(pair.after.joints, j), kind="name"),
@@ -170,19 +170,19 @@ def _show_errors(pair: Pair) -> Section:
         ]
         for j in range(len(pair.after.joints))
     ]
-    note = "Each run on its own recordings, in its own band: other motions have other errors."
+    note = "Errors of each run on its own recordings and in its own band; they differ between motions."
     return Section("Torque error", {}, (Table("errors", "RMS torque error of each joint", columns, rows, note),))
 
 
 def _show_sources(pair: Pair) -> Section:
     rows: list[list[TableCell]] = []
     for what, of in SOURCES.items():
-        before, after = (of(material) for material in _both(pair))
+        before, after = (of(page_data) for page_data in _both(pair))
         rows.append(
             [TableCell(what), TableCell(before), TableCell(after), TableCell("" if before == after else "differs")]
         )
     columns = [Column(name, words=True) for name in ("", "before", "after", " ")]
-    return Section("What they were made from", {}, (Table("sources", "The two runs", columns, rows),))
+    return Section("Sources", {}, (Table("sources", "The two runs", columns, rows),))
 
 
 SOURCES: Mapping[str, Callable[[PageData], str]] = {

@@ -15,26 +15,26 @@ from armid.report.plots.arm_picture import picture_of
 
 __all__ = ["Heading", "commands_of", "heading_of_run"]
 
-MOST_RECORDINGS = 4
-"""Recordings of a role that are named at the top; the provenance has them all."""
+MAX_RECORDINGS = 4
+"""Largest number of recordings of a role that the head names; the provenance names all."""
 
-NEXT = (
-    ("export {run} --to urdf", "write the model back; --to mjcf, sdf, or source code: c, cpp, python …"),
-    ("validate {run} RECORDING", "the error on another recording"),
+NEXT_COMMANDS = (
+    ("export {run} --to urdf", "the model as a robot description; --to mjcf, sdf, or source code: c, cpp, python …"),
+    ("validate {run} RECORDING", "torque error on another recording"),
     ("preview {run}", "a page on which the arm moves through a recording of this run"),
     ("certify {run}", "physical consistency and the mass matrix in the worst pose"),
 )
-"""What to do with a run, and what it gives."""
+"""Next commands for a run, and their results."""
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Marks beside a page's title.
+    """Facts and picture next to a page's title.
 
     Attributes:
-        facts: What, and its value.
-        picture: A picture as SVG; empty where there is none.
-        caption: What it shows.
+        facts: Names and values.
+        picture: A picture as SVG; empty if there is none.
+        caption: Caption of the picture.
     """
 
     facts: Sequence[tuple[str, str]] = ()
@@ -42,46 +42,46 @@ class Heading:
     caption: str = ""
 
 
-def heading_of_run(material: PageData) -> Heading:
-    """The head of a run's page."""
-    run, estimate = material.run, material.run.estimate
-    made = run.made
-    when = _date(made.at) if made.at else "date not recorded"
-    where = f" on {made.host}" if made.host else ""
-    by = f", armid {made.version}" if made.version else ""
-    facts = [("identified", f"{when}{where}{by}, in {short(estimate.seconds, 2)} s")]
-    for role, what in (("train", "trained on"), ("validate", "validated on")):
-        facts.append((what, _recordings(material, role) or "–"))
+def heading_of_run(page_data: PageData) -> Heading:
+    """Heading of a run's page."""
+    run, estimate = page_data.run, page_data.run.estimate
+    origin = run.made
+    when = _date(origin.at) if origin.at else "date not recorded"
+    where = f" on {origin.host}" if origin.host else ""
+    program = f", armid {origin.version}" if origin.version else ""
+    facts = [("identified", f"{when}{where}{program}, in {short(estimate.seconds, 2)} s")]
+    for role, title in (("train", "trained on"), ("validate", "validated on")):
+        facts.append((title, _recordings(page_data, role) or "–"))
     facts.append(("run", run.folder))
-    picture, caption = picture_of(material)
+    picture, caption = picture_of(page_data)
     return Heading(tuple(facts), picture, caption)
 
 
-def commands_of(material: PageData) -> list[tuple[str, str]]:
-    """Commands for a run with its own path, and what they give."""
-    run = shlex.quote(str(Path(material.run.folder)))
-    return [(f"armid {command.format(run=run)}", what) for command, what in NEXT]
+def commands_of(page_data: PageData) -> list[tuple[str, str]]:
+    """Next commands with the path of a run, and their results."""
+    run = shlex.quote(str(Path(page_data.run.folder)))
+    return [(f"armid {command.format(run=run)}", purpose) for command, purpose in NEXT_COMMANDS]
 
 
-def _recordings(material: PageData, role: str) -> str:
-    """Names of the recordings of a role, with their lengths where they are at hand."""
-    names = names_apart(each["path"] for each in material.study["recordings"])
+def _recordings(page_data: PageData, role: str) -> str:
+    """Names of the recordings of a role, with their lengths if they could be read."""
+    names = names_apart(each["path"] for each in page_data.study["recordings"])
     lengths = {
         (each.choice.path, each.choice.part): f" ({short(float(each.time[-1]))} s)"
-        for each in material.of_role(role)
+        for each in page_data.of_role(role)
         if each.is_consecutive
     }
-    said = [
+    texts = [
         names[each["path"]] + lengths.get((each["path"], tuple(each["part"])), "")
-        for each in material.study["recordings"]
+        for each in page_data.study["recordings"]
         if each["role"] == role
     ]
-    more = f" and {len(said) - MOST_RECORDINGS} more" if len(said) > MOST_RECORDINGS + 1 else ""
-    return ", ".join(said[:MOST_RECORDINGS] if more else said) + more
+    rest = f" and {len(texts) - MAX_RECORDINGS} more" if len(texts) > MAX_RECORDINGS + 1 else ""
+    return ", ".join(texts[:MAX_RECORDINGS] if rest else texts) + rest
 
 
 def _date(at: str) -> str:
-    """A date as people read it, for instance 3 May 2025, 14:07 (UTC+02:00); as it is where it is no date."""
+    """A date, for instance 3 May 2025, 14:07 (UTC+02:00); the text unchanged if it is not an ISO date."""
     try:
         when = datetime.fromisoformat(at)
     except ValueError:

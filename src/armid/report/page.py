@@ -1,7 +1,7 @@
-"""A page: every section that has something to say, in one file that opens without a network.
+"""HTML page of a run or a comparison: all sections with content, in one file that needs no network.
 
-plotly.js is 4.8 MB, and its Python package has no smaller build of it. It goes into the page once and compressed,
-a third of its size; the page's script unpacks it. Plots are four-byte numbers, thinned to what a screen shows.
+plotly.js is 4.8 MB, and its Python package has no smaller build of it. It is stored once and compressed, at a third
+of its size, and the page's script unpacks it. Plots hold four-byte numbers, no more than a screen can show.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def write_report(
     Args:
         run: The run.
         path: The file; written whole or not at all.
-        recordings: What the run was made from, where it is at hand and need not be read and processed again.
-        data: Folder in which recordings are looked for first.
+        recordings: Processed recordings of the run, if available; otherwise they are read and processed again.
+        data: Folder that is searched first for recordings.
 
     Raises:
         MissingExtraError: jinja2 or plotly is not installed.
@@ -49,17 +49,17 @@ def write_report(
     return write_page(gather(run, recordings=recordings, data=data), path)
 
 
-def write_page(material: PageData, path: Path | str) -> Path:
-    """Write the page of a run whose records and recordings have been gathered.
+def write_page(page_data: PageData, path: Path | str) -> Path:
+    """Write the page of a run from its gathered records and recordings.
 
     Raises:
         ArmidError: The file cannot be written.
     """
-    return replace_file(path, render(material))
+    return replace_file(path, render(page_data))
 
 
 def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
-    """Write a page about what changed from one run to another.
+    """Write a page about the changes from one run to another.
 
     Args:
         before: The earlier run.
@@ -72,22 +72,26 @@ def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
     """
     require_extra()
     pair = pair_of(records_of(before), records_of(after))
-    shown = {name: show(pair) for name, show in COMPARISON.items()}
-    title = f"{after.estimate.robot}: what changed"
-    return replace_file(path, assemble(title, f"from {before.folder} to {after.folder}", shown, with_plots=False))
+    sections = {name: show(pair) for name, show in COMPARISON.items()}
+    title = f"{after.estimate.robot}: changes"
+    return replace_file(path, assemble(title, f"from {before.folder} to {after.folder}", sections, with_plots=False))
 
 
-def render(material: PageData) -> str:
-    """The page of a run as HTML."""
-    shown = {name: section for name, show in SECTIONS.items() if (section := show(material)) is not None}
-    estimate = material.run.estimate
+def render(page_data: PageData) -> str:
+    """HTML of a run's page."""
+    sections = {name: section for name, show in SECTIONS.items() if (section := show(page_data)) is not None}
+    estimate = page_data.run.estimate
     subtitle = (
-        f"{len(estimate.fit.names)} base parameters of {len(material.joints)} joints, "
+        f"{len(estimate.fit.names)} base parameters of {len(page_data.joints)} joints, "
         f"{estimate.method}, {int(estimate.fit.rows.max())} rows"
     )
-    drawn = any(section.plots for section in shown.values())
+    has_plots = any(section.plots for section in sections.values())
     return assemble(
-        f"{estimate.robot}: dynamic model", subtitle, shown, with_plots=drawn, heading=heading_of_run(material)
+        f"{estimate.robot}: dynamic model",
+        subtitle,
+        sections,
+        with_plots=has_plots,
+        heading=heading_of_run(page_data),
     )
 
 
@@ -99,14 +103,14 @@ def assemble(
     with_plots: bool,
     heading: Heading | None = None,
 ) -> str:
-    """HTML of sections, each through the template of its name.
+    """HTML of a page, each section rendered with the template of its name.
 
     Args:
         title: Heading of the page.
         subtitle: A line below it.
         sections: Sections by name, in order.
-        with_plots: Whether plotly.js is needed.
-        heading: What stands beside the title.
+        with_plots: True if plotly.js is needed.
+        heading: Facts and picture next to the title.
     """
     return (
         environment()
@@ -126,7 +130,7 @@ def assemble(
 
 
 def _data(sections: Iterable[Section]) -> dict[str, Any]:
-    """Return what the page's script needs: plots and copies of the tables."""
+    """Data for the page's script: plots, and the tables as CSV and LaTeX."""
     sections = list(sections)
     plots = {plot.key: plot_record(plot) for section in sections for _, row in section.plots for plot in row}
     tables = {t.key: {"csv": t.csv(), "latex": t.latex()} for section in sections for t in section.tables}
@@ -134,7 +138,7 @@ def _data(sections: Iterable[Section]) -> dict[str, Any]:
 
 
 def _plotly() -> str:
-    """plotly.js, compressed, in base 64; the same bytes each time."""
+    """plotly.js, compressed and in base 64; reproducible byte by byte."""
     from plotly.offline import get_plotlyjs
 
     return compressed(get_plotlyjs())

@@ -1,4 +1,4 @@
-"""The page of the pre-flight check: how near a plan comes to every limit, and what its recording will tell."""
+"""Page of the pre-flight check: margins of a plan to all limits, and the expected accuracy of the estimate."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from armid.values import Array, replace_file
 
 __all__ = ["PREFLIGHT", "links_of", "motion_section", "nearest_of_links", "render_preflight", "write_preflight"]
 
-DRAWN = 100.0
-"""Samples a second of the pictures [Hz]; forty a period of the highest harmonics that arms follow."""
+PLOT_RATE = 100.0
+"""Sampling rate of the plots [Hz]; 40 samples in a period of the highest harmonics that arms can follow."""
 
 COLLISION = "collision"
 DISTANCES = (COLLISION, "tip")
 """Limits whose value is a distance that must not become smaller than the bound."""
 
 CLOSE = 0.99
-"""Share of a limit from which a plan is said to use all of it."""
+"""Share of a limit from which on the limit counts as fully used."""
 
 MANY = 12
-"""Rows from which a table is folded."""
+"""Number of rows above which a table is folded."""
 
 
 def write_preflight(designed: Designed, path: Path | str) -> Path:
@@ -57,7 +57,7 @@ def write_preflight(designed: Designed, path: Path | str) -> Path:
 
 
 def render_preflight(designed: Designed) -> str:
-    """The page as HTML."""
+    """HTML of the page."""
     plan = designed.plan
     series = plan.excitation
     subtitle = (
@@ -70,7 +70,7 @@ def render_preflight(designed: Designed) -> str:
 
 
 def show_limits(designed: Designed) -> Section:
-    """Every limit with its margin, joint and time."""
+    """Section of all limits, with margin, joint and time."""
     margins = designed.preflight.margins
     rows = [_margin_row(margin, designed) for margin in margins if margin.limit != COLLISION]
     columns = (
@@ -84,8 +84,9 @@ def show_limits(designed: Designed) -> Section:
         Column("at", "s"),
     )
     note = (
-        "Reached on a grid of 1 kHz; certified is what cannot be exceeded between its points either. Torque has no "
-        "such certificate, only the largest step between two points as a margin. ▲ marks limits that are used up."
+        "Reached: largest value on a grid of 1 kHz. Certified: bound that also holds between the points of the grid. "
+        "For torque there is no such bound; the largest step between two points is added instead. ▲ marks limits "
+        "that are fully used."
     )
     content = {
         "verdict": designed.preflight.verdict,
@@ -99,9 +100,9 @@ def show_limits(designed: Designed) -> Section:
 
 
 def _reached(margin: Margin) -> str:
-    """Tell how near a limit the plan comes, in words."""
+    """Text that compares the plan with a limit."""
     if margin.limit in DISTANCES:
-        return f"{fixed(1000.0 * margin.value, 0)} mm of room, {fixed(1000.0 * margin.bound, 0)} mm asked"
+        return f"{fixed(1000.0 * margin.value, 0)} mm distance, {fixed(1000.0 * margin.bound, 0)} mm required"
     return f"{share(margin.share)} of the limit"
 
 
@@ -124,7 +125,7 @@ def _margin_row(margin: Margin, designed: Designed) -> tuple[TableCell, ...]:
 
 
 def _value_and_bound(margin: Margin, designed: Designed) -> tuple[TableCell, TableCell]:
-    """Return what is reached and what may be; of positions from where to where."""
+    """Cells of the reached value and its bound; ranges for positions."""
     spread = designed.spread(margin)
     if spread is None:
         return TableCell(fixed(margin.value, 4), margin.value), TableCell(fixed(margin.bound, 4), margin.bound)
@@ -133,14 +134,14 @@ def _value_and_bound(margin: Margin, designed: Designed) -> tuple[TableCell, Tab
 
 
 def show_approaches(designed: Designed) -> Section | None:
-    """Closest approach of each pair; nothing where collisions were not looked at."""
+    """Section of the closest approach of each pair; `None` if collisions were not checked."""
     report = designed.preflight
     if not report.approaches:
         return None
-    asked = {margin.label: margin for margin in report.margins if margin.limit == COLLISION}
+    required = {margin.label: margin for margin in report.margins if margin.limit == COLLISION}
     rows: list[tuple[TableCell, ...]] = []
     for each in nearest_of_links(report.approaches):
-        capsules, distance = asked.get(each.pair), 1000.0 * each.distance
+        capsules, distance = required.get(each.pair), 1000.0 * each.distance
         nothing = TableCell("–", "")
         around, between = nothing, nothing
         if capsules is not None:
@@ -164,13 +165,14 @@ def show_approaches(designed: Designed) -> Section | None:
         Column("at", "s"),
         Column("as capsules", "mm"),
         Column("certified", "mm"),
-        Column("asked", "mm"),
+        Column("required", "mm"),
     )
     note = (
-        "Closest: bodies measured anew, meshes as convex hulls of up to four slabs, 50 times a second, and 250 times "
-        "where they are closest. As capsules: those around the bodies, which the search kept apart, on a grid of "
-        "1 kHz; certified is what they keep between its points as well. Asked: less than the clearance where links "
-        "are built closer than that. ▲ marks pairs that come too close."
+        "Closest: distance of the bodies, measured independently of the search, with meshes as convex hulls of up to "
+        "four slabs, 50 times a second, and 250 times near the minimum. As capsules: distance of the capsules "
+        "around the bodies, as in the search, on a grid of 1 kHz; certified: lower bound of it between the points, "
+        "too. Required: less than the clearance where links are built closer than that. ▲ marks pairs that come too "
+        "close."
     )
     title = f"Closest approach of each of {len(rows)} pairs of links, the nearest first"
     table = Table("approaches", title, columns, rows, note, folded=len(rows) > MANY)
@@ -179,12 +181,12 @@ def show_approaches(designed: Designed) -> Section | None:
 
 
 def links_of(pair: str) -> str:
-    """A pair of bodies by the links that have them, without the number of the body on its link."""
+    """Names of the two links of a pair of bodies, without the bodies' numbers."""
     return re.sub(r" \(\d+\)", "", pair)
 
 
 def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestApproach]:
-    """The worst approach of each pair of links, which may have several bodies each; the nearest first."""
+    """Closest approach of each pair of links over all their bodies, nearest first."""
     nearest: dict[str, ClosestApproach] = {}
     for each in sorted(approaches, key=lambda approach: (approach.kept, approach.distance)):
         nearest.setdefault(links_of(each.pair), each)
@@ -192,7 +194,7 @@ def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestAppro
 
 
 def show_expected(designed: Designed) -> Section:
-    """Deviations that the recording will give."""
+    """Section of the deviations to expect from the recording."""
     expected, goal = designed.preflight.expected, designed.problem.goal
     robot = goal.model.robot
     order, groups = groups_of(expected.names, robot.joints)
@@ -215,7 +217,7 @@ def show_expected(designed: Designed) -> Section:
     torque = Table(
         "expected-torque",
         "Predicted standard deviation of the model's torque along this plan",
-        (Column("joint", words=True), Column("noise taken", unit), Column("standard deviation", unit)),
+        (Column("joint", words=True), Column("assumed noise", unit), Column("standard deviation", unit)),
         [
             (TableCell(label_of(robot.joints, j), kind="name"), _cell(float(noise)), _cell(float(x)))
             for j, (noise, x) in enumerate(zip(goal.noise, expected.torque, strict=True))
@@ -228,7 +230,7 @@ def show_expected(designed: Designed) -> Section:
         "repetitions": goal.repetitions,
         "known": goal.prior is not None,
     }
-    return Section("What to expect", content, (torque, parameters))
+    return Section("Expected accuracy", content, (torque, parameters))
 
 
 def _cell(value: float) -> TableCell:
@@ -236,7 +238,7 @@ def _cell(value: float) -> TableCell:
 
 
 def show_motion(designed: Designed) -> Section:
-    """Position, velocity, acceleration and torque over time against their limits."""
+    """Section of position, velocity, acceleration and torque over time, with their limits."""
     model = designed.problem.goal.model
     content = {"torque": model.nominal_parameters() is not None}
     return motion_section(designed.plan, model, designed.limits, content)
@@ -245,15 +247,15 @@ def show_motion(designed: Designed) -> Section:
 def motion_section(
     plan: Plan, model: DynamicsModel, limits: Limits, content: Mapping[str, object] | None = None
 ) -> Section:
-    """A plan against limits, torque as well where the description says enough.
+    """Section of a plan with its limits, and with torque if the description has inertias.
 
     Args:
         plan: The motion.
-        model: Whose torque is shown.
-        limits: Of the joints.
-        content: What else the template asks for.
+        model: Model for the torque.
+        limits: Limits of the joints.
+        content: Further values for the template.
     """
-    motion = plan.sample(DRAWN)
+    motion = plan.sample(PLOT_RATE)
     nominal = model.nominal_parameters()
     torque = None if nominal is None else model.torque(motion, nominal)
     rows = tuple(
@@ -264,7 +266,7 @@ def motion_section(
 
 
 def _plots(motion: Motion, torque: Array | None, joint: Joint, limits: Limits, j: int) -> list[Plot]:
-    """The pictures of one joint."""
+    """Plots of one joint."""
     unit = joint.unit
     shown: list[tuple[str, str, Array, tuple[float, float]]] = [
         ("position", f"q [{unit}]", motion.q[:, j], (float(limits.lower[j]), float(limits.upper[j]))),
@@ -278,11 +280,11 @@ def _plots(motion: Motion, torque: Array | None, joint: Joint, limits: Limits, j
         traces = [line("measured", motion.time, values, name)]
         ends = motion.time[[0, -1]]
         traces += [PlotTrace("limit", ends, np.full(2, each), "limit") for each in bounds if math.isfinite(each)]
-        said = f"{short(float(values.min()))} to {short(float(values.max()))}"
+        caption = f"{short(float(values.min()))} to {short(float(values.max()))}"
         if math.isfinite(bounds[1]):
             low, high = map(short, bounds)
-            said += f"; limit {high}" if bounds[0] == -bounds[1] else f"; limits {low} and {high}"
-        plots.append(Plot(f"{name}-{j + 1}", name.capitalize(), said, "time [s]", axis, traces, "plan"))
+            caption += f"; limit {high}" if bounds[0] == -bounds[1] else f"; limits {low} and {high}"
+        plots.append(Plot(f"{name}-{j + 1}", name.capitalize(), caption, "time [s]", axis, traces, "plan"))
     return plots
 
 

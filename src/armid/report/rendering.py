@@ -1,4 +1,4 @@
-"""Rendering of pages: templates, styles and scripts of this package, and the packages that it takes."""
+"""Rendering of pages: templates, styles and scripts of this package, and the optional packages needed."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 __all__ = ["environment", "require_extra", "text_of"]
 
 PACKAGES = ("jinja2", "plotly")
-"""What a page with plots needs."""
+"""Packages that a page with plots needs."""
 
 
 def require_extra(*names: str) -> None:
-    """Refuse to go on without the packages that a page needs, by default those of a page with plots.
+    """Check that the packages needed by a page are installed, by default those of a page with plots.
 
     Raises:
         MissingExtraError: One is not installed.
@@ -30,22 +30,22 @@ def require_extra(*names: str) -> None:
 
 
 def environment() -> Environment:
-    """Templates, which escape what is put into them and refuse what is not there."""
+    """Jinja environment that escapes inserted text and raises an error for undefined names."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    made = Environment(
+    jinja = Environment(
         loader=PackageLoader("armid.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["coded"] = _coded
-    return made
+    jinja.filters["coded"] = _coded
+    return jinja
 
 
 def _coded(text: str) -> str:
-    """Text as HTML, what stands in backticks as code."""
+    """Text as HTML; parts in backticks become code."""
     from markupsafe import Markup, escape
 
     parts = re.split("`([^`]+)`", text)
@@ -53,5 +53,5 @@ def _coded(text: str) -> str:
 
 
 def text_of(name: str) -> str:
-    """A style or script of the templates."""
+    """Text of a style sheet or script in the templates folder."""
     return (files("armid.report") / "templates" / name).read_text(encoding="utf-8")

@@ -8,10 +8,10 @@ from typing import Any
 
 from armid.report.data.number_format import share, short
 from armid.report.data.page_data import PageData
-from armid.report.plots.traces import Plot, Sight
+from armid.report.plots.traces import Plot, PlotRange
 from armid.report.tables import Table
 
-__all__ = ["Section", "cut_words", "effort_unit", "one_of"]
+__all__ = ["Section", "clipped_caption", "effort_unit", "one_of"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -20,11 +20,11 @@ class Section:
 
     Attributes:
         title: Its heading.
-        content: What its template asks for, by name.
+        content: Values for its template, by name.
         tables: Its tables.
         plots: Its plots, row by row: a heading for the row and its plots.
-        legend: Roles of the traces, and what they are.
-        template: The template that shows it; that of its name on the page where empty.
+        legend: Roles of the traces, and their descriptions.
+        template: Name of its template; if empty, the name of the section on the page.
     """
 
     title: str
@@ -35,18 +35,18 @@ class Section:
     template: str = ""
 
 
-def effort_unit(material: PageData) -> str:
-    """Unit of the joints' efforts for the head of a column."""
-    return one_of([joint.effort_unit for joint in material.joints])
+def effort_unit(page_data: PageData) -> str:
+    """Unit of the joints' torques and forces, for a column title."""
+    return one_of([joint.effort_unit for joint in page_data.joints])
 
 
 def one_of(units: list[str]) -> str:
-    """The units in a list, each once: `N·m`, or `N·m or N` on an arm that also slides."""
+    """Units in a list without duplicates: `N·m`, or `N·m or N` for an arm with prismatic joints, too."""
     return " or ".join(dict.fromkeys(units))
 
 
-def cut_words(sight: Sight, unit: str) -> str:
-    """Return what a plot leaves out, for its caption; nothing where it shows all."""
-    if sight.span is None:
+def clipped_caption(plot_range: PlotRange, unit: str) -> str:
+    """Caption of the rows outside a plot's range; empty if all rows are inside."""
+    if plot_range.span is None:
         return ""
-    return f"▲ ▼ {share(sight.share)} of the rows beyond the picture, up to {short(sight.peak)} {unit}"
+    return f"▲ ▼ {share(plot_range.share)} of the rows are outside the plot, up to {short(plot_range.peak)} {unit}"

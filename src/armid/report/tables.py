@@ -1,4 +1,4 @@
-"""Tables of a page, which are also copied as LaTeX and as CSV."""
+"""Tables of a page, also available as LaTeX and CSV."""
 
 from __future__ import annotations
 
@@ -60,20 +60,20 @@ LATEX = {
     **{small: f"$^{digit}$" for digit, small in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹") if small != "²"},
     "⁻": "$^-$",
 }
-"""What LaTeX reads as something else, or does not have in a text font."""
+"""Characters that have a special meaning in LaTeX or are missing in its text fonts, and their replacements."""
 
 ACCENTS = {"\u0302": r"\hat", "\u0307": r"\dot", "\u0308": r"\ddot"}
-"""Marks above a letter."""
+"""Combining accents and their LaTeX commands."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column.
+    """Column of a table.
 
     Attributes:
-        title: Its head.
-        unit: Unit of its numbers, where all have the same.
-        words: Whether it holds words, which stand to the left.
+        title: Its title.
+        unit: Unit of its numbers, if all have the same.
+        words: True if it holds text, which is left-aligned.
     """
 
     title: str
@@ -83,13 +83,13 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class TableCell:
-    """One cell.
+    """Cell of a table.
 
     Attributes:
-        text: What the page shows.
-        value: What CSV gets, at full precision; the text where there is none.
-        latex: What LaTeX gets; the text, made safe, where there is none.
-        kind: How it is shown: `name`, `formula`, `guessed`, `good`, `poor` or nothing.
+        text: Text on the page.
+        value: Value for CSV, at full precision; by default the text.
+        latex: Text for LaTeX; by default the escaped text.
+        kind: Style: `name`, `formula`, `guessed`, `good`, `poor` or empty.
     """
 
     text: str
@@ -100,16 +100,16 @@ class TableCell:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table.
+    """Table of a page.
 
     Attributes:
-        key: Name of it that no other table of the page has.
-        caption: What it shows.
+        key: Name that is unique on the page.
+        caption: Its caption.
         columns: Its columns.
         rows: Cells, row by row; the first of a row is its head.
-        note: What signs in it mean.
-        folded: Whether a page shows its caption alone until it is opened.
-        groups: What the rows from an index on belong to, for instance a joint.
+        note: Meaning of its symbols.
+        folded: True if the page shows only the caption until the reader opens it.
+        groups: Group titles, for instance joints, by the index of the group's first row.
     """
 
     key: str
@@ -121,7 +121,7 @@ class Table:
     groups: Mapping[int, str] = field(default_factory=dict[int, str])
 
     def csv(self) -> str:
-        """Comma-separated values at full precision, units in the head; the group of a row is its last value."""
+        """Comma-separated values at full precision, units in the titles; the last value of a row is its group."""
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
         head = [f"{column.title} [{column.unit}]" if column.unit else column.title for column in self.columns]
@@ -133,7 +133,7 @@ class Table:
         return stream.getvalue()
 
     def latex(self) -> str:
-        """A tabular with the rules of booktabs."""
+        """LaTeX tabular with booktabs rules."""
         head = [latex_text(f"{c.title} [{c.unit}]" if c.unit else c.title) for c in self.columns]
         rows: list[str] = []
         for k, row in enumerate(self.rows):
@@ -153,7 +153,7 @@ class Table:
 
 
 def latex_text(text: str) -> str:
-    """Text with what LaTeX would read as commands made safe."""
+    """Text with LaTeX's special characters escaped."""
     parts = re.split(r"(.[\u0302\u0307\u0308])", text)
     return "".join(
         rf"${ACCENTS[part[1]]}{{{LATEX.get(part[0], part[0]).strip('$')}}}$"

@@ -233,7 +233,7 @@ def test_reading_meshes_is_told_where_it_takes_long_and_somebody_watches(tmp_pat
     monkeypatch.setattr(
         console, "error_console", lambda: Console(file=text, force_terminal=watched, width=100, highlight=False)
     )
-    monkeypatch.setattr(console, "PATIENCE", patience)
+    monkeypatch.setattr(console, "MESH_MESSAGE_INTERVAL", patience)
     with console.print_missing_meshes():
         afresh(egg(tmp_path / "egg.obj"))
     assert ("0 read, now egg.obj" in text.getvalue()) == (watched and not patience)

@@ -11,7 +11,7 @@ import pytest
 
 from armid.errors import ArmidError
 from armid.excitation.limits.joint_limits import described_limits
-from armid.report.data.page_data import with_evidence
+from armid.report.data.page_data import with_recordings
 from armid.report.plots.traces import Plot
 from armid.report.sections.friction import show_friction
 from armid.report.sections.residuals import show_residuals
@@ -49,7 +49,7 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_figure_has_the_traces_of_the_page(kind: str, run: Run):
     draw, show = KINDS[kind]
-    section = show(with_evidence(run))
+    section = show(with_recordings(run))
     assert section is not None
     plots: list[Plot] = [plot for _, row in section.plots for plot in row]
     expected = [trace for plot in plots for trace in plot.traces]

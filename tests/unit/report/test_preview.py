@@ -20,7 +20,7 @@ from armid.excitation.point_to_point import Moves
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.report.preview.approach import bodies_to_watch, closest
-from armid.report.preview.clip import FRAMES, MOST_FRAMES, Clip, clip_of_plan, clip_of_recording
+from armid.report.preview.clip import FRAMES, MAX_FRAMES, Clip, clip_of_plan, clip_of_recording
 from armid.report.preview.masses import ellipsoid_of
 from armid.report.preview.meshes import mesh_record, simplified
 from armid.report.preview.page import Preview, render_preview
@@ -123,7 +123,7 @@ def test_a_plan_on_the_screen_is_the_plan(clip: Clip):
 def test_a_long_recording_has_fewer_frames_a_second():
     time = np.arange(40_000) * 0.1
     clip = clip_of_recording(Recording(time, np.sin(time)[:, None]), "long")
-    assert len(clip.time) == MOST_FRAMES + 1 and clip.time[-1] == pytest.approx(3999.9)
+    assert len(clip.time) == MAX_FRAMES + 1 and clip.time[-1] == pytest.approx(3999.9)
 
 
 def test_what_was_not_recorded_is_passed_over():

@@ -83,7 +83,7 @@ def moved(run: Run, folder: Path) -> Run:
 
 
 def test_the_page_says_what_the_run_says(page: Page, run: Run):
-    assert "✓ pass" in page.prose and "What cannot" in page.prose and "What to record or change next" in page.prose
+    assert "✓ pass" in page.prose and "Doubtful" in page.prose and "To record or change next" in page.prose
     for name in run.estimate.fit.names:
         assert name in page.words
     for digest in run.trained_on:
@@ -261,7 +261,7 @@ def test_moved_recordings_are_found(run: Run, folder: Path, tmp_path: Path):
     for name in ("run1.csv", "run2.csv"):
         shutil.copy(folder / name, there)
     found = gather(moved(run, tmp_path), data=there)
-    assert len(found.evidence) == 2 and found.missing == ()
+    assert len(found.recordings) == 2 and found.missing == ()
 
 
 def test_recordings_of_one_name_in_several_folders_are_told_apart_by_what_they_hold(
@@ -274,7 +274,7 @@ def test_recordings_of_one_name_in_several_folders_are_told_apart_by_what_they_h
     write_recording(small_recording(33), there / "run1.csv")  # the first that is met is another
     elsewhere = moved(run, tmp_path)
     found = gather(elsewhere, data=there)
-    assert len(found.evidence) == 2 and found.missing == ()
+    assert len(found.recordings) == 2 and found.missing == ()
     (there / "monday" / "run1.csv").unlink()
     (missing,) = gather(elsewhere, data=there).missing
     assert "run1.csv has changed since the run was made" in missing and str(there / "run1.csv") in missing
@@ -286,7 +286,7 @@ def test_other_recordings_of_that_name_are_not_taken(run: Run, tmp_path: Path):
     for k in (1, 2):
         write_recording(small_recording(30 + k), there / f"run{k}.csv")
     found = gather(moved(run, tmp_path), data=there)
-    assert found.evidence == () and all("has changed since the run was made" in each for each in found.missing)
+    assert found.recordings == () and all("has changed since the run was made" in each for each in found.missing)
 
 
 def test_a_damaged_record_is_refused(run: Run, tmp_path: Path):
@@ -336,7 +336,7 @@ def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
     judged = score(made.model, made.estimate, processed.observations)
     inside = np.mean(np.abs(drawn.residual) <= drawn.half_band, axis=0, where=np.isfinite(drawn.residual))
     np.testing.assert_allclose(inside, judged.coverage95, atol=1e-12)  # the same rows
-    monkeypatch.setattr(recording_data, "BAND_ROWS", len(drawn.time) // 4)
+    monkeypatch.setattr(recording_data, "INTERVAL_ROWS", len(drawn.time) // 4)
     between = evaluate_recording(made, processed).half_band
     np.testing.assert_allclose(between, drawn.half_band, rtol=0.2)  # it changes as slowly as the motion
 

@@ -23,7 +23,7 @@ from armid.report.data.page_data import PageData, gather, records_of
 from armid.report.heading import commands_of
 from armid.report.page import render
 from armid.report.plots.arm_picture import skeleton
-from armid.report.plots.traces import Sight
+from armid.report.plots.traces import PlotRange
 from armid.report.preflight_page import links_of, nearest_of_links
 from armid.report.sections.bodies import show_bodies
 from armid.report.sections.links import show_links
@@ -182,7 +182,7 @@ def test_a_few_spikes_do_not_flatten_a_residual():
     x = np.arange(4000.0)
     y = rng.normal(0.0, 0.01, len(x))
     y[[100, 3000]] = 2.0, -1.5
-    sight = Sight.of(y)
+    sight = PlotRange.of(y)
     assert sight.span is not None and sight.span[1] < 0.05 and sight.peak == 2.0
     assert np.mean(np.abs(y) <= sight.limit) >= 0.995 and sight.share == pytest.approx(2 / 4000, abs=6e-3)
     above, below = sight.cut(x, y, "residual")
@@ -190,18 +190,18 @@ def test_a_few_spikes_do_not_flatten_a_residual():
     assert sight.span[0] < below.y.min() and above.y.max() < sight.span[1]  # the marks are in the picture
     # Nor do spikes that come once a period, 2 % of the rows.
     y[::50] = 2.0
-    assert Sight.of(y).limit < 0.1 and Sight.of(y).share == pytest.approx(0.02, abs=0.006)
+    assert PlotRange.of(y).limit < 0.1 and PlotRange.of(y).share == pytest.approx(0.02, abs=0.006)
     # What has no tail is shown whole.
-    assert Sight.of(np.sin(x)).span is None and Sight.of(np.sin(x)).cut(x, np.sin(x), "") == ()
-    assert Sight.of(np.full(3, np.nan)).span is None
+    assert PlotRange.of(np.sin(x)).span is None and PlotRange.of(np.sin(x)).cut(x, np.sin(x), "") == ()
+    assert PlotRange.of(np.full(3, np.nan)).span is None
 
 
 def test_the_page_scales_residuals_to_most_rows_and_says_what_is_cut(material: PageData):
     (held_out,) = material.of_role("validate")
     measured = held_out.measured.copy()
     measured[len(measured) // 2, 0] += 50.0
-    others = tuple(each for each in material.evidence if each is not held_out)
-    changed = replace(material, evidence=(*others, replace(held_out, measured=measured)))
+    others = tuple(each for each in material.recordings if each is not held_out)
+    changed = replace(material, recordings=(*others, replace(held_out, measured=measured)))
     section = show_residuals(changed)
     assert section is not None
     plots = [plot for _, row in (*section.plots, *show_torque(changed).plots) for plot in row]
@@ -210,7 +210,7 @@ def test_the_page_scales_residuals_to_most_rows_and_says_what_is_cut(material: P
         assert plot.axes.span is not None and plot.axes.span[1] < 5.0
         assert "above" in {trace.role for trace in plot.traces}
     (plot,) = [each for each in plots if each.key == "residual-time-0"]
-    assert "beyond the picture, up to 50" in plot.caption
+    assert "outside the plot, up to 50" in plot.caption
 
 
 def test_the_residual_stands_below_each_torque(material: PageData):

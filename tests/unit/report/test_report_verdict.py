@@ -50,7 +50,7 @@ def test_bands_that_do_not_hold_are_doubted(material: PageData):
 
 def test_an_error_where_joints_stand_asks_for_no_more_motions(material: PageData):
     (unseen,) = material.of_role("validate")
-    others = [each for each in material.evidence if each is not unseen]
+    others = [each for each in material.recordings if each is not unseen]
     speed = unseen.dq.copy()
     speed[:3] = 0.0
     wrong = 100.0 * float(max(material.training_rms()))
@@ -62,14 +62,14 @@ def test_an_error_where_joints_stand_asks_for_no_more_motions(material: PageData
         record = {**material.validation["recordings"][0], "rms": np.sqrt(np.nanmean(error**2, axis=0)).tolist()}
         changed = replace(
             material,
-            evidence=(*others, replace(unseen, dq=speed, predicted=predicted)),
+            recordings=(*others, replace(unseen, dq=speed, predicted=predicted)),
             validation={**material.validation, "recordings": [record]},
         )
         words = judge_trust(changed)
         doubted[standing] = " ".join(words.doubted)
         assert any("More and other motions" in each for each in words.wanted) is not standing
-    assert "where joints stand" in doubted[True] and "times that in training" not in doubted[True]
-    assert "where joints stand" not in doubted[False] and "times that in training" in doubted[False]
+    assert "where joints stand" in doubted[True] and "times the training error" not in doubted[True]
+    assert "where joints stand" not in doubted[False] and "times the training error" in doubted[False]
 
 
 def test_friction_below_zero_is_doubted(material: PageData):
@@ -156,12 +156,12 @@ def test_sticking_is_not_taken_for_memory(material: PageData, monkeypatch: pytes
     (seen,) = material.of_role("validate")
     measured = np.zeros_like(seen.measured)
     measured[5:9, 1] = np.nan
-    stuck = replace(material, evidence=(replace(seen, measured=measured),))
+    stuck = replace(material, recordings=(replace(seen, measured=measured),))
     estimate = material.run.estimate
     told = Finding("sticking", "info", "a.csv", "Joints stand.")
     findings = replace(material.run, estimate=replace(estimate, findings=(*estimate.findings, told)))
     plain = [each for each in judge_trust(stuck).wanted if "reversals" in each]
-    assert len(plain) == 1 and "with memory rather" in plain[0] and "every joint" in plain[0]
+    assert len(plain) == 1 and "with hysteresis rather" in plain[0] and "every joint" in plain[0]
     sticking, memory = (each for each in judge_trust(replace(stuck, run=findings)).wanted if "reversals" in each)
-    assert "reversals of joint_2 comes with sticking" in sticking and "passes rest quickly" in sticking
-    assert "with memory rather" in memory and "joint_2" not in memory
+    assert "reversals of joint_2 is due to sticking" in sticking and "passes rest quickly" in sticking
+    assert "with hysteresis rather" in memory and "joint_2" not in memory

@@ -1,4 +1,4 @@
-"""`armid base`: which parameters the torques of an arm can show."""
+"""`armid base`: base parameters of an arm, the ones that its torques determine."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["base"]
 
 
 class Style(StrEnum):
-    """Rules for writing formulas."""
+    """Notation of formulas."""
 
     text = "text"
     latex = "latex"
@@ -44,9 +44,12 @@ def base(
     tip: TipLink = None,
     package: Package = None,
     terms: Terms = None,
-    style: Annotated[Style, typer.Option(help="How formulas are written.")] = Style.text,
+    style: Annotated[Style, typer.Option(help="Notation of the formulas.")] = Style.text,
     columns: Annotated[
-        bool, typer.Option("--columns", help="Also how each removed column depends on kept ones.")
+        bool,
+        typer.Option(
+            "--columns", help="Also print how each removed column of the regressor depends on the kept ones."
+        ),
     ] = False,
     json: Json = False,
 ) -> None:
@@ -65,34 +68,35 @@ def base(
     from armid.study.records import to_json
 
     arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package))
-    found = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))
+    base_parameters = find_base_parameters(build_model(arm, model_choice(terms, default=BASE_TERMS)))
     if json:
-        sys.stdout.write(to_json(base_record(found)) + "\n")
+        sys.stdout.write(to_json(base_record(base_parameters)) + "\n")
         print_findings(arm.findings)
         return
-    formulas = base_formulas(found, style.value)
-    more = ("", *column_formulas(found, style.value)) if columns else ()
+    formulas = base_formulas(base_parameters, style.value)
+    dependencies = ("", *column_formulas(base_parameters, style.value)) if columns else ()
     if style is Style.latex:
         lines: Sequence[str] = formulas
     else:
-        zero = [found.standard_names[k] for k in found.zero_columns]
+        zero = [base_parameters.standard_names[k] for k in base_parameters.zero_columns]
         output_console().print(
-            f"[bold]{arm.name}[/]: {found.count} base parameters of {len(found.standard_names)}, "
-            f"{count_text(found.names)}; {len(zero)} without effect" + (f" ({', '.join(zero)})" if zero else "")
+            f"[bold]{arm.name}[/]: {base_parameters.count} base parameters of "
+            f"{len(base_parameters.standard_names)}, {count_text(base_parameters.names)}; {len(zero)} without effect"
+            + (f" ({', '.join(zero)})" if zero else "")
         )
-        lines = _grouped(found, formulas, arm.joint_names)
-    sys.stdout.write("\n".join((*lines, *more)) + "\n")
+        lines = _group_by_joint(base_parameters, formulas, arm.joint_names)
+    sys.stdout.write("\n".join((*lines, *dependencies)) + "\n")
     print_findings(arm.findings)
 
 
-def _grouped(found: BaseParameters, formulas: Sequence[str], joints: Sequence[str]) -> list[str]:
-    """Base parameters under their joints: groupings as formulas, then those that stand for themselves alone."""
+def _group_by_joint(base_parameters: BaseParameters, formulas: Sequence[str], joints: Sequence[str]) -> list[str]:
+    """Lines by joint: base parameters that are sums, as formulas; then those of a single parameter, as names."""
     from armid.model.parameter_counts import by_joint
 
     lines: list[str] = []
-    for number, own in by_joint(found.names).items():
-        grouped = [k for k in own if formulas[k] != f"{found.names[k]} = {found.names[k]}"]
-        alone = [found.names[k] for k in own if k not in grouped]
+    for number, indices in by_joint(base_parameters.names).items():
+        grouped = [k for k in indices if formulas[k] != f"{base_parameters.names[k]} = {base_parameters.names[k]}"]
+        single = [base_parameters.names[k] for k in indices if k not in grouped]
         lines += [f"{number} {joints[number - 1]}", *(f"  {formulas[k]}" for k in grouped)]
-        lines += [f"  {', '.join(alone)}"] if alone else []
+        lines += [f"  {', '.join(single)}"] if single else []
     return lines

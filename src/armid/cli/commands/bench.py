@@ -1,4 +1,4 @@
-"""`armid bench`: how fast the kernel is here, beside what one would use instead."""
+"""`armid bench`: speed of the kernel on this machine, compared with other packages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def bench(
     samples: Annotated[int, typer.Option(min=2000, help="Samples of the least-squares problem.")] = 216_000,
     json: Json = False,
 ) -> None:
-    """Measure ratios of CPU time on one thread, side by side in this run.
+    """Measure the kernel's CPU time on one thread against that of other packages, in the same run.
 
     Example:
         armid bench --samples 50000

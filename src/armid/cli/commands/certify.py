@@ -1,4 +1,4 @@
-"""`armid certify`: can these parameters belong to a real body?"""
+"""`armid certify`: physical consistency of parameters and the mass matrix over all poses."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RULES = {
     "(3.53e)": "moments about x and y at least three times that about z, as of a link that is long along z",
     "(3.53f)": "moments about x and z at least three times that about y, as of a link that is long along y",
 }
-"""What the constraints of the thesis [Halper2024] ask for, by their number there."""
+"""Requirement of each constraint of the thesis [Halper2024], by its number there."""
 
 
 def certify(
@@ -43,7 +43,7 @@ def certify(
             help="{name: value} by base (ZZR_1), standard (ZZ_1) or physical names (m_1, rx_1, Ixx_1); FV_1, FS_1.",
         ),
     ] = None,
-    motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Look at the mass matrix along it too.")] = None,
+    motion: Annotated[str | None, typer.Option(metavar="PLAN", help="Mass matrix along this plan, too.")] = None,
     heaviest: Annotated[
         float | None,
         typer.Option(
@@ -61,7 +61,7 @@ def certify(
 ) -> None:
     """Certify parameters: physical consistency, the mass matrix over all poses, rules of thumb for single links.
 
-    Exit code 1 says that they are not physically consistent: no links of positive density have them.
+    Exit code 1: the parameters are not physically consistent, that is, no links of positive density have them.
 
     Examples:
         armid certify runs/today
@@ -91,7 +91,7 @@ def certify(
 
 
 def _report(verdict: Verdict, motion: str | None) -> None:
-    """The verdict on standard output, what it means on standard error."""
+    """Print the verdict on standard output and the findings on standard error."""
     from armid.cli.console import output_console, print_findings
 
     console, certificate = output_console(), verdict.certificate
@@ -116,7 +116,9 @@ def _report(verdict: Verdict, motion: str | None) -> None:
         console.print(f"  along {motion}: {verdict.along.min_eigenvalue:.5g} {verdict.along.unit}")
     broken = [each for each in verdict.constraints if not each.ok]
     if broken:
-        console.print("rules of thumb that are not met; sound bodies break some of them, and they decide nothing:")
+        console.print(
+            "rules of thumb that are not met; they do not affect the verdict, because real bodies break some of them:"
+        )
     for each in broken:
         note = " (met within rounding)" if each.rounding else ""
         rule = f"{RULES[each.constraint]} {each.constraint}"

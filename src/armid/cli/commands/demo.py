@@ -1,4 +1,4 @@
-"""`armid demo`: the whole job out of the box."""
+"""`armid demo`: simulation, identification and validation of a virtual arm."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ def demo(
     preset: Annotated[
         LogPreset | None, typer.Option(help="`thesis`: process and estimate as the thesis does.")
     ] = None,
-    edges: Annotated[str, typer.Option(help="Treatment of the ends: periodic, pad or drop.")] = "periodic",
+    edges: Annotated[
+        str, typer.Option(help="Treatment of the ends of a recording: periodic, pad or drop.")
+    ] = "periodic",
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     threads: Threads = 1,
     no_report: NoReport = False,
@@ -27,7 +29,7 @@ def demo(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Identify and validate a virtual KUKA LBR iiwa 14, hanging, on the motions of the thesis.
+    """Identify and validate a virtual, hanging KUKA LBR iiwa 14 on the motions of the thesis.
 
     The arm is recorded at 8 kHz through five repetitions of Table A.1 over 27 s, with friction of Table 4.1 and noise
     (1e-5 rad, 0.3 N·m), and validated on Table A.2.

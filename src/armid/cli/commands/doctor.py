@@ -1,4 +1,4 @@
-"""`armid doctor`: what is wrong with a log, before anyone trusts it."""
+"""`armid doctor`: faults of a recording, found before it is used."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def doctor(
     units: Units = None,
     columns: Columns = None,
     time_unit: TimeUnit = None,
-    period: Annotated[float | None, typer.Option(help="The motion repeats with this period, s.")] = None,
+    period: Annotated[float | None, typer.Option(help="Period of the motion, s.")] = None,
     gravity: Gravity = None,
     lock: Lock = None,
     only: Only = None,
@@ -54,8 +54,8 @@ def doctor(
 ) -> None:
     """Examine recordings: signs, order, units, zeros, gravity, clock, delays, channels, motion.
 
-    Nothing is repaired. Each finding has its evidence and the line of a study that takes care of it; without a
-    study, the option that does, or a study to write. Exit code 1 says that there is an error among them.
+    Nothing is repaired. Each finding gives its evidence and its remedy: a line for the study, or without a study an
+    option of the command line or a study to write. Exit code 1: there is at least one error.
 
     Examples:
         armid doctor study.toml
@@ -67,50 +67,54 @@ def doctor(
     from armid.study.diagnosis import diagnose, diagnosis_record, has_errors
     from armid.study.records import to_json
 
-    said = given(columns, rate, torque_sign, units, time_unit, period)
+    reading_options = given(columns, rate, torque_sign, units, time_unit, period)
     if not recordings:
         if Path(subject).suffix != ".toml":
-            raise ArmidError(f"{subject} is no study, and no recording is given.", remedy="give a recording of it.")
-        if said or any((gravity, lock, only, tip, package, terms)):
+            raise ArmidError(
+                f"{subject} is not a study, and no recording is given.", remedy="give a recording of it."
+            )
+        if reading_options or any((gravity, lock, only, tip, package, terms)):
             raise StudyError(
-                f"{subject} says all by itself; options are for an arm and recordings.",
-                remedy="write it into the study.",
+                f"{subject} is a study and takes no options; options are for an arm and recordings.",
+                remedy="write them into the study.",
             )
         study = load_study(subject)
     else:
-        reading = LogFormat(**said)
+        reading = LogFormat(**reading_options)
         choices = tuple(RecordingChoice(path, reading=reading) for path in recordings)
         study = Study(robot_choice(subject, gravity, lock, only, tip, package), model_choice(terms), choices)
-    found = diagnose(study)
+    diagnoses = diagnose(study)
     if json:
-        sys.stdout.write(to_json(diagnosis_record(found)) + "\n")
+        sys.stdout.write(to_json(diagnosis_record(diagnoses)) + "\n")
     else:
-        _report(_without_study(found, study, said) if recordings else found)
-    if has_errors(found):
+        _report(_without_study(diagnoses, study, reading_options) if recordings else diagnoses)
+    if has_errors(diagnoses):
         raise typer.Exit(1)
 
 
-def _without_study(found: tuple[Diagnosis, ...], study: Study, said: dict[str, Any]) -> tuple[Diagnosis, ...]:
-    """The findings with remedies for somebody who has no study: an option, or the study that is needed."""
+def _without_study(
+    diagnoses: tuple[Diagnosis, ...], study: Study, reading_options: dict[str, Any]
+) -> tuple[Diagnosis, ...]:
+    """Findings with remedies for use without a study: an option, or the text of the study that is needed."""
     from dataclasses import replace
 
     from armid.cli.hints import options_of_command
     from armid.study.remedies import as_option, as_study, tables_of
 
-    def told(remedy: str, path: str) -> str:
+    def without_study(remedy: str, path: str) -> str:
         if not tables_of(remedy):
             return remedy
         option = as_option(remedy, options_of_command())
-        return option or f"in a study.toml:\n{as_study(remedy, study, path, said)}"
+        return option or f"in a study.toml:\n{as_study(remedy, study, path, reading_options)}"
 
     return tuple(
-        replace(each, findings=tuple(replace(f, remedy=told(f.remedy, each.path)) for f in each.findings))
-        for each in found
+        replace(each, findings=tuple(replace(f, remedy=without_study(f.remedy, each.path)) for f in each.findings))
+        for each in diagnoses
     )
 
 
-def _report(found: tuple[Diagnosis, ...]) -> None:
-    """A table for each recording."""
+def _report(diagnoses: tuple[Diagnosis, ...]) -> None:
+    """Print a table of findings for each recording."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -119,7 +123,7 @@ def _report(found: tuple[Diagnosis, ...]) -> None:
 
     console = output_console()
     colours = {"error": "red", "warning": "yellow", "info": "dim"}
-    for each in found:
+    for each in diagnoses:
         if not each.findings:
             console.print(f"{escape(each.path)}: [green]nothing found[/]")
             continue

@@ -17,34 +17,33 @@ if TYPE_CHECKING:
 
 __all__ = ["export"]
 
-Moved = Annotated[Path | None, typer.Option(metavar="FILE", help="Where the robot description is, if it was moved.")]
+Moved = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot description, if it was moved.")]
 Limit = Annotated[
     list[str] | None,
     typer.Option(
         "--limit",
         metavar="JOINT.KIND=VALUE",
-        help="Limits for a file of its own: A1.effort=80, '*.velocity=2', A1.position=-1:1; repeatable.",
+        help="Limits for a new file: A1.effort=80, '*.velocity=2', A1.position=-1:1; repeatable.",
     ),
 ]
 Nearest = Annotated[
     bool,
-    typer.Option("--nearest", help="Share mass between links as the description does where torque does not tell."),
+    typer.Option(
+        "--nearest", help="Where torques do not determine how links share mass, share it as the description does."
+    ),
 ]
 Lumped = Annotated[
     bool,
     typer.Option(
         "--lumped",
-        help="Give the whole of a link to the body that carries others on fixed or held joints; those are written "
-        "without mass.",
+        help="Give all mass of a link to its main body; bodies on fixed or held joints are written without mass.",
     ),
 ]
-Unphysical = Annotated[
-    bool, typer.Option("--allow-unphysical", help="Write links that are not physically consistent, too.")
-]
+Unphysical = Annotated[bool, typer.Option("--allow-unphysical", help="Also write physically inconsistent links.")]
 Unidentified = Annotated[
     bool,
     typer.Option(
-        "--allow-unidentified", help="Write links whose mass neither torque nor the description tells, too."
+        "--allow-unidentified", help="Also write links whose mass neither torque nor the description determines."
     ),
 ]
 
@@ -65,7 +64,9 @@ def export(
     to: To,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Where to write, code into a folder; in the run's if left out."),
+        typer.Option(
+            "--out", metavar="FILE", help="File to write, or a folder for code; by default in the run's folder."
+        ),
     ] = None,
     description: Moved = None,
     data: Data = None,
@@ -78,8 +79,8 @@ def export(
 ) -> None:
     """Write the identified values into a copy of the robot description, or the model as source code, and check it.
 
-    A description of the same format is edited where numbers change and nowhere else; another format gives a file of
-    its own, without shapes. What the format has no place for stands in FILE.armid.json beside it.
+    In a description of the same format only the numbers that change are edited; another format gives a new file
+    without shapes. FILE.armid.json next to it holds what the format cannot store.
 
     Examples:
         armid export runs/today --to urdf --out arm_identified.urdf
@@ -115,7 +116,7 @@ def export(
 
 
 def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:
-    """Source code of the run's model."""
+    """Write the run's model as source code and print the written files."""
     from armid.export.code import code_record, export_code
     from armid.runs.run import load_run
     from armid.study.records import to_json
@@ -126,17 +127,19 @@ def _code(run: str, to: str, out: Path | None, *, json: bool) -> None:
 
 
 def _report(exported: Exported) -> None:
-    """Print what was written on standard output, what is to be known of it on standard error."""
+    """Print the written files and checks on standard output, and the findings on standard error."""
     from armid.cli.console import print_findings
 
-    how = f"{exported.edited}, edited" if exported.edited else "a file of its own"
-    lines = [f"{exported.path} written ({how}); the whole model in {exported.side}"]
+    origin = f"{exported.edited}, edited" if exported.edited else "a new file"
+    lines = [f"{exported.path} written ({origin}); the whole model in {exported.side}"]
     lines += [
-        f"  ok {check.value:8.1e}  {check.name}" for check in exported.checks if not check.name.startswith(PLACES)
+        f"  ok {check.value:8.1e}  {check.name}"
+        for check in exported.checks
+        if not check.name.startswith(JOINT_CHECKS)
     ]
     sys.stdout.write("\n".join(lines) + "\n")
     print_findings(exported.findings)
 
 
-PLACES = ("viscous", "coulomb", "rotor-inertia")
-"""Checks of single numbers, of which there is one for every joint."""
+JOINT_CHECKS = ("viscous", "coulomb", "rotor-inertia")
+"""Names of checks that exist once for every joint; they are not printed."""

@@ -1,4 +1,4 @@
-"""`armid identify`: the main job."""
+"""`armid identify`: estimation of a model from recordings, and its validation."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 __all__ = ["identify"]
 
 
-PERIOD_HELP = "Period of the motion, s; found in the positions where it is left out."
+PERIOD_HELP = "Period of the motion, s; by default found from the positions."
 
 
 class LogPreset(StrEnum):
-    """Ways of processing and estimating under one name."""
+    """Named sets of options for processing and estimation."""
 
     thesis = "thesis"
 
@@ -60,25 +60,26 @@ Inputs = Annotated[
 HeldOut = Annotated[
     list[str] | None,
     typer.Option(
-        "--validate", metavar="RECORDING…", help="Recordings to check the model on; options hold for them, too."
+        "--validate", metavar="RECORDING…", help="Recordings to validate the model on; read with the same options."
     ),
 ]
 Cutoff = Annotated[
-    str | None, typer.Option(metavar="HZ|auto", help="Cut-off of the filter, Hz; 5 by default; auto: by the motion.")
+    str | None,
+    typer.Option(metavar="HZ|auto", help="Cut-off of the filter, Hz; 5 by default; auto: from the motion."),
 ]
 Edges = Annotated[str | None, typer.Option(metavar="drop|pad|periodic", help="Ends of a recording; drop by default.")]
 Slow = Annotated[
-    float | None, typer.Option(help="Rows count for a joint only while it is as fast as this, rad/s or m/s; 0.")
+    float | None, typer.Option(help="Least speed at which rows of a joint count, rad/s or m/s; 0 by default.")
 ]
 Standstill = Annotated[
-    str | None, typer.Option(metavar="drop|keep", help="Rows of a joint that stands among others; drop by default.")
+    str | None, typer.Option(metavar="drop|keep", help="Rows in which a joint stands still; drop by default.")
 ]
 Method = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
         help=f"Estimator: {', '.join(METHODS)}; wls by default, ridge with --terms auto. "
-        "physical gives every link a body.",
+        "physical makes every link physically consistent.",
         autocompletion=among(METHODS),
     ),
 ]
@@ -107,16 +108,16 @@ def identify(
     slow: Slow = None,
     standstill: Standstill = None,
     method: Method = None,
-    compare: Annotated[bool, typer.Option("--compare", help="Also try every other method; one table.")] = False,
+    compare: Annotated[bool, typer.Option("--compare", help="Also print a table of all methods.")] = False,
     threads: Threads = 1,
     no_report: NoReport = False,
     verbose: Verbose = False,
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Identify base parameters and friction from recordings, and check them on unseen motion.
+    """Identify base parameters and friction from recordings, and validate them on held-out motion.
 
-    Everything that a recording needs to be understood fits in a study.toml; the options here cover the plain cases.
+    A study.toml can describe every kind of recording; the options here cover the simple cases.
 
     Examples:
         armid identify study.toml --out runs/today
@@ -131,41 +132,43 @@ def identify(
 
     if out is not None:
         refuse_folder(out)
-    said = given(columns, rate, torque_sign, units, time_unit, _period(period))
-    study = _study(inputs, validate or [], said, (gravity, lock, only, tip, package), terms)
-    how = {"cutoff": _cutoff(cutoff), "edges": edges, "slow": slow, "standstill": standstill}
-    study = _overridden(study, preset, how, method)
+    reading = given(columns, rate, torque_sign, units, time_unit, _period(period))
+    study = _study(inputs, validate or [], reading, (gravity, lock, only, tip, package), terms)
+    processing = {"cutoff": _cutoff(cutoff), "edges": edges, "slow": slow, "standstill": standstill}
+    study = _overridden(study, preset, processing, method)
     prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
-    print_findings(_shared(study, validate or []))
+    print_findings(_shared_format_finding(study, validate or []))
     folder, replaced = _save(result, table, out)
     _print(result, table, folder, verbose=verbose, json=json)
     page = not no_report and write_page(folder, prepared.recordings)
     if not json:
-        print_next(result, folder, page=page, replaced=replaced, asked=inputs)
+        print_next(result, folder, page=page, replaced=replaced, inputs=inputs)
     if result.validation.verdict == "fail":
         raise typer.Exit(1)
 
 
-def _shared(study: Study, validate: list[str]) -> list[Finding]:
-    """That recordings to check the model on were read as those that train, where that says anything."""
+def _shared_format_finding(study: Study, validate: list[str]) -> list[Finding]:
+    """Finding that validation recordings are read with the log format of the training recordings."""
     from armid.errors import Finding
     from armid.measurement.log_format import LogFormat
     from armid.measurement.remedy import lines
 
-    how, plain = next(choice.reading for choice in study.recordings if choice.role == "train"), LogFormat()
-    keys = {field.name: getattr(how, field.name) for field in fields(LogFormat) if field.name != "exclude"}
-    keys = {key: value for key, value in keys.items() if repr(value) != repr(getattr(plain, key))}
+    shared, default = next(choice.reading for choice in study.recordings if choice.role == "train"), LogFormat()
+    keys = {field.name: getattr(shared, field.name) for field in fields(LogFormat) if field.name != "exclude"}
+    keys = {key: value for key, value in keys.items() if repr(value) != repr(getattr(default, key))}
     if not validate or not keys:
         return []
-    told = ", ".join(lines(**{key: value}) for key, value in keys.items())
+    options = ", ".join(lines(**{key: value}) for key, value in keys.items())
     names = ", ".join(Path(path).name for path in validate)
-    return [Finding("reading-shared", "info", "", f"{told} holds for {names} as for the recordings that train.")]
+    return [
+        Finding("reading-shared", "info", "", f"{options} also holds for {names}, as for the training recordings.")
+    ]
 
 
 def _identified(
     study: Study, threads: int, *, compare: bool, quiet: bool
 ) -> tuple[Prepared, Result, MethodTable | None]:
-    """The work itself, under a bar: what was prepared, the result, and every method beside it if asked."""
+    """Prepared data, the result, and the comparison of methods if requested; shows a progress bar."""
     from armid.cli.console import progress
     from armid.study import identify as stage
     from armid.study.compare import compare_methods
@@ -177,7 +180,7 @@ def _identified(
 
 
 def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[Path, bool]:
-    """Write the run; its folder, and whether another run was there."""
+    """Write the run; return its folder, and true if it replaced an earlier run."""
     from armid.runs.run import save_run
     from armid.study.compare import compare_record
 
@@ -188,7 +191,7 @@ def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[
 
 
 def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: bool, json: bool) -> None:
-    """The result on standard output, one JSON object or tables, and its findings on standard error."""
+    """Print the result on standard output, as JSON or as tables, and its findings on standard error."""
     from armid.cli.console import print_findings, print_methods
     from armid.cli.identification_result import print_result
     from armid.estimation.link_properties import link_record, link_table
@@ -215,26 +218,26 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: 
 def _study(
     inputs: list[str],
     validate: list[str],
-    said: dict[str, Any],
+    reading: dict[str, Any],
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """The study that the arguments name or describe, with what they say of a reading."""
+    """Study that the arguments name or describe, with the log format that they give."""
     from armid.measurement.log_format import LogFormat
     from armid.study.config import RecordingChoice, Study, default_estimation
 
     if len(inputs) == 1:
-        return _changed_study(inputs[0], validate, said, arm, terms)
-    how = LogFormat(**said)
-    recordings = tuple(RecordingChoice(path, reading=how) for path in inputs[1:])
-    recordings += tuple(RecordingChoice(path, "validate", how) for path in validate)
+        return _changed_study(inputs[0], validate, reading, arm, terms)
+    log_format = LogFormat(**reading)
+    recordings = tuple(RecordingChoice(path, reading=log_format) for path in inputs[1:])
+    recordings += tuple(RecordingChoice(path, "validate", log_format) for path in validate)
     model = model_choice(terms)
     robot = robot_choice(inputs[0], *arm)
     return Study(robot, model, recordings, estimation=default_estimation(model))
 
 
 def _period(text: str | None) -> float | str | None:
-    """Return what --period says."""
+    """Value of --period."""
     from armid.errors import StudyError
 
     if text is None or text == "none":
@@ -242,11 +245,11 @@ def _period(text: str | None) -> float | str | None:
     try:
         return float(text)
     except ValueError:
-        raise StudyError(f"--period {text} is no time.", possible="a number [s], none") from None
+        raise StudyError(f"--period {text} is not a time.", possible="a number [s], none") from None
 
 
 ARM = ("gravity", "lock", "tip", "only")
-"""What the command line may say of an arm, beside a study."""
+"""Properties of an arm that the command line may override in a study."""
 
 
 def _changed_study(
@@ -256,35 +259,35 @@ def _changed_study(
     arm: tuple[Any, ...],
     terms: str | None,
 ) -> Study:
-    """The study of a file with what the command line says beside it; more recordings are read as its first one."""
+    """Study of a file, changed by the command line; added recordings are read like its first one."""
     from armid.errors import StudyError
     from armid.study.config import RecordingChoice, default_estimation, load_study
 
     if not path.endswith(".toml"):
         raise StudyError(
-            f"{path} alone is no study, and an arm needs recordings.",
+            f"{path} is not a study, and an arm needs recordings.",
             remedy="give a study.toml, or an arm followed by its recordings.",
         )
     if reading:
         options = ", ".join("--" + name.replace("_", "-") for name in reading)
         raise StudyError(
-            f"{path} says itself how its recordings are to be read; found {options}.",
-            remedy="write it into the [[recording]] tables of the study.",
+            f"{path} defines the log format of its recordings; found {options} as well.",
+            remedy="write these into the [[recording]] tables of the study.",
         )
     study = load_study(path)
-    said = robot_choice(study.robot.description, *arm)
-    given = {key: value for key in ARM if (value := getattr(said, key))}
-    robot = replace(study.robot, **given)
+    overrides = robot_choice(study.robot.description, *arm)
+    changes = {key: value for key in ARM if (value := getattr(overrides, key))}
+    robot = replace(study.robot, **changes)
     first = next(choice.reading for choice in study.recordings if choice.role == "train")
-    alike = replace(first, exclude=())
-    extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate", alike) for path in validate)
+    same_format = replace(first, exclude=())
+    extra = tuple(RecordingChoice(str(Path(path).absolute()), "validate", same_format) for path in validate)
     model = study.model if terms is None else model_choice(terms)
     estimation = default_estimation(model) if model.automatic and not study.model.automatic else study.estimation
     return replace(study, robot=robot, model=model, recordings=(*study.recordings, *extra), estimation=estimation)
 
 
 def _cutoff(text: str | None) -> float | str | None:
-    """Return what --cutoff says."""
+    """Value of --cutoff."""
     from armid.errors import StudyError
 
     if text is None or text == "auto":
@@ -292,11 +295,13 @@ def _cutoff(text: str | None) -> float | str | None:
     try:
         return float(text)
     except ValueError:
-        raise StudyError(f"--cutoff {text} is no frequency.", possible="a number [Hz], auto") from None
+        raise StudyError(f"--cutoff {text} is not a frequency.", possible="a number [Hz], auto") from None
 
 
-def _overridden(study: Study, preset: LogPreset | None, how: dict[str, Any], method: str | None) -> Study:
-    """The study with what the command line says of processing and estimation; of `how` counts what is not `None`."""
+def _overridden(
+    study: Study, preset: LogPreset | None, given_processing: dict[str, Any], method: str | None
+) -> Study:
+    """Study with the processing and estimation given on the command line; `None` keeps the study's value."""
     from armid.measurement.processing.options import THESIS
     from armid.study.config import EstimationChoice
 
@@ -305,7 +310,7 @@ def _overridden(study: Study, preset: LogPreset | None, how: dict[str, Any], met
         processing = THESIS
         estimation = EstimationChoice("ols")
         model = model if model.terms else model_choice(None, default=BASE_TERMS)
-    changes = {key: value for key, value in how.items() if value is not None}
+    changes = {key: value for key, value in given_processing.items() if value is not None}
     if "edges" in changes:
         changes["average"] = processing.average and changes["edges"] == "periodic"
     processing = replace(processing, **changes)

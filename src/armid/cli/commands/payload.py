@@ -1,4 +1,4 @@
-"""`armid payload`: the load or tool of a known arm, or its drive gains from a load that is known."""
+"""`armid payload`: payload or tool of an identified arm, or its drive gains from a known payload."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ __all__ = ["payload"]
 
 
 def payload(
-    run: Annotated[str, typer.Argument(help="Run of the arm without the load.")],
-    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings with the load.")],
+    run: Annotated[str, typer.Argument(help="Run of the arm without the payload.")],
+    recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Recordings with the payload.")],
     mass: Annotated[
-        float | None, typer.Option(metavar="KG", help="The load's mass is known; the drive gains are asked for.")
+        float | None, typer.Option(metavar="KG", help="Known mass of the payload; the drive gains are estimated.")
     ] = None,
     com: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(metavar="X Y Z", help="Its centre of mass in the tip frame is known, too, m."),
+        typer.Option(metavar="X Y Z", help="Known centre of mass of the payload in the tip frame, m."),
     ] = None,
     gain_deviation: Annotated[
         float | None, typer.Option(min=0.0, help="Relative standard deviation of the drive gains, as 0.1.")
     ] = None,
     same_friction: Annotated[
-        bool, typer.Option("--same-friction", help="Friction is that of the run; by default it may have changed.")
+        bool, typer.Option("--same-friction", help="Keep the friction of the run; by default it may have changed.")
     ] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -41,7 +41,7 @@ def payload(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Find the ten parameters of a load, read and processed as the run's own recordings were.
+    """Estimate the ten inertial parameters of a payload; recordings are processed as the run's own.
 
     Examples:
         armid payload runs/arm with_load.csv
@@ -76,7 +76,7 @@ def payload(
 
 
 def _report(payload: Payload) -> None:
-    """Tables on standard output."""
+    """Print tables on standard output."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -99,19 +99,19 @@ def _report(payload: Payload) -> None:
     for name in ("joint", "given", "found", "correction", "95 % interval"):
         table.add_column(name, justify="left" if name == "joint" else "right")
     for each in record["gains"]:
-        seen = each["gain"] is not None
+        determined = each["gain"] is not None
         table.add_row(
             escape(each["joint"]),
             f"{each['given']:.3f}",
-            f"{each['gain']:.3f}" if seen else "-",
-            f"{100 * each['correction']:+.1f} %" if seen else "-",
-            _interval(100 * each["interval95"], 1) if seen else "-",
+            f"{each['gain']:.3f}" if determined else "-",
+            f"{100 * each['correction']:+.1f} %" if determined else "-",
+            _interval(100 * each["interval95"], 1) if determined else "-",
         )
     console.print(table)
 
 
 def _body(payload: Payload) -> Table:
-    """Mass, centre of mass and inertia about it, which is what robot controllers ask for."""
+    """Table of mass, centre of mass and inertia about it, the values that robot controllers need."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -135,14 +135,14 @@ def _body(payload: Payload) -> Table:
 
 
 def _parameters(record: dict[str, Any]) -> Table:
-    """The ten parameters about the frame's origin; intervals by noise alone where gains make a difference."""
+    """Table of the ten parameters about the frame's origin; with a second interval if the gains are uncertain."""
     import numpy as np
     from rich.table import Table
 
     parameters = record["parameters"]
-    apart = any(not np.array_equal(p["interval95"], p["statistical95"], equal_nan=True) for p in parameters)
-    table = Table(title="The same about the frame's origin, as torques show it", header_style="bold")
-    names = ["parameter", "value", "unit", "95 % interval", *(["with exact gains"] if apart else []), "status"]
+    differs = any(not np.array_equal(p["interval95"], p["statistical95"], equal_nan=True) for p in parameters)
+    table = Table(title="The same about the frame's origin, as the torques determine it", header_style="bold")
+    names = ["parameter", "value", "unit", "95 % interval", *(["with exact gains"] if differs else []), "status"]
     for name in names:
         table.add_column(name, justify="left" if name in ("parameter", "unit", "status") else "right")
     for each in parameters:
@@ -151,13 +151,13 @@ def _parameters(record: dict[str, Any]) -> Table:
             f"{each['value']:.4f}",
             each["unit"],
             _interval(each["interval95"]),
-            *([_interval(each["statistical95"])] if apart else []),
+            *([_interval(each["statistical95"])] if differs else []),
             "known" if each["known"] else each["status"],
         )
     return table
 
 
 def _interval(ends: Array, decimals: int = 4) -> str:
-    """Both ends of an interval, or a dash where there is none."""
+    """Both ends of an interval; a dash if there is none."""
     low, high = ends
     return f"{low:.{decimals}f} … {high:.{decimals}f}" if low == low else "-"

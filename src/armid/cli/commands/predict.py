@@ -1,4 +1,4 @@
-"""`armid predict`: the torque that a run's model says for a motion."""
+"""`armid predict`: torque that the model of a run predicts for a motion."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ def predict(
         str,
         typer.Argument(metavar="RECORDING | PLAN", help="A recording; a plan.json, its folder or files."),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to write, .csv or .npz.")] = Path(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write, .csv or .npz.")] = Path(
         "torque.csv"
     ),
     band: Annotated[
-        bool, typer.Option("--band", help="Write half of the 95 % band's width of each joint, too.")
+        bool, typer.Option("--band", help="Also write half the width of the 95 % prediction interval of each joint.")
     ] = False,
-    plan_rate: Annotated[float, typer.Option(help="Samples a second of a plan, Hz.")] = 100.0,
-    rate: Annotated[float | None, typer.Option(help="Samples a second of a recording without a clock, Hz.")] = None,
+    plan_rate: Annotated[float, typer.Option(help="Sampling rate of a plan, Hz.")] = 100.0,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate of a recording without a clock, Hz.")] = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     json: Json = False,
 ) -> None:
     """Predict joint torques along a recording's motion or a plan and write them to a file.
 
-    The band is that of the torque in the study's band of frequencies: a sensor's noise beyond it comes on top.
+    The interval holds for the torque in the pass-band of the study; sensor noise above the cut-off is not included.
 
     Example:
         armid predict runs/today plan.json --band --out torque.csv
@@ -52,8 +52,8 @@ def predict(
     if out.resolve() == Path(motion).resolve():
         raise ArmidError(f"{out} is the motion itself.", remedy="write the torque to another file with --out.")
     loaded = load_run(run)
-    how = changed_reading(loaded.reading, rate, torque_sign, columns)
-    along = prediction.motion_of(loaded, motion, rate=plan_rate, reading=how)
+    reading = changed_reading(loaded.reading, rate, torque_sign, columns)
+    along = prediction.motion_of(loaded, motion, rate=plan_rate, reading=reading)
     torque = prediction.predict(loaded, along)
     width = prediction.band(loaded, along) if band else None
     path = prediction.write_torque(out, along, torque, loaded.robot.joint_names, band=width)
@@ -66,6 +66,6 @@ def predict(
         sys.stdout.write(
             f"{plural(along.samples, 'sample')} of {plural(loaded.robot.n, 'joint')} written to {path}\n"
         )
-    asked = np.max(np.abs(along.dq), axis=0, initial=0.0)
-    beyond = speed_finding(loaded.robot, loaded.estimate.speeds, asked, Path(motion).name)
+    top_speed = np.max(np.abs(along.dq), axis=0, initial=0.0)
+    beyond = speed_finding(loaded.robot, loaded.estimate.speeds, top_speed, Path(motion).name)
     print_findings([] if beyond is None else [beyond])

@@ -1,4 +1,4 @@
-"""`armid recalibrate`: a run brought up to date after a change of friction or tool."""
+"""`armid recalibrate`: update of a run after a change of friction or tool."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ __all__ = ["recalibrate"]
 
 
 def recalibrate(
-    run: Annotated[str, typer.Argument(help="The earlier run.")],
+    run: Annotated[str, typer.Argument(help="Earlier run.")],
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="New recordings of the same arm.")],
     validate: Annotated[
         list[str] | None,
-        typer.Option("--validate", metavar="RECORDING…", help="To check on: of after the change, too."),
+        typer.Option("--validate", metavar="RECORDING…", help="Validation recordings, also made after the change."),
     ] = None,
-    tool: Annotated[bool, typer.Option("--tool", help="The tool has changed, too: the last link.")] = False,
+    tool: Annotated[bool, typer.Option("--tool", help="The tool, that is the last link, has changed, too.")] = False,
     everything: Annotated[
-        bool, typer.Option("--all", help="Everything may have changed: only the new recordings count.")
+        bool, typer.Option("--all", help="Everything may have changed: use only the new recordings.")
     ] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
@@ -35,7 +35,7 @@ def recalibrate(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Estimate friction and offsets anew, with an earlier run for the rest, and say what has changed.
+    """Estimate friction and offsets anew, take the rest from an earlier run, and list the changes.
 
     Examples:
         armid recalibrate runs/spring autumn.csv --out runs/autumn
@@ -56,24 +56,24 @@ def recalibrate(
     if folder.resolve() == Path(run).resolve():
         raise OutputError(f"{folder} is the earlier run.", remedy="choose another folder with --out.")
     refuse_folder(folder)
-    how = changed_reading(earlier.reading, rate, torque_sign, columns)
-    found = stage(earlier, recordings, how, changed=changed, held_out=validate or [])
-    save_run(found.result, folder)
+    reading = changed_reading(earlier.reading, rate, torque_sign, columns)
+    recalibration = stage(earlier, recordings, reading, changed=changed, held_out=validate or [])
+    save_run(recalibration.result, folder)
     if json:
-        record = estimate_record(found.result.estimate)
+        record = estimate_record(recalibration.result.estimate)
         record["run"] = str(folder)
-        record["validation"] = validation_record(found.result.validation)
-        sys.stdout.write(to_json({**record, **changes_record(found)}) + "\n")
+        record["validation"] = validation_record(recalibration.result.validation)
+        sys.stdout.write(to_json({**record, **changes_record(recalibration)}) + "\n")
     else:
-        _report(found, len(recordings))
+        _report(recalibration, len(recordings))
         sys.stdout.write(f"\nrun written to {folder}\n")
-    print_findings(found.result.estimate.findings)
-    if found.result.validation.verdict == "fail":
+    print_findings(recalibration.result.estimate.findings)
+    if recalibration.result.validation.verdict == "fail":
         raise typer.Exit(1)
 
 
-def _report(found: Recalibration, recordings: int) -> None:
-    """Print what has changed, and the torque error, on standard output."""
+def _report(recalibration: Recalibration, recordings: int) -> None:
+    """Print the changed parameters and the torque error on standard output."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -81,24 +81,28 @@ def _report(found: Recalibration, recordings: int) -> None:
     from armid.cli.identification_result import intervals_line
     from armid.notebook import plural
 
-    console, result = output_console(), found.result
+    console, result = output_console(), recalibration.result
     base = result.estimate.base
     units = dict(zip(base.names, base.units, strict=True))
-    beyond = sorted((each for each in found.changes if each.beyond), key=lambda each: -each.ratio)
-    table = Table(title=f"{escape(result.robot.name)}: changed beyond their 95 % intervals since {found.earlier}")
+    beyond = sorted((each for each in recalibration.changes if each.beyond), key=lambda each: -each.ratio)
+    table = Table(
+        title=f"{escape(result.robot.name)}: changed beyond their 95 % intervals since {recalibration.earlier}"
+    )
     for name in ("parameter", "before", "after", "unit", "change / σ"):
         table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
     for each in beyond:
         table.add_row(
             escape(each.name), f"{each.before:.4f}", f"{each.after:.4f}", units[each.name], f"{each.ratio:.1f}"
         )
-    every = plural(len(found.changes), "parameter")
+    total = plural(len(recalibration.changes), "parameter")
     if beyond:
         console.print(table)
-        console.print(f"not changed beyond them: {len(found.changes) - len(beyond)} of {every}")
+        console.print(f"not changed beyond their intervals: {len(recalibration.changes) - len(beyond)} of {total}")
     else:
-        console.print(f"none of {every} has changed beyond its 95 % interval since {escape(found.earlier)}")
-    of_joints = [joint.effort_unit for joint in result.robot.joints]
-    console.print(validation_table(result.validation, result.training[:recordings], of_joints, found.before))
+        console.print(f"none of {total} has changed beyond its 95 % interval since {escape(recalibration.earlier)}")
+    joint_units = [joint.effort_unit for joint in result.robot.joints]
+    console.print(
+        validation_table(result.validation, result.training[:recordings], joint_units, recalibration.before)
+    )
     console.print(escape(intervals_line(result.estimate.fit)))
     print_verdict(console, result.validation)

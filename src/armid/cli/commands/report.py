@@ -1,4 +1,4 @@
-"""`armid report`: one HTML page about a run, or about what changed between two."""
+"""`armid report`: HTML page about a run, or about the changes between two runs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ __all__ = ["NoReport", "attempt", "report", "write_page"]
 
 PAGE = "report.html"
 
-MISSING = "say with --data FOLDER where it is; the page has its numbers but not its pictures."
-"""What to do about a recording that a page could not be drawn from."""
+MISSING_REMEDY = "give its folder with --data FOLDER; the page has its numbers, but not its plots."
+"""Remedy for a recording that could not be read for the plots of a page."""
 
 NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE} into the run's folder.")]
 
@@ -28,16 +28,16 @@ NoReport = Annotated[bool, typer.Option("--no-report", help=f"Do not write {PAGE
 def report(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Folder that armid identify made.")],
     other: Annotated[
-        str | None, typer.Argument(metavar="[RUN]", help="A later run of the same arm: what changed since the first.")
+        str | None, typer.Argument(metavar="[RUN]", help="A later run of the same arm, to report the changes.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where to write the page.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="File to write the page to.")] = None,
     data: Data = None,
     json: Json = False,
 ) -> None:
     """Write a page that opens without a network: verdict, torque, residuals, friction, parameters, provenance.
 
-    Pictures are made from the run's recordings, which are read again; without them the page has its tables. Of two
-    runs the page says what changed beyond the intervals.
+    The plots need the run's recordings, which are read again; without them the page has only its tables. For two runs
+    the page lists the parameters whose change exceeds its interval.
 
     Examples:
         armid report runs/today
@@ -57,28 +57,28 @@ def report(
     first = load_run(run)
     missing: tuple[str, ...] = ()
     if other is None:
-        material = gather(first, data=data)
-        page, missing = write_one(material, out or Path(run) / PAGE), material.missing
+        page_data = gather(first, data=data)
+        page, missing = write_one(page_data, out or Path(run) / PAGE), page_data.missing
     else:
         page = write_comparison(first, load_run(other), out or Path(other) / "comparison.html")
     if json:
         sys.stdout.write(to_json({"report": str(page), "bytes": page.stat().st_size}) + "\n")
     else:
         sys.stdout.write(f"page written to {page}\n")
-    print_findings([Finding("recording-missing", "warning", "", text, MISSING) for text in missing])
+    print_findings([Finding("recording-missing", "warning", "", text, MISSING_REMEDY) for text in missing])
 
 
 def write_page(folder: Path, recordings: Sequence[ProcessedRecording]) -> bool:
-    """The page of a run that has just been saved; where it cannot be made, a line on standard error says why.
+    """Write the page of a run that has just been saved; if this fails, print the reason on standard error.
 
-    The results are on the screen by then, so nobody waits for it.
+    It is called after the results are printed, so that they do not wait for the page.
 
     Args:
         folder: The run's folder.
-        recordings: What it was made from.
+        recordings: Processed recordings that the run was identified from.
 
     Returns:
-        Whether it is there.
+        True if the page was written.
     """
     from armid.report.page import write_report
     from armid.runs.run import load_run
@@ -87,7 +87,7 @@ def write_page(folder: Path, recordings: Sequence[ProcessedRecording]) -> bool:
 
 
 def attempt(page: str, write: Callable[[], object]) -> bool:
-    """Write a page beside results that are whole without it; whether it is there, and a line if not."""
+    """Write a page that the results do not depend on; if this fails, print the reason and return false."""
     from armid.errors import ArmidError
 
     sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""`armid thesis`: the study that armid grew out of, run from end to end."""
+"""`armid thesis`: the reference study, reproduced from end to end."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ __all__ = ["thesis"]
 
 def thesis(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer seeds and starts, slower logs: half a minute, every chapter.")
+        bool,
+        typer.Option("--quick", help="Fewer seeds and starts, lower sampling rates: all chapters in half a minute."),
     ] = False,
     seeds: Annotated[int | None, typer.Option(min=1, help="Seeds of the noise over which medians are taken.")] = None,
     starts: Annotated[int | None, typer.Option(min=1, help="Random starts of Algorithm 2.")] = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Run the whole study of the thesis on a virtual arm, correct it, and write one page that reads like a paper.
+    """Reproduce the study of the thesis on a virtual arm, with corrections, and write a page like a paper.
 
-    The arm hangs; its frames, base parameters, excitation and estimates are those of the thesis, as printed and with
-    each correction in turn, and its published tables are audited. A folder holds `thesis.html`, `thesis.json` with
-    every number, and the tables as CSV and LaTeX. It needs the extras lab, nlp and report.
+    The arm hangs. Frames, base parameters, excitation and estimates follow the thesis, first as printed, then with
+    each correction in turn; the published tables are checked. The folder holds `thesis.html`, `thesis.json` with
+    every number, and the tables as CSV and LaTeX. The extras lab, nlp and report are needed.
 
     Examples:
         armid thesis
@@ -57,7 +58,7 @@ def thesis(
 
 
 def _report(done: Thesis) -> None:
-    """The steps of Algorithm 3 and the main findings."""
+    """Print the steps of Algorithm 3 and the main results."""
     from rich.table import Table
 
     from armid.cli.console import output_console
@@ -77,4 +78,6 @@ def _report(done: Thesis) -> None:
         f"wrong sign of gravity, columns filtered: residual at least {ratio.min():.1f} times over {len(ratio)} seeds"
     )
     console.print(f"trajectory kept: {best.name}, condition number {best.condition:.1f}")
-    console.print(f"Table 4.1: {certificate.distance:.3f} away from any real body; {len(done.errata)} errata")
+    console.print(
+        f"Table 4.1: {certificate.distance:.3f} from the nearest consistent values; {len(done.errata)} errata"
+    )

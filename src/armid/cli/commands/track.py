@@ -1,4 +1,4 @@
-"""`armid track`: what changes while an arm works, over time."""
+"""`armid track`: changes of the parameters over time while an arm works."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ if TYPE_CHECKING:
 
 __all__ = ["track"]
 
-SHOWN = 20
-"""Most rows of the table over time."""
+MAX_TABLE_ROWS = 20
+"""Largest number of rows of the table over time."""
 
-NAMED = 12
-"""Most parameters that are listed as changed."""
+MAX_CHANGED = 12
+"""Largest number of parameters listed as changed."""
 
 
 def track(
-    run: Annotated[str, typer.Argument(help="The run to begin with.")],
+    run: Annotated[str, typer.Argument(help="Run to start from.")],
     recordings: Annotated[list[str], typer.Argument(metavar="RECORDING…", help="Later recordings, in order.")],
     memory: Annotated[float, typer.Option(metavar="S", help="Time constant of forgetting, s; inf for none.")] = 30.0,
     block: Annotated[float, typer.Option(metavar="S", help="Time from one estimate to the next, s.")] = 1.0,
-    tool: Annotated[bool, typer.Option("--tool", help="Follow a load at the tip, too.")] = False,
-    everything: Annotated[bool, typer.Option("--all", help="Every parameter may change.")] = False,
+    tool: Annotated[bool, typer.Option("--tool", help="Also follow a payload at the tip.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Let every parameter change.")] = False,
     rate: Rate = None,
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Follow friction, and with --tool a load, through recordings made after a run, forgetting what is old.
+    """Follow friction, and with --tool a payload, through recordings made after a run; old data are forgotten.
 
     Examples:
         armid track runs/spring shift.csv --memory 60 --out shift
@@ -54,30 +54,30 @@ def track(
     from armid.values import replace_file
 
     if tool and everything:
-        raise StudyError("--tool and --all are given.", remedy="give one: with --all a load is in every parameter.")
+        raise StudyError("--tool and --all are given.", remedy="give one: --all includes the payload.")
     changed: Changed = "tool" if tool else "all" if everything else "friction"
     earlier = load_run(run)
     if out is not None:
         refuse(out, "track.json", "track")
-    how = changed_reading(earlier.reading, rate, torque_sign, columns)
+    reading = changed_reading(earlier.reading, rate, torque_sign, columns)
     with progress() as tell:
-        found = stage(earlier, recordings, how, memory=memory, block=block, changed=changed, progress=tell)
-    print_findings(found.findings)
-    record = {"run": run, "memory": memory, "block": block, "changed": changed, **track_record(found)}
+        tracked = stage(earlier, recordings, reading, memory=memory, block=block, changed=changed, progress=tell)
+    print_findings(tracked.findings)
+    record = {"run": run, "memory": memory, "block": block, "changed": changed, **track_record(tracked)}
     if out is not None:
         with whole_folder(out, "track.json", "track") as draft:
-            replace_file(draft / "track.csv", track_table(found))
+            replace_file(draft / "track.csv", track_table(tracked))
             replace_file(draft / "track.json", to_json(record) + "\n")
     if json:
         sys.stdout.write(to_json(record) + "\n")
         return
-    _report(earlier, found, tool=tool)
+    _report(earlier, tracked, tool=tool)
     if out is not None:
         sys.stdout.write(f"\ntrack written to {out}\n")
 
 
-def _report(run: Run, found: TrackedRun, *, tool: bool) -> None:
-    """The track over time, what happened, and what has changed by its end, on standard output."""
+def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
+    """Print the estimates over time, the events, and the largest changes by the end."""
     import numpy as np
     from rich.markup import escape
     from rich.table import Table
@@ -85,42 +85,42 @@ def _report(run: Run, found: TrackedRun, *, tool: bool) -> None:
     from armid.cli.console import output_console
 
     console = output_console()
-    table = Table(title=f"{escape(run.robot.name)}: torque error, all joints, and what was found")
-    shown = ["M", "MX", "MY", "MZ"] if tool else _most_changed(run, found, 4)
-    at = [found.names.index(name) for name in shown]
-    for name in ("t [s]", "by the run", "before each block", "surprise", *(escape(name) for name in shown)):
+    table = Table(title=f"{escape(run.robot.name)}: torque error, all joints, and estimates")
+    shown = ["M", "MX", "MY", "MZ"] if tool else _most_changed(run, tracked, 4)
+    at = [tracked.names.index(name) for name in shown]
+    for name in ("t [s]", "by the run", "before each block", "innovation ratio", *(escape(name) for name in shown)):
         table.add_column(name, justify="right")
-    for k in np.unique(np.linspace(0, len(found.time) - 1, SHOWN).round().astype(int)):
-        numbers = [f"{found.values[k, i]:.3f} ± {1.96 * found.deviation[k, i]:.3f}" for i in at]
-        errors = [f"{np.linalg.norm(each[k]):.3f}" for each in (found.before, found.error)]
-        table.add_row(f"{found.time[k]:.2f}", *errors, f"{found.surprise[k].max():.1f}", *numbers)
+    for k in np.unique(np.linspace(0, len(tracked.time) - 1, MAX_TABLE_ROWS).round().astype(int)):
+        numbers = [f"{tracked.values[k, i]:.3f} ± {1.96 * tracked.deviation[k, i]:.3f}" for i in at]
+        errors = [f"{np.linalg.norm(each[k]):.3f}" for each in (tracked.before, tracked.error)]
+        table.add_row(f"{tracked.time[k]:.2f}", *errors, f"{tracked.surprise[k].max():.1f}", *numbers)
     console.print(table)
-    for event in found.events[:SHOWN]:
+    for event in tracked.events[:MAX_TABLE_ROWS]:
         console.print(
             f"{event.time:.2f} s: {escape(event.joint)} has {event.surprise:.1f} times its usual torque error"
         )
-    names = _most_changed(run, found, NAMED)
+    names = _most_changed(run, tracked, MAX_CHANGED)
     last = Table(title="changed most by the end")
     for name in ("parameter", "before", "after", "unit", "change / σ"):
         last.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
     for name in names:
-        k = found.names.index(name)
-        before, ratio = _before(run, found, k)
-        last.add_row(escape(name), f"{before:.4f}", f"{found.values[-1, k]:.4f}", found.units[k], f"{ratio:.1f}")
+        k = tracked.names.index(name)
+        before, ratio = _before(run, tracked, k)
+        last.add_row(escape(name), f"{before:.4f}", f"{tracked.values[-1, k]:.4f}", tracked.units[k], f"{ratio:.1f}")
     console.print(last)
 
 
-def _before(run: Run, found: TrackedRun, k: int) -> tuple[float, float]:
-    """A parameter's value in the run, and its change since, over the deviation of both."""
+def _before(run: Run, tracked: TrackedRun, k: int) -> tuple[float, float]:
+    """Value of a parameter in the run, and its change since, divided by the standard deviation of the change."""
     from armid.estimation.estimate import averaged
 
     fit = averaged(run.estimate.base.names, run.estimate.fit)
     value, variance = (float(fit.values[k]), float(fit.covariance[k, k])) if k < len(fit.values) else (0.0, 0.0)
-    deviation = (variance + float(found.deviation[-1, k]) ** 2) ** 0.5
-    return value, abs(float(found.values[-1, k]) - value) / deviation if deviation > 0.0 else 0.0
+    deviation = (variance + float(tracked.deviation[-1, k]) ** 2) ** 0.5
+    return value, abs(float(tracked.values[-1, k]) - value) / deviation if deviation > 0.0 else 0.0
 
 
-def _most_changed(run: Run, found: TrackedRun, count: int) -> list[str]:
-    """Names of the parameters that have changed most by the end, over their deviations."""
-    ratio = [_before(run, found, k)[1] for k in range(len(found.names))]
-    return [found.names[k] for k in sorted(range(len(ratio)), key=lambda k: -ratio[k])[:count]]
+def _most_changed(run: Run, tracked: TrackedRun, count: int) -> list[str]:
+    """Names of the parameters with the largest changes by the end, relative to their deviations."""
+    ratio = [_before(run, tracked, k)[1] for k in range(len(tracked.names))]
+    return [tracked.names[k] for k in sorted(range(len(ratio)), key=lambda k: -ratio[k])[:count]]

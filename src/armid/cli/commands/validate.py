@@ -1,4 +1,4 @@
-"""`armid validate`: a run's torque error on motion that it has not seen."""
+"""`armid validate`: torque error of a run on held-out motion."""
 
 from __future__ import annotations
 
@@ -21,19 +21,20 @@ def validate(
     torque_sign: TorqueSign = None,
     columns: Columns = None,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Also roll the model out and compare motion, in short windows.")
+        bool,
+        typer.Option(
+            "--simulate", help="Also simulate the model from the torque in short windows, and compare the motion."
+        ),
     ] = False,
-    window: Annotated[float, typer.Option(metavar="S", help="Length of a rolled-out window, s.")] = 0.5,
-    tolerance: Annotated[
-        float, typer.Option(help="Position error that a rolled-out joint may have, rad or m.")
-    ] = 0.01,
+    window: Annotated[float, typer.Option(metavar="S", help="Length of a simulated window, s.")] = 0.5,
+    tolerance: Annotated[float, typer.Option(help="Tolerated position error of a simulated joint, rad or m.")] = 0.01,
     controller: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Roll out under this controller: a JSON with its gains, as truth.json."),
+        typer.Option(metavar="FILE", help="Simulate under this controller: a JSON with its gains, as truth.json."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Check a run on unseen recordings, read and processed as the run's own were.
+    """Validate a run on held-out recordings, read and processed as the run's own.
 
     Example:
         armid validate runs/today next_week.csv
@@ -48,24 +49,24 @@ def validate(
     from armid.study.records import to_json, validation_record
 
     loaded = load_run(run)
-    how, closed = changed_reading(loaded.reading, rate, torque_sign, columns), controller is not None
-    found, findings = validate_run(loaded, recordings, how)
-    wanted = simulate or closed
-    motion = roll_out(loaded, recordings, how, window, tolerance, controller) if wanted else ()
+    reading, closed = changed_reading(loaded.reading, rate, torque_sign, columns), controller is not None
+    validation, findings = validate_run(loaded, recordings, reading)
+    rolls_out = simulate or closed
+    motion = roll_out(loaded, recordings, reading, window, tolerance, controller) if rolls_out else ()
     if motion:
-        found = judged_by_motion(found, motion, closed=closed)
+        validation = judged_by_motion(validation, motion, closed=closed)
     if json:
-        record = validation_record(found)
+        record = validation_record(validation)
         if motion:
             record["motion"] = motion_record(motion, closed=closed)
         sys.stdout.write(to_json(record) + "\n")
     else:
         console = output_console()
         units = [joint.effort_unit for joint in loaded.robot.joints]
-        console.print(validation_table(found, (), units))
+        console.print(validation_table(validation, (), units))
         if motion:
             console.print(motion_table(loaded.robot, motion, closed=closed))
-        print_verdict(console, found)
+        print_verdict(console, validation)
     print_findings(findings)
-    if found.verdict == "fail":
+    if validation.verdict == "fail":
         raise typer.Exit(1)

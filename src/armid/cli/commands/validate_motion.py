@@ -1,4 +1,4 @@
-"""The part of `armid validate` that rolls the model out."""
+"""Rollout of the model in `armid validate`: motion from torque, and its table of errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def roll_out(
     tolerance: float,
     controller: Path | None,
 ) -> tuple[MotionScore, ...]:
-    """Scores of the rolled-out model; what was noticed goes to standard error."""
+    """Scores of the rolled-out model; findings about the rollout go to standard error."""
     from armid.cli.console import print_findings
     from armid.runs.rollout import load_feedback, roll_out_run
 
@@ -37,10 +37,10 @@ def roll_out(
 
 
 def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -> Table:
-    """Position errors, joint by joint, the mean over recordings."""
+    """Table of position errors, joint by joint, averaged over recordings."""
     first = scores[0]
-    how = "under the same controller" if closed else "under the recorded torque alone"
-    table = Table(title=f"Position error of the rolled-out model, {how}", header_style="bold")
+    condition = "under the same controller" if closed else "under the recorded torque alone"
+    table = Table(title=f"Position error of the rolled-out model, {condition}", header_style="bold")
     for name in ("joint", "RMS", "peak", "moved", f"until {first.tolerance:g}", "CAD RMS"):
         table.add_column(name, justify="left" if name == "joint" else "right")
     for j, joint in enumerate(robot.joints):
@@ -58,18 +58,18 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
     table.caption = (
         f"{count} windows of {first.seconds:g} s; moved: RMS distance from a window's start; until: median time "
         "until the error exceeds the tolerance in rad or m; CAD: the description's own masses, without friction"
-        f"{_nominal(scores, count)}"
+        f"{_missing_nominal(scores, count)}"
     )
     table.caption_justify = "left"
     return table
 
 
-def _nominal(scores: Sequence[MotionScore], count: int) -> str:
-    """Tell why there is no nominal error, where there is none."""
+def _missing_nominal(scores: Sequence[MotionScore], count: int) -> str:
+    """Reason why the table has no error of the description, if it has none."""
     if all(score.prior_rms is None for score in scores):
         return ", which has no inertias here"
     lost = sum(score.losses.nominal for score in scores)
-    return f", which lost {lost} of the {count} windows, so that no error of it is told" if lost else ""
+    return f", whose simulation diverged in {lost} of the {count} windows, so its error is not given" if lost else ""
 
 
 def _mean_square(values: Sequence[float]) -> float:

@@ -1,4 +1,4 @@
-"""`armid excite`: the motion to record, designed."""
+"""`armid excite`: design of the motion to record."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ __all__ = ["excite"]
 def _option(
     kind: Any, default: Any, help: str, *names: str, metavar: str | None = None, complete: Any = None
 ) -> tuple[Any, Any]:
-    """Annotation and default of an option."""
+    """Annotation and default value of an option."""
     return Annotated[kind, typer.Option(*names, help=help, metavar=metavar, autocompletion=complete)], default
 
 
@@ -62,8 +62,8 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         str, "series", "series: the Fourier series; poses: static poses for gravity; sweeps: constant velocities, "
         "one joint at a time, for friction."
     ),
-    "poses": _option(int, 30, "How many static poses."),
-    "rest": _option(float, 2.0, "How long the arm rests in each, s."),
+    "poses": _option(int, 30, "Number of static poses."),
+    "rest": _option(float, 2.0, "Rest in each static pose, s."),
     "criterion": _option(
         str | None,
         None,
@@ -74,11 +74,12 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     ),
     "duration": _option(float, 20.0, "Length of a period, s."),
     "harmonics": _option(int, 10, "Number of harmonics."),
-    "start": _option(str | None, None, "Start pose, rad or m: one number a joint. Found if left out.", metavar=POSE),
+    "start": _option(str | None, None, "Start pose, rad or m: one number a joint; chosen by armid if left out.",
+        metavar=POSE),
     "free_start": _option(bool, False, "Let the search choose the start pose.", "--free-start"),
-    "free_centre": _option(bool, False, "Joints may swing about another pose than the start.", "--free-centre"),
-    "begin": _option(str | None, None, "Pose the arm comes from: adds a lead-in.", metavar=POSE),
-    "end": _option(str | None, None, "Pose it goes to: adds a lead-out.", metavar=POSE),
+    "free_centre": _option(bool, False, "Let joints oscillate about another pose than the start.", "--free-centre"),
+    "begin": _option(str | None, None, "Pose before the motion, rad or m: adds a lead-in.", metavar=POSE),
+    "end": _option(str | None, None, "Pose after the motion, rad or m: adds a lead-out.", metavar=POSE),
     "limits": _option(
         str, "true", "true: position, velocity and known torque of the motion itself; thesis: (3.55d-f) without "
         "1/L; thesis-literal: as printed."
@@ -87,53 +88,54 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         SEVERAL, None, "Limits: A1.velocity=1.2, A1.position=-1:1, '*.effort=80' (of all joints), …; repeatable.",
         metavar="JOINT.KIND=VALUE", complete=limits,
     ),
-    "acceleration": _option(float | None, None, "Limit of every joint, rad/s² or m/s²."),
-    "jerk": _option(float | None, None, "Limit of every joint, rad/s³ or m/s³."),
+    "acceleration": _option(float | None, None, "Acceleration limit of every joint, rad/s² or m/s²."),
+    "jerk": _option(float | None, None, "Jerk limit of every joint, rad/s³ or m/s³."),
     "torque_margin": _option(float | None, None, "Share of the torque limits kept free; 0.1 with --limits true."),
     "collision": _option(
         bool | None, None, "Keep links apart from each other and from the surroundings; on where the description has "
         "bodies.", "--collision/--no-collision",
     ),
-    "clearance": _option(float, 0.02, "Distance that bodies keep, m."),
+    "clearance": _option(float, 0.02, "Required distance between bodies, m."),
     "floor": _option(
-        float | None, None, "A floor so high above the base, m; negative: below. Left out, it is the plane through "
-        "the base of an arm that stands on it."
+        float | None, None, "Height of a floor above the base, m. By default the plane through "
+        "the base, if the arm stands on it."
     ),
     "no_floor": _option(bool, False, "Assume no floor.", "--no-floor"),
-    "environment": _option(Path | None, None, "TOML of boxes, spheres and half-spaces; means --collision."),
+    "environment": _option(Path | None, None, "TOML of boxes, spheres and half-spaces; implies --collision."),
     "tip_box": _option(
-        str | None, None, "Box for the tip, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"
+        str | None, None, "Box that the tip stays in, m: low and high corner.", metavar="X,Y,Z,X,Y,Z"
     ),
     "envelope": _option(
         str | None, None, "Recording, plan.json or thesis-a1@27: stay inside its velocity and acceleration.",
         metavar="MOTION",
     ),
     "envelope_of_arm": _option(
-        bool, False, "The envelope is the highest of any joint, not each joint's own.", "--envelope-of-arm"
+        bool, False, "Use the highest velocity and acceleration of any joint as the envelope of all joints.",
+        "--envelope-of-arm"
     ),
     "noise": _option(str | None, None, "Torque noise, N·m or N: one number, or one a joint.", metavar="S…"),
-    "rate": _option(float, 100.0, "Samples a second that will count, Hz."),
-    "repetitions": _option(int, 1, "Periods that will be recorded."),
-    "after": _option(SEVERAL, None, "Run or plan.json whose information is there already; repeatable."),
-    "predict": _option(SEVERAL, None, "Plan whose torque is to be predicted well; repeatable."),
+    "rate": _option(float, 100.0, "Rate at which samples count as independent, Hz."),
+    "repetitions": _option(int, 1, "Number of periods that will be recorded."),
+    "after": _option(SEVERAL, None, "Run or plan.json that already gives information; repeatable."),
+    "predict": _option(SEVERAL, None, "Plan whose torque the model shall predict well; repeatable."),
     "budget": _option(float, 30.0, "Wall time of the search, s; Ctrl-C keeps the best so far."),
-    "seed": _option(int, 1, "Of the random starts: the same seed, the same search."),
-    "workers": _option(int, 2, "Processes; 0 searches in this one."),
+    "seed": _option(int, 1, "Seed of the random starts; the same seed gives the same search."),
+    "workers": _option(int, 2, "Number of processes; 0 searches in the main process."),
     "formats": _option(SEVERAL, None, "csv, ros2, fri, urscript, mat; repeatable, all by default.", "--format"),
-    "format_rate": _option(float | None, None, "Samples a second of the motion in every format, Hz."),
-    "rehearsal": _option(float, 0.2, "Speed of the rehearsal beside each motion, 0.1 to 0.25."),
+    "format_rate": _option(float | None, None, "Sampling rate of the written motions, Hz."),
+    "rehearsal": _option(float, 0.2, "Relative speed of the rehearsal written with each motion, 0.1 to 0.25."),
     "no_report": _option(bool, False, "Do not write preflight.html and preview.html.", "--no-report"),
     "out": (Out, None),
     "json": (Json, False),
 }  # fmt: skip
-"""Options by name: annotation and default. So many that a function would be nothing but their list."""
+"""Annotation and default of each option, by name; a table, because a signature of this length is hard to read."""
 
 
 @contextmanager
-def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progress]]:
-    """Processes for the search, and a line on standard error that shows the best so far.
+def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progress]]:
+    """Process pool for the search, and a line on standard error with the best value so far.
 
-    The processes come first: while nothing else runs here, they are forked, which takes no time.
+    The pool is made first: before other threads run, processes can be forked, which takes no time.
     """
     from armid.cli.console import print_missing_meshes, progress
     from armid.excitation.design.multistart import single_threaded_pool
@@ -141,7 +143,7 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
 
     workers = options["workers"]
     budget = max(float(options["budget"]), 1e-3)
-    named = options["criterion"] or "criterion"
+    criterion = options["criterion"] or "criterion"
     with (
         single_threaded_pool(workers) if workers > 0 else nullcontext() as pool,
         progress(quiet=options["json"]) as tell,
@@ -149,17 +151,17 @@ def _watching(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progr
     ):
 
         def report(best: SearchCandidate, seconds: float, descents: int) -> None:
-            value = math.exp(best.value) if "condition" in named else best.value
-            tell(f"{named} {value:.4g}, {plural(descents, 'descent')}", min(seconds / budget, 1.0))
+            value = math.exp(best.value) if "condition" in criterion else best.value
+            tell(f"{criterion} {value:.4g}, {plural(descents, 'descent')}", min(seconds / budget, 1.0))
 
         yield pool, report
 
 
 def excite(robot: str, **options: Any) -> None:
-    """Design the motion to record: as informative as possible inside every limit.
+    """Design the motion to record: the most informative one within all limits.
 
-    Writes plan.json, the motion for controllers, a slow rehearsal of each, and a report of every margin before the
-    arm moves. Numbers of a pose have commas or blanks between them.
+    Writes plan.json, the motion in the formats of controllers, a slow rehearsal of each, and a report of all margins,
+    to read before the arm moves. Separate the numbers of a pose by commas or blanks.
 
     Examples:
         armid excite iiwa14-r820 --gravity 0 0 9.81 --floor -1.5 --budget 20
@@ -182,14 +184,14 @@ def excite(robot: str, **options: Any) -> None:
 
     formats = choose_formats(options["formats"])
     arm = load_choice(robot_choice(robot, *(options[key] for key in ("gravity", "lock", "only", "tip", "package"))))
-    usual = run_folder(None, arm.name)
-    folder = options["out"] or usual.with_name(f"{usual.name}-plan")
+    run_default = run_folder(None, arm.name)
+    folder = options["out"] or run_default.with_name(f"{run_default.name}-plan")
     refuse_plan_folder(folder)
     model = build_model(arm, model_choice(options["terms"], default=BASE_TERMS))
     if options["experiment"] != "series":
-        _other(model, options, folder, formats)
+        _experiment(model, options, folder, formats)
         return
-    with _watching(options) as (pool, tell):
+    with _search_context(options) as (pool, tell):
         designed = run_request(model, options, executor=pool, progress=tell)
     save_design(designed, folder, formats=formats, rate=options["format_rate"], rehearsal=options["rehearsal"])
     if not options["no_report"]:
@@ -208,8 +210,8 @@ def excite(robot: str, **options: Any) -> None:
         raise typer.Exit(1)
 
 
-def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
-    """Poses or sweeps: nothing to search long for, nothing to report of."""
+def _experiment(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
+    """Plan and write static poses or sweeps; they need no search and no preflight report."""
     from armid.cli.console import print_missing_meshes
     from armid.cli.motion.excite_request import run_experiment
     from armid.report.preview.page import write_preview
@@ -235,7 +237,7 @@ def _other(model: DynamicsModel, options: dict[str, Any], folder: Path, formats:
 
 
 def _signature() -> inspect.Signature:
-    """Return what the parser is to see of `excite`."""
+    """Signature of `excite` for the parser, made from `OPTIONS`."""
     robot = RobotName
     kind = inspect.Parameter.KEYWORD_ONLY
     parameters = [inspect.Parameter("robot", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=robot)]

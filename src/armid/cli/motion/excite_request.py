@@ -1,4 +1,4 @@
-"""Request of the command line for a design, turned into wishes, rules and effort."""
+"""Options of `armid excite`, converted to the goal, constraints and search budget of a design."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ from armid.study.plans.surroundings import assumed_floor, meshes_are_missing, su
 from armid.values import Array, load
 
 __all__ = [
+    "design_constraints",
     "motion_of_file",
     "numbers",
     "parse_limits",
     "prior_of_run",
-    "rules_of",
     "run_experiment",
     "run_request",
 ]
 
 Limit = float | tuple[float, float]
 
-WATCHED = 50.0
-"""Poses a second in which bodies are looked at on the way from pose to pose [Hz]."""
+COLLISION_CHECK_RATE = 50.0
+"""Rate of the collision checks along the way between poses [Hz]."""
 
 TORQUE_MARGIN = 0.1
-"""Share of the torque limits that is kept free unless something else is asked: the description's masses are rough."""
+"""Default share of the torque limits that is kept free, because the masses of a description are rough."""
 
 
 def run_request(
@@ -62,16 +62,16 @@ def run_request(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Designed:
-    """Design what the options of `armid excite` ask for.
+    """Design the motion that the options of `armid excite` ask for.
 
     Args:
         model: Arm and torque terms.
-        options: By name, as the command line has them.
-        executor: Runs the search; in this process where left out.
-        progress: Told of every descent.
+        options: Values of the command line's options, by name.
+        executor: Runs the search; without one the search runs in this process.
+        progress: Called after every descent.
     """
     goal = _goal(model, options)
-    wish = DesignGoal(
+    design_goal = DesignGoal(
         goal,
         options["duration"],
         options["harmonics"],
@@ -81,13 +81,15 @@ def run_request(
         _pose(options, "begin", model.robot),
         _pose(options, "end", model.robot),
     )
-    effort = SearchBudget(options["budget"], options["seed"], 0)
-    rules = replace(rules_of(options, model.robot), parameters=_identified(options["after"] or (), goal))
-    return design_plan(wish, rules, effort, progress=progress, executor=executor)
+    budget = SearchBudget(options["budget"], options["seed"], 0)
+    constraints = replace(
+        design_constraints(options, model.robot), parameters=_identified(options["after"] or (), goal)
+    )
+    return design_plan(design_goal, constraints, budget, progress=progress, executor=executor)
 
 
-def rules_of(options: Mapping[str, Any], robot: Robot) -> DesignConstraints:
-    """Limits of every kind."""
+def design_constraints(options: Mapping[str, Any], robot: Robot) -> DesignConstraints:
+    """Constraints of a design: joint limits, torque margin, collisions, workspace, envelope."""
     surroundings = surroundings_of(options, robot)
     margin = options["torque_margin"]
     return DesignConstraints(
@@ -107,66 +109,67 @@ def rules_of(options: Mapping[str, Any], robot: Robot) -> DesignConstraints:
 
 
 def _clearance(options: Mapping[str, Any], robot: Robot, surroundings: Sequence[Shape]) -> float | None:
-    """Distance that bodies keep [m]; nothing where collisions are left out, or the description has no bodies.
+    """Required distance of bodies [m]; `None` without collision checks or without bodies.
 
     Raises:
-        ArmidError: Collisions are left out and asked for.
+        ArmidError: The options both exclude and require collision checks.
     """
-    asked, bodies = options["collision"], bool(robot.shapes) or meshes_are_missing(robot)
-    if asked is False and surroundings:
+    requested, has_bodies = options["collision"], bool(robot.shapes) or meshes_are_missing(robot)
+    if requested is False and surroundings:
         raise ArmidError(
-            "--no-collision leaves out what --floor and --environment ask for.", remedy="give one or the other."
+            "--no-collision contradicts --floor or --environment, which need collision checks.",
+            remedy="give one or the other.",
         )
-    return options["clearance"] if asked is not False and (asked or surroundings or bodies) else None
+    return options["clearance"] if requested is not False and (requested or surroundings or has_bodies) else None
 
 
 def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> tuple[Moves, str]:
-    """Static poses or constant velocities, as the options of `armid excite` ask for.
+    """Plan static poses or constant velocities, by the options of `armid excite`.
 
     Returns:
-        The moves, and why collisions were not checked, empty where they were.
+        The moves, and the reason if collisions were not checked, else an empty text.
 
     Raises:
-        ArmidError: There is no such experiment, or bodies come too close on the way.
+        ArmidError: The experiment is unknown, or bodies come too close to each other during it.
     """
     robot, kind = model.robot, options["experiment"]
-    rules = rules_of(options, robot)
-    limits = limits_of(robot, rules.given, acceleration=rules.acceleration, jerk=rules.jerk)
-    placed = place_motion(robot, limits, rules, _pose(options, "start", robot))
+    constraints = design_constraints(options, robot)
+    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
+    placed = place_motion(robot, limits, constraints, _pose(options, "start", robot))
     start, collision = placed.start, placed.collision
 
-    def apart(q: Array) -> NDArray[np.bool_]:
+    def collision_free(q: Array) -> NDArray[np.bool_]:
         if collision is None:
             return np.ones(len(q), dtype=np.bool_)
         return collision.clear(robot, q)
 
     def reachable(q: Array) -> NDArray[np.bool_]:
-        ways = np.concatenate([straight_way(start, pose) for pose in q])
-        return np.asarray(apart(ways).reshape(len(q), -1).all(axis=1), dtype=np.bool_)
+        paths = np.concatenate([straight_way(start, pose) for pose in q])
+        return np.asarray(collision_free(paths).reshape(len(q), -1).all(axis=1), dtype=np.bool_)
 
     if kind == "poses":
         base = find_base_parameters(model)
         poses = choose_poses(model, base, limits, options["poses"], seed=options["seed"], allowed=reachable)
-        moves = poses_plan(poses, limits, rest=options["rest"], via=start, free=apart)
+        moves = poses_plan(poses, limits, rest=options["rest"], via=start, free=collision_free)
     elif kind == "sweeps":
-        moves = sweeps_plan(start, free_ranges(start, limits, apart))
+        moves = sweeps_plan(start, free_ranges(start, limits, collision_free))
     else:
         raise ArmidError(f"There is no experiment {kind!r}.", possible="series, poses, sweeps")
-    motion = moves.sample(WATCHED)
-    bad = np.flatnonzero(~apart(motion.q))
-    if len(bad):
+    motion = moves.sample(COLLISION_CHECK_RATE)
+    colliding = np.flatnonzero(~collision_free(motion.q))
+    if len(colliding):
         raise ArmidError(
-            f"Bodies come too close {motion.time[bad[0]]:.1f} s into the {kind}.",
+            f"Bodies come too close {motion.time[colliding[0]]:.1f} s into the {kind}.",
             remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
         )
     return moves, placed.unchecked
 
 
 def _pose(options: Mapping[str, Any], name: str, robot: Robot) -> Array | None:
-    """A pose that an option gives, shape (n,) [rad or m].
+    """Pose given by an option, shape (n,) [rad or m].
 
     Raises:
-        ArmidError: Its numbers are not those of the joints.
+        ArmidError: There is not one number for each joint.
     """
     try:
         return numbers(options[name], f"--{name}", robot.n)
@@ -176,31 +179,31 @@ def _pose(options: Mapping[str, Any], name: str, robot: Robot) -> Array | None:
 
 
 def numbers(text: str | None, name: str, count: int) -> Array | None:
-    """Numbers with commas or blanks between them, shape (count,); `None` where nothing is given.
+    """Numbers separated by commas or blanks, shape (count,); `None` if no text is given.
 
     Raises:
-        ArmidError: Something else, or another count.
+        ArmidError: The text holds something else, or another count of numbers.
     """
     if text is None:
         return None
     try:
         values = np.array([float(x) for x in text.replace(",", " ").split()])
     except ValueError:
-        raise ArmidError(f"{name} {text}: these are no numbers.", remedy="write for instance 0,0.5,-1.") from None
+        raise ArmidError(f"{name} {text}: not a list of numbers.", remedy="write for instance 0,0.5,-1.") from None
     if len(values) != count or not np.isfinite(values).all():
         raise ArmidError(f"{name} needs {count} finite numbers; found {len(values)}: {text}.")
     return values
 
 
 def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
-    """Criterion, noise, what is known already, what is to be predicted.
+    """Goal of the design: criterion, noise, information from earlier data, motion to predict.
 
-    After a run the worst relative deviation is what a further recording is for, unless another criterion is named.
+    After a run the default criterion is the largest relative deviation, which a further recording should reduce.
     """
     base, n = find_base_parameters(model), model.n
     text = options["noise"]
-    one = text is not None and len(text.replace(",", " ").split()) == 1
-    noise = np.ones(n) if text is None else numbers(text, "--noise", 1 if one else n)
+    single = text is not None and len(text.replace(",", " ").split()) == 1
+    noise = np.ones(n) if text is None else numbers(text, "--noise", 1 if single else n)
     assert noise is not None
     plain = CriterionGoal(model, base, "d-optimal", np.resize(noise, n), options["rate"], options["repetitions"])
     prior: Array | None = None
@@ -213,25 +216,27 @@ def _goal(model: DynamicsModel, options: Mapping[str, Any]) -> CriterionGoal:
             scale = known_sizes(values, deviations)
     prediction: Array | None = None
     for path in options["predict"] or ():
-        wanted = _of_motion(path, plain)
-        prediction = wanted if prediction is None else prediction + wanted
-    usual = "d-optimal" if scale is None else "worst"
-    return replace(plain, criterion=options["criterion"] or usual, prior=prior, prediction=prediction, scale=scale)
+        along_path = _of_motion(path, plain)
+        prediction = along_path if prediction is None else prediction + along_path
+    default_criterion = "d-optimal" if scale is None else "worst"
+    return replace(
+        plain, criterion=options["criterion"] or default_criterion, prior=prior, prediction=prediction, scale=scale
+    )
 
 
 def _estimates(path: str, base: BaseParameters) -> tuple[Array, Array]:
-    """Base parameters (b,) of a run and their deviations (b,); zero and infinite for those that it lacks."""
+    """Base parameters (b,) and deviations (b,) of a run; zero and infinite for those that it lacks."""
     fit = load_run(path).estimate.fit
-    where = {name: k for k, name in enumerate(fit.names)}
-    known = np.array([name in where for name in base.names])
-    at = [where[name] for name in base.names if name in where]
+    index = {name: k for k, name in enumerate(fit.names)}
+    known = np.array([name in index for name in base.names])
+    at = [index[name] for name in base.names if name in index]
     values, deviations = np.zeros(base.count), np.full(base.count, np.inf)
     values[known], deviations[known] = fit.values[at], fit.deviation[at]
     return values, deviations
 
 
 def _identified(paths: Sequence[str], goal: CriterionGoal) -> Array | None:
-    """Base parameters (b,) for limits of torque, of the last run that knows all of them."""
+    """Base parameters (b,) for the torque limits, from the last run that identified all of them."""
     for path in reversed(paths):
         if (Path(path) / MARKER).is_file():
             values, deviations = _estimates(path, goal.base)
@@ -241,7 +246,7 @@ def _identified(paths: Sequence[str], goal: CriterionGoal) -> Array | None:
 
 
 def _of_motion(path: str, goal: CriterionGoal) -> Array:
-    """Information (b, b) of a plan or recording, once."""
+    """Information matrix (b, b) of one pass through a plan or recording."""
     series = _series(path)
     motion = motion_of_file(path, goal.model.robot) if series is None else series.sample(goal.rate)
     if motion.n != goal.model.n:
@@ -253,33 +258,33 @@ def _of_motion(path: str, goal: CriterionGoal) -> Array:
 
 
 def prior_of_run(folder: str, goal: CriterionGoal) -> Array:
-    """Information (b, b) that a run has already, its parameters matched by name, with the goal's noise.
+    """Information matrix (b, b) of a run's data for the goal's base parameters, matched by name.
 
-    Rows that the run has kept are weighed as samples of that noise.
+    The run's stored rows are weighted with the goal's noise.
 
     Raises:
-        ArmidError: The run is about other parameters.
+        ArmidError: The run has none of these parameters.
     """
     terms = ",".join(term.name for term in load_run(folder).model.terms)
     information = load(Information, Path(folder) / "information.npz")
-    where = {name: k for k, name in enumerate(goal.base.names)}
-    place = np.array([where.get(name, -1) for name in information.names])
-    if information.n != goal.model.n or (place < 0).all():
+    index = {name: k for k, name in enumerate(goal.base.names)}
+    position = np.array([index.get(name, -1) for name in information.names])
+    if information.n != goal.model.n or (position < 0).all():
         raise ArmidError(
-            f"The run {folder} is about other parameters than {goal.model.robot.name} with these terms.",
+            f"The run {folder} has none of the parameters of {goal.model.robot.name} with these terms.",
             possible=", ".join(information.names[:8]) + ", …",
             remedy=f"for the same arm give that run's terms: --terms {terms}.",
         )
     result = np.zeros((goal.base.count, goal.base.count))
     for joint, noise in zip(information.joints, goal.noise, strict=True):
         rows = joint.R[:, :, :-1].reshape(-1, len(joint.parameters))
-        at = place[joint.parameters]
+        at = position[joint.parameters]
         result[np.ix_(at, at)] += rows.T @ rows / noise**2
     return result
 
 
 def _series(path: str) -> Excitation | None:
-    """The series of a plan, stretched where `@` and seconds follow; `None` for a recording."""
+    """Series of a plan, stretched to the period that may follow as `@SECONDS`; `None` for a recording."""
     name, at, seconds = path.partition("@")
     if not is_plan(name):
         return None
@@ -291,15 +296,17 @@ def _series(path: str) -> Excitation | None:
     except ValueError:
         period = 0.0
     if not period > 0.0:
-        raise ArmidError(f"{path}: {seconds!r} is no duration.", remedy="write for instance thesis-a1@27.")
+        raise ArmidError(
+            f"{path}: {seconds!r} is not a duration in seconds.", remedy="write for instance thesis-a1@27."
+        )
     return series.stretched(period)
 
 
 def motion_of_file(path: str, robot: Robot) -> Motion:
-    """The motion of a plan, or of a recording processed as usual.
+    """The motion of a plan, or of a recording processed as default_criterion.
 
     Raises:
-        ArmidError: It cannot be read, or moves other joints.
+        ArmidError: The file cannot be read, or its number of joints differs from the robot's.
     """
     series = _series(path)
     if series is not None:
@@ -320,10 +327,10 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
 
 
 def parse_limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
-    """`JOINT.KIND=VALUE`, and `JOINT.position=LOW:HIGH`; several with commas between.
+    """Limits by joint and kind, from `JOINT.KIND=VALUE` or `JOINT.position=LOW:HIGH`, separated by commas.
 
     Raises:
-        ArmidError: Something else.
+        ArmidError: A text has another form.
     """
     result: dict[tuple[str, str], Limit] = {}
     for text in (part.strip() for each in given for part in each.split(",")):
@@ -336,7 +343,7 @@ def parse_limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
             result[joint, kind] = (float(low), float(high)) if colon else float(value)
         except ValueError:
             raise ArmidError(
-                f"--limit {text}: this is no limit.",
+                f"--limit {text}: not a limit.",
                 remedy="write JOINT.velocity=1.2 or JOINT.position=-1:1; kinds are position, velocity, acceleration, "
                 "jerk, effort.",
             ) from None
@@ -344,7 +351,7 @@ def parse_limits(given: Sequence[str]) -> dict[tuple[str, str], Limit]:
 
 
 def _workspace(text: str | None) -> Workspace | None:
-    """The box for the tip."""
+    """Box that the tip stays in, from the option --tip-box."""
     corners = numbers(text, "--tip-box", 6)
     if corners is None:
         return None

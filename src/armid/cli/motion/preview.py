@@ -1,4 +1,4 @@
-"""`armid preview`: the arm moving through a plan or a recording, as a page that opens in a browser."""
+"""`armid preview`: page that shows the arm moving through a plan or a recording in a browser."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def preview(
         str | None,
         typer.Argument(
             metavar="[PLAN | RECORDING | RUN]",
-            help="What it does: a plan.json or its folder, thesis-a1, a recording, a run. Of a run alone its own.",
+            help="A plan.json or its folder, thesis-a1, a recording or a run; by default the run's own motion.",
         ),
     ] = None,
-    floor: Annotated[float | None, typer.Option(help="A floor so high above the base, m; negative: below.")] = None,
+    floor: Annotated[float | None, typer.Option(help="Height of a floor above the base, m.")] = None,
     environment: Annotated[
         Path | None, typer.Option(metavar="FILE", help="TOML of boxes, spheres and half-spaces.")
     ] = None,
@@ -57,8 +57,8 @@ def preview(
 ) -> None:
     """Write a page on which the arm moves: play and scrub, turn and zoom; stops, nearest bodies, masses of the links.
 
-    One file that opens without a network. Links look as the description has them, meshes included where they are
-    beside it; else as capsules and boxes, or as bare axes. Masses that a run has found are a layer.
+    The page is one file that opens without a network. It shows the shapes of the description, with its meshes if they
+    are found; else capsules and boxes, or the joint axes alone. The masses that a run identified are a layer.
 
     Examples:
         armid preview iiwa14-r820 plans/first --floor -1.5
@@ -75,38 +75,39 @@ def preview(
     from armid.study.records import to_json
 
     require_extra("jinja2")
-    run, other = _run(robot), _run(motion)
+    run, motion_run = _run(robot), _run(motion)
     arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package)) if run is None else run.robot
-    known, beside = other or run, Path(robot) if run and motion is None else Path()
+    known_run, default_folder = motion_run or run, Path(robot) if run and motion is None else Path()
     with print_missing_meshes(quiet=json):
         made = preview_of(
             arm,
-            other or motion or run,
-            reading=_reading(known, given(columns, rate)),
+            motion_run or motion or run,
+            reading=_reading(known_run, given(columns, rate)),
             data=data,
             surroundings=_surroundings(arm, floor, environment),
-            estimate=_estimate(known, arm),
+            estimate=_estimate(known_run, arm),
         )
-        path = write_preview(made, out or beside / PAGE)
-    told = to_json({"preview": str(path), "bytes": path.stat().st_size}) if json else f"page written to {path}"
-    sys.stdout.write(f"{told}\n")
+        path = write_preview(made, out or default_folder / PAGE)
+    message = to_json({"preview": str(path), "bytes": path.stat().st_size}) if json else f"page written to {path}"
+    sys.stdout.write(f"{message}\n")
 
 
 def _run(name: str | None) -> Run | None:
-    """The run in a folder; `None` where there is none."""
+    """Run in a folder; `None` if the folder holds no run."""
     from armid.runs.run import MARKER, load_run
 
     return load_run(name) if name is not None and (Path(name) / MARKER).is_file() else None
 
 
-def _reading(run: Run | None, said: dict[str, Any]) -> LogFormat:
-    """Tell how a recording is read: as the run's, or as the command line says."""
+def _reading(run: Run | None, arguments: dict[str, Any]) -> LogFormat:
+    """Log format of a recording: from the command line if it gives one, else the run's."""
     from armid.measurement.log_format import LogFormat
 
-    return LogFormat(**said) if run is None or said else run.reading
+    return LogFormat(**arguments) if run is None or arguments else run.reading
 
 
 def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> tuple[Shape, ...]:
+    """Bodies around the arm: those of the environment file, and the floor."""
     from armid.excitation.collision.distances import floor as floor_at
     from armid.excitation.collision.environment import load_environment
 
@@ -115,7 +116,7 @@ def _surroundings(arm: Robot, floor: float | None, environment: Path | None) -> 
 
 
 def _estimate(run: Run | None, arm: Robot) -> MassLayer | None:
-    """Link inertias that a run has found, or real bodies with its base values; nothing for another arm."""
+    """Inertias of the links from a run, or consistent ones with its base values; `None` for another arm."""
     from armid.errors import ArmidError
     from armid.export.standard_values import values_to_write
     from armid.report.preview.sources import estimate_layer
@@ -124,14 +125,14 @@ def _estimate(run: Run | None, arm: Robot) -> MassLayer | None:
         return None
     notes = {
         "estimated": "",
-        "nearest": "base values leave open how links share their mass; these are the physically consistent "
-        "links nearest to the description that have them",
-        "unphysical": "no physically consistent links have these base parameters; those without an ellipsoid are not "
+        "nearest": "base parameters do not determine how links share their mass; shown are the physically "
+        "consistent links with these base parameters that are nearest to the description",
+        "unphysical": "no physically consistent links have these base parameters; links without an ellipsoid are not "
         "consistent",
     }
     try:
         theta, kind, _ = values_to_write(run, allow_unphysical=True)
     except ArmidError as error:
-        sys.stderr.write(f"no masses of the estimate: {error.problem}\n")
+        sys.stderr.write(f"masses of the estimate are not shown: {error.problem}\n")
         return None
     return estimate_layer(theta, run, notes[kind])

@@ -1,4 +1,4 @@
-"""`armid simulate`: a recording of an arm whose truth is known."""
+"""`armid simulate`: simulated recording of an arm with known parameters."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def simulate(
         str,
         typer.Argument(metavar="PLAN", help="A plan.json, its folder or files; thesis-a1 or thesis-a2."),
     ],
-    options: Annotated[Path | None, typer.Option(metavar="FILE", help="A lab.toml with everything else.")] = None,
+    options: Annotated[Path | None, typer.Option(metavar="FILE", help="A lab.toml with all other options.")] = None,
     mode: Annotated[
         str | None,
-        typer.Option(metavar="closed-loop|inverse-dynamics", help="MuJoCo under a controller, or exactly the plan."),
+        typer.Option(metavar="closed-loop|inverse-dynamics", help="Controlled arm in MuJoCo, or exactly the plan."),
     ] = None,
     controller: Annotated[
         str | None, typer.Option(metavar="computed-torque|pd-gravity|pid", help="The controller.")
@@ -39,14 +39,15 @@ def simulate(
             help="rotor, elastic, stribeck, asymmetric, load, hysteresis, ripple, temperature.",
         ),
     ] = None,
-    repetitions: Annotated[int | None, typer.Option(min=1, help="How often the motion is run through.")] = None,
-    period: Annotated[float | None, typer.Option(help="Play the plan over this period, s.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Rows a second of the log, up to 8000 Hz.")] = None,
+    repetitions: Annotated[int | None, typer.Option(min=1, help="Number of repetitions of the motion.")] = None,
+    period: Annotated[float | None, typer.Option(help="Stretch the plan to this period, s.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate of the log, up to 8000 Hz.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of noise and faults.")] = 1,
     kind: Annotated[
-        str, typer.Option("--format", metavar="csv|parquet|npz|mat|bag|db3|mcap", help="Of the recording.")
+        str,
+        typer.Option("--format", metavar="csv|parquet|npz|mat|bag|db3|mcap", help="File format of the recording."),
     ] = "csv",
-    noise_free: Annotated[bool, typer.Option("--noise-free", help="Also write what truly happened, as NPZ.")] = False,
+    noise_free: Annotated[bool, typer.Option("--noise-free", help="Also write the noise-free data, as NPZ.")] = False,
     gravity: Gravity = None,
     lock: Lock = None,
     only: Only = None,
@@ -55,7 +56,7 @@ def simulate(
     out: Out = None,
     json: Json = False,
 ) -> None:
-    """Record a simulated arm, in MuJoCo under a controller, and write the truth beside the recording.
+    """Simulate an arm in MuJoCo under a controller, and write the recording and the true parameters.
 
     Examples:
         armid simulate iiwa14-r820 thesis-a1 --gravity 0 0 9.81 --rate 1000 --out lab
@@ -69,17 +70,17 @@ def simulate(
 
     refuse_format(kind)
     arm = load_choice(robot_choice(robot, gravity, lock, only, tip, package))
-    told = _told(options, mode, controller, effects, repetitions, rate)
+    lab_options = _lab_options(options, mode, controller, effects, repetitions, rate)
     motion = the_plan(plan, period)
     with progress(quiet=json) as tell:
         folder = out or run_folder(None, f"{arm.name}-lab")
         write = partial(simulate_to, kind=kind, seed=seed, noise_free=noise_free)
-        done = write(folder, arm, motion, told, tell=lambda share: tell("simulation", share))
+        done = write(folder, arm, motion, lab_options, tell=lambda share: tell("simulation", share))
     _report(done, json=json)
     print_findings((*arm.findings, *simulation_findings(done.simulated)))
 
 
-def _told(
+def _lab_options(
     path: Path | None,
     mode: str | None,
     controller: str | None,
@@ -87,33 +88,32 @@ def _told(
     repetitions: int | None,
     rate: float | None,
 ) -> LabOptions:
-    """Options of the file, with what the command line says instead."""
+    """Options of the file, overridden by those of the command line."""
     from dataclasses import replace
 
     from armid.lab.options import LabOptions, load_options
 
-    told = LabOptions() if path is None else load_options(path)
+    from_file = LabOptions() if path is None else load_options(path)
     changes: dict[str, Any] = {"mode": mode, "repetitions": repetitions}
     if controller is not None:
-        changes["controller"] = replace(told.controller, kind=controller)
+        changes["controller"] = replace(from_file.controller, kind=controller)
     if effects is not None:
         names = tuple(name.strip() for name in effects.split(",") if name.strip())
-        changes["arm"] = replace(told.arm, effects=names)
+        changes["arm"] = replace(from_file.arm, effects=names)
     if rate is not None:
-        changes["sensing"] = replace(told.sensing, rate=rate)
-    return replace(told, **{key: value for key, value in changes.items() if value is not None})
+        changes["sensing"] = replace(from_file.sensing, rate=rate)
+    return replace(from_file, **{key: value for key, value in changes.items() if value is not None})
 
 
 def _report(done: WrittenSimulation, *, json: bool) -> None:
-    """Print what was written and how far the arm was from its plan."""
+    """Print the written files, the number of rows and the peak torques."""
     import numpy as np
 
     from armid.notebook import plural
     from armid.study.records import to_json
 
     recording, truth = done.simulated.recording, done.simulated.truth
-    trace = done.simulated.trace
-    peak = np.abs(trace.effort).max(axis=0)
+    peak = np.abs(done.simulated.trace.effort).max(axis=0)
     if json:
         record = {
             "recording": str(done.recording),

@@ -1,4 +1,4 @@
-"""Findings, as a page says them."""
+"""Findings as text of a page."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from armid.errors import Finding
 
 __all__ = ["evidence_words", "remedy_words", "serious"]
 
-BESIDE = ("bodies-from-visuals", "mesh-missing", "visual-missing")
-"""Findings that say nothing of the model; the provenance lists them all."""
+NOT_ABOUT_MODEL = ("bodies-from-visuals", "mesh-missing", "visual-missing")
+"""Codes of findings that do not concern the model; the provenance lists all findings."""
 
 
 def serious(findings: Sequence[Finding], *severities: str) -> list[Finding]:
-    """Findings of these severities that speak of the model."""
-    return [each for each in findings if each.severity in severities and each.code not in BESIDE]
+    """Findings of the given severities that concern the model."""
+    return [each for each in findings if each.severity in severities and each.code not in NOT_ABOUT_MODEL]
 
 
 def evidence_words(finding: Finding) -> str:
-    """Return what was seen, and where."""
+    """Evidence of a finding, with its channel."""
     return f"{finding.channel}: {finding.evidence}" if finding.channel else finding.evidence
 
 
 def remedy_words(finding: Finding) -> str:
-    """Return what to do, a sentence; code in backticks. A remedy may be lines of a study, with a note behind `#`."""
+    """Remedy as a sentence, code in backticks; it may consist of lines of a study, with a note after `#`."""
     remedy = finding.remedy
     if not _is_toml(remedy):
         return remedy[:1].upper() + remedy[1:]

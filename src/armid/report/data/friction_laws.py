@@ -1,4 +1,4 @@
-"""The law of friction of each joint in one line, and how it was chosen."""
+"""Friction law of each joint in one line, and its selection."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from armid.report.tables import Column, Table, TableCell
 __all__ = ["law_tables", "law_text"]
 
 
-def law_tables(material: PageData) -> tuple[Table, ...]:
-    """The laws, one line a joint; where they were chosen, with the choice, and folded all that was looked at."""
-    joints, record = material.joints, _ladder(material)
-    laws = [law_text([law for law in _laws(material) if law.joint == j]) for j in range(len(joints))]
+def law_tables(page_data: PageData) -> tuple[Table, ...]:
+    """Tables of the laws by joint; if they were selected, with the gains, and a folded table of all candidates."""
+    joints, record = page_data.joints, _selection_record(page_data)
+    laws = [law_text([law for law in _laws(page_data) if law.joint == j]) for j in range(len(joints))]
     note = "q: position, dq: velocity of the joint; the parameters are in the table of parameters."
     head = [Column("joint", words=True), Column("law", words=True)]
     rows = [
@@ -35,64 +35,64 @@ def law_tables(material: PageData) -> tuple[Table, ...]:
     for row, each in zip(rows, record["joints"], strict=True):
         ratio = f"{fixed(each['ratio'], 2)} ± {fixed(each['deviation'], 2)}"
         row[1:1] = [TableCell("; ".join(each["chosen"]) or "–"), TableCell(ratio, each["ratio"])]
-    head[1:1] = [Column("chosen beside viscous and Coulomb", words=True), Column("relative error")]
-    looked_at = _evidence(record, joints)
-    if looked_at.rows:
+    head[1:1] = [Column("selected in addition to viscous and Coulomb", words=True), Column("relative error")]
+    candidates = _candidate_table(record, joints)
+    if candidates.rows:
         note += (
-            " Relative error: on stretches of motion that were left out, over that without what was chosen, ± its "
-            "standard error. The same stretches made the choice, so it is optimistic; the error in validation is not."
+            " Relative error: error on held-out blocks with the selected friction over the error without it, ± its "
+            "standard error. The selection used the same blocks, so it is optimistic; the validation error is not."
         )
     note += f" {record['why']}" if record["why"] else ""
-    laws_of_all = Table("laws", "Law of friction, joint by joint, and how it was chosen", head, rows, note)
-    return (laws_of_all, looked_at) if looked_at.rows else (laws_of_all,)
+    laws_of_all = Table("laws", "Law of friction, joint by joint, and its selection", head, rows, note)
+    return (laws_of_all, candidates) if candidates.rows else (laws_of_all,)
 
 
 def law_text(laws: Sequence[Law]) -> str:
-    """Laws of one joint as a sum; elements with memory of one kind, which differ in their widths alone, as one.
+    """Laws of one joint as a sum; play elements that differ only in their widths become one sum with an index.
 
     For instance `FV · dq + FS · tanh(50 dq) + Σ FHₖ · slip(q, rₖ), k = 1…3, r = 0.001, 0.003, 0.01`.
     """
     parts: list[str] = []
-    after: list[str] = []
-    for remembers, group in groupby(laws, lambda law: law.memory is not None):
-        own = list(group)
-        if not remembers:
-            parts += [_plain(law) for law in own]
+    definitions: list[str] = []
+    for hysteretic, group in groupby(laws, lambda law: law.memory is not None):
+        same_kind = list(group)
+        if not hysteretic:
+            parts += [_without_hysteresis(law) for law in same_kind]
             continue
-        widths = [f"{law.memory.width:g}" for law in own if law.memory is not None]
-        symbol = own[0].symbol.rstrip("0123456789")
-        count = "1" if len(own) == 1 else f"1…{len(own)}"
-        parts.append(f"Σ {symbol}ₖ · slip(q, rₖ)" if len(own) > 1 else f"{own[0].symbol} · slip(q, r)")
-        after.append(f"k = {count}, r = {', '.join(widths)}" if len(own) > 1 else f"r = {widths[0]}")
-    said = ", ".join([" + ".join(parts), *after]) if parts else ""
-    said = re.sub(r"\+ -(?:1 )?", "− ", said)
-    return re.sub(r"-(?:1 )?(?=[\w(|])", "−", said)
+        widths = [f"{law.memory.width:g}" for law in same_kind if law.memory is not None]
+        symbol = same_kind[0].symbol.rstrip("0123456789")
+        count = "1" if len(same_kind) == 1 else f"1…{len(same_kind)}"
+        parts.append(f"Σ {symbol}ₖ · slip(q, rₖ)" if len(same_kind) > 1 else f"{same_kind[0].symbol} · slip(q, r)")
+        definitions.append(f"k = {count}, r = {', '.join(widths)}" if len(same_kind) > 1 else f"r = {widths[0]}")
+    formula = ", ".join([" + ".join(parts), *definitions]) if parts else ""
+    formula = re.sub(r"\+ -(?:1 )?", "− ", formula)
+    return re.sub(r"-(?:1 )?(?=[\w(|])", "−", formula)
 
 
-def _plain(law: Law) -> str:
-    """A law without memory, and the joints that it acts on where these are several."""
-    said = f"{law.symbol} · {text(law.expression)}".removesuffix(" · 1")
+def _without_hysteresis(law: Law) -> str:
+    """Formula of a law without hysteresis, with its joints if it acts on several."""
+    formula = f"{law.symbol} · {text(law.expression)}".removesuffix(" · 1")
     if len(law.coordinate) == 1:
-        return said
+        return formula
     weighted = " + ".join(f"{weight:g} q{j + 1}" for j, weight in law.coordinate)
-    return f"{said} of {weighted}"
+    return f"{formula} of {weighted}"
 
 
-def _laws(material: PageData) -> list[Law]:
-    """All laws of friction of the model, joint by joint."""
-    model = material.run.model
+def _laws(page_data: PageData) -> list[Law]:
+    """Friction laws of the model, joint by joint."""
+    model = page_data.run.model
     chosen = friction_columns(model)[model.law_columns].astype(bool)
-    return [law for (_, law), own in zip(model.laws, chosen, strict=True) if own]
+    return [law for (_, law), is_friction in zip(model.laws, chosen, strict=True) if is_friction]
 
 
-def _ladder(material: PageData) -> dict[str, Any] | None:
-    """Tell how friction was chosen; nothing where it was named and not chosen."""
-    path = Path(material.run.folder) / "friction.json"
+def _selection_record(page_data: PageData) -> dict[str, Any] | None:
+    """Record of the friction selection; `None` if the friction terms were given."""
+    path = Path(page_data.run.folder) / "friction.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
 
-def _evidence(record: dict[str, Any], joints: Sequence[Any]) -> Table:
-    """All candidates that were looked at, by joint."""
+def _candidate_table(record: dict[str, Any], joints: Sequence[Any]) -> Table:
+    """Table of all candidates by joint."""
     evidence = record["evidence"]
     names = [joint.name for joint in joints]
     rows = [
@@ -115,6 +115,6 @@ def _evidence(record: dict[str, Any], joints: Sequence[Any]) -> Table:
         Column("standard error"),
         Column("", words=True),
     )
-    title = f"All {len(evidence)} candidates that were looked at"
-    note = "Error over that without the candidate."
+    title = f"All {len(evidence)} candidates"
+    note = "Error with the candidate over the error without it."
     return Table("ladder", title, columns, rows, note, folded=True, groups=groups)

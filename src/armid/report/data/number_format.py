@@ -1,4 +1,4 @@
-"""Numbers as people read them: as many digits as their interval carries, with a real minus sign."""
+"""Formatting of numbers: digits by the width of the interval, and a typographic minus sign."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 __all__ = ["decimals_of", "fixed", "percent", "share", "short"]
 
 MOST_DECIMALS = 9
-"""Decimals beyond which a number is noise in any unit that the tables use."""
+"""Largest number of decimals; more are noise in every unit of the tables."""
 
 MISSING = "–"
 
@@ -15,11 +15,11 @@ LARGEST_PLAIN, SMALLEST_PLAIN = 1e6, 1e-4
 """Sizes between which a number is written without a power of ten."""
 
 SMALLEST_SHARE = 0.001
-"""Shares below it are not told apart."""
+"""Smaller shares are shown as less than this."""
 
 
 def fixed(value: float, decimals: int) -> str:
-    """A number with so many decimals; a dash where there is none."""
+    """Number with the given decimals; a dash if it is not finite."""
     if not math.isfinite(value):
         return MISSING
     text = f"{value:.{decimals}f}"
@@ -27,14 +27,14 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def decimals_of(uncertainty: float, digits: int = 2) -> int:
-    """Decimals that show so many digits of an uncertainty."""
+    """Decimals that show the given number of digits of an uncertainty."""
     if not 0.0 < uncertainty < math.inf:
         return 3
     return min(max(0, digits - 1 - math.floor(math.log10(uncertainty))), MOST_DECIMALS)
 
 
 def short(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, for instance 0.0839 or 2.4 · 10⁻⁶."""
+    """Number with the given significant digits, for instance 0.0839 or 2.4 · 10⁻⁶."""
     if not math.isfinite(value):
         return MISSING
     if value == 0.0:
@@ -48,7 +48,7 @@ def short(value: float, digits: int = 3) -> str:
 
 
 def share(value: float) -> str:
-    """A share as whole percent; below two percent with one decimal, so that small ones stay apart."""
+    """Share in whole percent; below two percent with one decimal, to distinguish small shares."""
     if not math.isfinite(value):
         return MISSING
     if 0.0 < abs(value) < SMALLEST_SHARE:
@@ -57,7 +57,7 @@ def share(value: float) -> str:
 
 
 def percent(value: float) -> str:
-    """A relative deviation that is in percent already; above a thousand it is only large."""
+    """Relative deviation given in percent; `> 999` from a thousand on."""
     if not value < 1000.0:
         return "> 999"
     return fixed(value, 1) if value >= 1.0 else short(value, 2)

@@ -1,4 +1,4 @@
-"""Material of a page: the run's records, its recordings read once more, and its certificate."""
+"""Data of a page: the run's records, its processed recordings, and its certificate."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from armid.study.config import RecordingChoice
 from armid.study.processed import ProcessedRecording, process_each
 from armid.values import Array
 
-__all__ = ["PageData", "choices_of", "gather", "records_of", "velocity_unit", "with_evidence"]
+__all__ = ["PageData", "choices_of", "gather", "records_of", "velocity_unit", "with_recordings"]
 
-MOST_OF_A_ROLE = 3
-"""Recordings of each role that are drawn; every one is in the tables."""
+MAX_DRAWN = 3
+"""Largest number of plotted recordings of each role; the tables include all."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PageData:
-    """A run with all that its sections draw from.
+    """Data of a run for the sections of its page.
 
     Attributes:
         run: The run.
         study: `study.json`.
         validation: `validation.json`.
-        evidence: Its recordings, read again.
-        missing: What could not be read again, and why.
-        verdict: Whether a real body can have the parameters; `None` where there are no links to ask it of.
+        recordings: Its recordings, processed again.
+        missing: Messages about recordings that could not be read.
+        verdict: Physical consistency of the parameters; `None` if the model has no rigid bodies.
     """
 
     run: Run
     study: Mapping[str, Any]
     validation: Mapping[str, Any]
-    evidence: tuple[RecordingData, ...] = ()
+    recordings: tuple[RecordingData, ...] = ()
     missing: tuple[str, ...] = ()
     verdict: Verdict | None = None
 
@@ -53,13 +53,13 @@ class PageData:
         return self.run.robot.joints
 
     def of_role(self, role: str) -> tuple[RecordingData, ...]:
-        """Recordings that train, or that validate."""
-        return tuple(each for each in self.evidence if each.choice.role == role)
+        """Recordings of a role, `train` or `validate`."""
+        return tuple(each for each in self.recordings if each.choice.role == role)
 
     @property
     def drawn(self) -> tuple[RecordingData, ...]:
-        """Recordings that pictures show: a few of each role, validation first."""
-        return (*self.of_role("validate")[:MOST_OF_A_ROLE], *self.of_role("train")[:MOST_OF_A_ROLE])
+        """Recordings to plot: the first few of each role, validation first."""
+        return (*self.of_role("validate")[:MAX_DRAWN], *self.of_role("train")[:MAX_DRAWN])
 
     def training_rms(self) -> Array:
         """RMS error per joint in training (n,) [N·m or N]."""
@@ -87,7 +87,7 @@ def gather(
     recordings: Sequence[ProcessedRecording] | None = None,
     data: Path | str | None = None,
 ) -> PageData:
-    """Read a run's records and, where they still are, its recordings.
+    """Gather a run's records, certificate and, if they are still available, its recordings.
 
     Args:
         run: The run.
@@ -97,17 +97,17 @@ def gather(
     Raises:
         ArmidError: A record of the run is damaged.
     """
-    material = with_evidence(run, recordings=recordings, data=data)
-    return replace(material, verdict=certify_run(run) if run.model.has_rigid_bodies else None)
+    page_data = with_recordings(run, recordings=recordings, data=data)
+    return replace(page_data, verdict=certify_run(run) if run.model.has_rigid_bodies else None)
 
 
-def with_evidence(
+def with_recordings(
     run: Run,
     *,
     recordings: Sequence[ProcessedRecording] | None = None,
     data: Path | str | None = None,
 ) -> PageData:
-    """A run's records and recordings without its certificate, which pictures do not need.
+    """Gather a run's records and recordings, without its certificate, which plots do not need.
 
     Args:
         run: The run.
@@ -117,22 +117,22 @@ def with_evidence(
     Raises:
         ArmidError: A record of the run is damaged.
     """
-    material = records_of(run)
-    folder = str(material.study["folder"])
-    evidence: list[RecordingData] = []
+    page_data = records_of(run)
+    folder = str(page_data.study["folder"])
+    processed: list[RecordingData] = []
     missing: list[str] = []
-    for choice, sha256 in choices_of(run, material.study) if recordings is None else ():
+    for choice, sha256 in choices_of(run, page_data.study) if recordings is None else ():
         try:
             read = choice, read_recording_of(run, choice, sha256, folder, data)
-            evidence += [evaluate_recording(run, each) for each in process_each([read], run.processing, run.robot)]
+            processed += [evaluate_recording(run, each) for each in process_each([read], run.processing, run.robot)]
         except ArmidError as error:
             missing.append(error.problem)
-    evidence += [evaluate_recording(run, each) for each in recordings or ()]
-    return replace(material, evidence=tuple(evidence), missing=tuple(missing))
+    processed += [evaluate_recording(run, each) for each in recordings or ()]
+    return replace(page_data, recordings=tuple(processed), missing=tuple(missing))
 
 
 def records_of(run: Run) -> PageData:
-    """A run's records alone.
+    """A run's records, without recordings and certificate.
 
     Raises:
         ArmidError: One of them is damaged.
@@ -147,7 +147,7 @@ def _record(run: Run, name: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise ArmidError(f"{path} cannot be read: {error}.", remedy="identify again.") from error
     if not isinstance(record, dict):
-        raise ArmidError(f"{path} holds no record of a run.", remedy="identify again.")
+        raise ArmidError(f"{path} does not hold a record of a run.", remedy="identify again.")
     return record
 
 
@@ -167,5 +167,5 @@ def _digests(run: Run) -> list[str]:
 
 
 def _numbers(values: Any) -> Array:
-    """A list of a record, where null stands for what is not a number."""
+    """Numbers of a record's list; null becomes NaN."""
     return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

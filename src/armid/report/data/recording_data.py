@@ -1,4 +1,4 @@
-"""A run's recordings once more: torque measured and predicted, with its band, and friction by itself."""
+"""Measured and predicted torque of a run's recordings, prediction intervals, and friction."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from armid.study.processed import ProcessedRecording
 from armid.validation.prediction_interval import band_of_rows
 from armid.values import Array
 
-__all__ = ["RecordingData", "Spectrum", "evaluate_recording", "friction_columns", "joined"]
+__all__ = ["RecordingData", "Spectrum", "concatenated", "evaluate_recording", "friction_columns"]
 
-BAND_ROWS = 5000
-"""Rows, or up to twice as many, at which the band is worked out; it varies as slowly as the motion does."""
+INTERVAL_ROWS = 5000
+"""Rows, up to twice as many, at which the prediction interval is computed; it varies as slowly as the motion."""
 
 SPECTRUM_SAMPLES = 1 << 17
-"""Samples that a spectrum is made of at most: 16 s of an 8 kHz log, two minutes of a 1 kHz one."""
+"""Largest number of samples of a spectrum: 16 s of an 8 kHz log, two minutes of a 1 kHz one."""
 
 SEGMENT_SECONDS = 8.0
-"""Length of a spectrum's segments: lines an eighth of a hertz apart, below most base frequencies."""
+"""Length of a spectrum's segments [s]; the resolution, 1/8 Hz, is finer than most base frequencies."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,19 +49,19 @@ class Spectrum:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordingData:
-    """One recording on its output grid, M rows, in the study's band.
+    """Data of a recording on its output grid, M rows, in the study's band.
 
     Attributes:
         choice: Path, role and part.
-        time: Since the recording's first row, shape (M,) [s]; the row's number where rows are separate.
+        time: Since the recording's first row, shape (M,) [s]; the row's number if rows are not consecutive.
         q: Positions, shape (M, n) [rad or m].
         dq: Velocities, shape (M, n).
-        measured: Torque, shape (M, n) [N·m or N]; NaN where a row does not count.
-        predicted: Torque of the estimate, shape (M, n); NaN as well.
+        measured: Torque, shape (M, n) [N·m or N]; NaN where a row is masked.
+        predicted: Torque of the estimate, shape (M, n); NaN where a row is masked.
         friction: The part of `predicted` that depends on no acceleration and no link, shape (M, n).
-        half_band: Half width of the 95 % band about the prediction, shape (M, n).
+        half_band: Half width of the 95 % prediction interval, shape (M, n).
         starts: First row of each contiguous run, and M.
-        spectrum: Of the longest run; `None` where rows do not follow each other.
+        spectrum: Spectrum of the longest run; `None` if rows are not consecutive.
     """
 
     choice: RecordingChoice
@@ -77,17 +77,17 @@ class RecordingData:
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted, shape (M, n); NaN where a row does not count."""
+        """Measured less predicted, shape (M, n); NaN where a row is masked."""
         return self.measured - self.predicted
 
     @property
     def is_consecutive(self) -> bool:
-        """Tell whether rows follow each other in time."""
+        """True if the rows are consecutive in time."""
         return self.spectrum is not None
 
     @property
     def clock(self) -> str:
-        """Return what `time` is, for the title of an axis."""
+        """Title of the time axis: `time [s]`, or `row` for separate rows."""
         return "time [s]" if self.is_consecutive else "row"
 
     def gapped(self, values: Array) -> tuple[Array, Array]:
@@ -96,32 +96,32 @@ class RecordingData:
         return np.insert(self.time, cuts, np.nan), np.insert(values, cuts, np.nan, axis=0)
 
 
-def joined(
-    evidence: Sequence[RecordingData], what: Literal["q", "dq", "measured", "friction", "residual"], j: int
+def concatenated(
+    recordings: Sequence[RecordingData], what: Literal["q", "dq", "measured", "friction", "residual"], j: int
 ) -> Array:
-    """One quantity of one joint over several recordings, one after another."""
-    return np.concatenate([np.zeros(0), *(getattr(each, what)[:, j] for each in evidence)])
+    """One quantity of one joint, concatenated over several recordings."""
+    return np.concatenate([np.zeros(0), *(getattr(each, what)[:, j] for each in recordings)])
 
 
 def evaluate_recording(run: Run, recording: ProcessedRecording) -> RecordingData:
-    """Torque of a recording, processed as the run's own, beside that of the estimate."""
+    """Measured and predicted torque of a processed recording."""
     observations = recording.observations
     model, estimate, runs, band = run.model, run.estimate, observations.runs, observations.band
     theta = torque_parameters(estimate.base, estimate.fit)
     only_friction = np.where(friction_columns(model), theta, 0.0)
-    found = [compare(model, theta, each, band) for each in runs]
+    compared = [compare(model, theta, each, band) for each in runs]
     friction = [compare(model, only_friction, each, band).predicted for each in runs]
     grid = [each.motion[slice(each.offset, None, each.step)] for each in runs]
     time = np.concatenate([motion.time for motion in grid])
-    mask = np.concatenate([each.mask for each in found])
+    mask = np.concatenate([each.mask for each in compared])
     longest = max(runs, key=lambda each: each.motion.samples)
     return RecordingData(
         recording.choice,
         time - time[0],
         np.concatenate([motion.q for motion in grid]),
         np.concatenate([motion.dq for motion in grid]),
-        np.where(mask, np.concatenate([each.measured for each in found]), np.nan),
-        np.where(mask, np.concatenate([each.predicted for each in found]), np.nan),
+        np.where(mask, np.concatenate([each.measured for each in compared]), np.nan),
+        np.where(mask, np.concatenate([each.predicted for each in compared]), np.nan),
         np.concatenate(friction),
         _half_band(model, estimate, observations),
         tuple(int(k) for k in np.cumsum([0, *(motion.samples for motion in grid)])),
@@ -130,7 +130,7 @@ def evaluate_recording(run: Run, recording: ProcessedRecording) -> RecordingData
 
 
 def friction_columns(model: DynamicsModel) -> Array:
-    """1 for each standard parameter of a law without acceleration, friction and offsets, else 0; shape (p,)."""
+    """Mask (p,) of the friction and offset parameters: 1 for laws that do not depend on acceleration, else 0."""
     chosen = np.zeros(len(model.parameters))
     for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
         chosen[column] = "ddq" not in symbols(law.expression)
@@ -138,23 +138,23 @@ def friction_columns(model: DynamicsModel) -> Array:
 
 
 def _half_band(model: DynamicsModel, estimate: Estimate, observations: Observations) -> Array:
-    """Half width (M, n) of the 95 % band of a measurement, between rows at which it is worked out."""
+    """Half width (M, n) of the 95 % prediction interval, interpolated between the rows at which it is computed."""
     counts = [len(run.rows) for run in observations.runs]
-    step = max(1, sum(counts) // BAND_ROWS)
-    looked = [np.arange(0, count, step) for count in counts]
-    found = np.split(
-        band_of_rows(model, estimate, observations, step), np.cumsum([len(seen) for seen in looked])[:-1]
+    step = max(1, sum(counts) // INTERVAL_ROWS)
+    sampled = [np.arange(0, count, step) for count in counts]
+    half_widths = np.split(
+        band_of_rows(model, estimate, observations, step), np.cumsum([len(rows) for rows in sampled])[:-1]
     )
     return np.concatenate(
         [
-            np.stack([np.interp(np.arange(count), seen, of_joint) for of_joint in widths.T], axis=1)
-            for count, seen, widths in zip(counts, looked, found, strict=True)
+            np.stack([np.interp(np.arange(count), rows, of_joint) for of_joint in widths.T], axis=1)
+            for count, rows, widths in zip(counts, sampled, half_widths, strict=True)
         ]
     )
 
 
 def _spectrum(model: DynamicsModel, theta: Array, run: ObservedRun) -> Spectrum:
-    """Spectra of torque and residual at full rate, as recorded: what the band leaves out is in them."""
+    """Spectra of torque and residual at full rate, as recorded, including frequencies outside the band."""
     part = slice(0, SPECTRUM_SAMPLES)
     measured = run.torque[part]
     both = np.hstack([measured, measured - model.torque(run.motion[part], theta)])

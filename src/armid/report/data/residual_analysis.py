@@ -1,4 +1,4 @@
-"""Dependence of the residual of a joint: shares of its variance, chance taken off."""
+"""Dependence of a joint's residual on velocity, position and reversals, as shares of its variance."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 
 from armid.measurement.processing.options import ProcessingOptions
 from armid.report.data.friction_at_reversals import HALF_WINDOW, since_reversal
-from armid.report.data.recording_data import RecordingData, joined
+from armid.report.data.recording_data import RecordingData, concatenated
 from armid.values import Array
 
-__all__ = ["MUCH", "ResidualShares", "explained", "residual_shares"]
+__all__ = ["LARGE_SHARE", "ResidualShares", "explained", "residual_shares"]
 
 BINS = 12
 """Classes of velocity, position and time: coarse enough for a dozen rows in each of short recordings."""
 
 
-MUCH = 0.2
-"""Share of the residual's variance that is worth a law of its own."""
+LARGE_SHARE = 0.2
+"""Share of the residual's variance above which a further law is suggested."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualShares:
-    """Shares of a residual's variance, 0 to 1; NaN where there is nothing to judge by.
+    """Shares of a residual's variance, 0 to 1; NaN where there are too few rows.
 
     Attributes:
-        velocity: That follow from the velocity.
-        position: From the position and the direction of motion.
-        reversal: From the time since the last reversal, in the direction of motion.
+        velocity: Share that depends on the velocity.
+        position: Share that depends on position and direction of motion.
+        reversal: Share that depends on the time since the last reversal, signed by the direction of motion.
     """
 
     velocity: float
@@ -39,20 +39,24 @@ class ResidualShares:
     reversal: float
 
 
-def residual_shares(evidence: Sequence[RecordingData], processing: ProcessingOptions, j: int) -> ResidualShares:
-    """Return what the residual of a joint depends on, over several recordings."""
-    if not evidence:
+def residual_shares(recordings: Sequence[RecordingData], processing: ProcessingOptions, j: int) -> ResidualShares:
+    """Shares of the variance of a joint's residual over several recordings."""
+    if not recordings:
         return ResidualShares(np.nan, np.nan, np.nan)
-    residual, dq, q = joined(evidence, "residual", j), joined(evidence, "dq", j), joined(evidence, "q", j)
-    since = np.concatenate([_since(each, j) for each in evidence])
-    share = min(_independent(each, processing) for each in evidence)
+    residual, dq, q = (
+        concatenated(recordings, "residual", j),
+        concatenated(recordings, "dq", j),
+        concatenated(recordings, "q", j),
+    )
+    since = np.concatenate([_time_since_reversal(each, j) for each in recordings])
+    share = min(_independent_share(each, processing) for each in recordings)
     forward = (dq > 0.0).astype(np.intp)
-    way = np.where(dq > 0.0, 1.0, -1.0)
+    direction = np.where(dq > 0.0, 1.0, -1.0)
     return ResidualShares(
         explained(residual, classes(dq), share),
         explained(residual, classes(q) * 2 + forward, share),
         explained(
-            np.where(np.isfinite(since), way * residual, np.nan), classes(np.minimum(since, HALF_WINDOW)), share
+            np.where(np.isfinite(since), direction * residual, np.nan), classes(np.minimum(since, HALF_WINDOW)), share
         ),
     )
 
@@ -61,12 +65,12 @@ def explained(values: Array, label: NDArray[np.intp], independent: float) -> flo
     """Share of the variance of values (M,) that their class explains: the correlation ratio, adjusted for chance.
 
     Args:
-        values: NaN is left out.
+        values: Values; NaN is ignored.
         label: Class of each value, shape (M,).
         independent: Share of the values that are independent of each other.
 
     Returns:
-        From 0, no more than chance, to 1; NaN where there are fewer independent values than classes.
+        From 0, explained by chance, to 1; NaN if there are fewer independent values than classes.
     """
     known = np.isfinite(values)
     values, label = values[known], label[known]
@@ -82,7 +86,7 @@ def explained(values: Array, label: NDArray[np.intp], independent: float) -> flo
 
 
 def classes(x: Array) -> NDArray[np.intp]:
-    """Class of each value, the range in equal parts; what is not finite has a class of its own."""
+    """Class of each value, from equal parts of the range; values that are not finite have a separate class."""
     known = x[np.isfinite(x)]
     if not len(known) or np.ptp(known) == 0.0:
         return np.zeros(len(x), dtype=np.intp)
@@ -90,15 +94,15 @@ def classes(x: Array) -> NDArray[np.intp]:
     return np.where(np.isfinite(x), np.digitize(x, edges), BINS).astype(np.intp)
 
 
-def _since(evidence: RecordingData, j: int) -> Array:
-    if not evidence.is_consecutive:
-        return np.full(len(evidence.time), np.nan)
-    runs = pairwise(evidence.starts)
-    return np.concatenate([since_reversal(evidence.time[a:b], evidence.dq[a:b, j]) for a, b in runs])
+def _time_since_reversal(recording: RecordingData, j: int) -> Array:
+    if not recording.is_consecutive:
+        return np.full(len(recording.time), np.nan)
+    runs = pairwise(recording.starts)
+    return np.concatenate([since_reversal(recording.time[a:b], recording.dq[a:b, j]) for a, b in runs])
 
 
-def _independent(evidence: RecordingData, processing: ProcessingOptions) -> float:
-    """Rows that a band leaves independent: two a cycle of its cut-off."""
-    if processing.family == "none" or not evidence.is_consecutive:
+def _independent_share(recording: RecordingData, processing: ProcessingOptions) -> float:
+    """Share of rows that are independent after filtering: two in each cycle of the cut-off frequency."""
+    if processing.family == "none" or not recording.is_consecutive:
         return 1.0
-    return min(1.0, 2.0 * float(processing.cutoff) * float(np.median(np.diff(evidence.time))))
+    return min(1.0, 2.0 * float(processing.cutoff) * float(np.median(np.diff(recording.time))))

@@ -11,7 +11,7 @@ __all__ = ["study_to_toml"]
 
 
 def study_to_toml(study: Mapping[str, Any]) -> str:
-    """The `study.toml` that says what a run's study came to: read in the study's folder it is that study again.
+    """Text of a `study.toml` with all values of a run's study; read in the study's folder, it gives the same study.
 
     Args:
         study: The record `study.json` of a run.

@@ -1,4 +1,4 @@
-"""Judgement of a run: what can be trusted, what cannot, what to record or change next, made from its numbers."""
+"""Assessment of a run from its numbers: reliable results, doubtful results, next steps."""
 
 from __future__ import annotations
 
@@ -8,46 +8,46 @@ from dataclasses import dataclass
 import numpy as np
 
 from armid.report.data.findings import evidence_words, remedy_words, serious
-from armid.report.data.joint_names import MOST_NAMES, by_joint, label_of
+from armid.report.data.joint_names import MAX_NAMES, by_joint, label_of
 from armid.report.data.number_format import share, short
 from armid.report.data.page_data import PageData, velocity_unit
-from armid.report.data.residual_analysis import MUCH, residual_shares
+from armid.report.data.residual_analysis import LARGE_SHARE, residual_shares
 from armid.report.section import effort_unit
 
 __all__ = ["POOR_COVERAGE", "TrustJudgement", "judge_trust", "outside_intervals"]
 
 GOOD_SHARE = 0.1
-"""Relative RMS, over the torque's standard deviation, up to which a joint is called well predicted: the thesis's
-lines of Figure 4.3."""
+"""Largest relative RMS, over the torque's standard deviation, of a well predicted joint; as in Figure 4.3 of the
+thesis."""
 
 POOR_COVERAGE = 0.85
-"""Share of rows inside a 95 % band below which the band is not believed."""
+"""Share of rows inside the 95 % prediction interval below which the interval counts as too narrow."""
 
-UNLIKE_TRAINING = 2.0
-"""Error in validation over that in training, from which on more motions are asked for."""
+MAX_ERROR_RATIO = 2.0
+"""Ratio of validation error to training error above which more motions are recommended."""
 
-RESTS = 0.01
-"""Share of its usual speed below which a joint stands: there the sign of its velocity is the noise's."""
+STANDSTILL_SHARE = 0.01
+"""Share of its RMS speed below which a joint counts as standing: noise decides the sign of its velocity there."""
 
-SLOW = 0.3
-"""Share of its velocity limit below which a joint's viscous friction is hard to tell from the rest."""
+SLOW_SHARE = 0.3
+"""Share of its velocity limit below which a joint's viscous friction is hard to identify."""
 
 STICKING = (
-    "A motion that passes rest quickly (higher accelerations, less time at low speed) or a stiffer controller: what "
-    "is left after reversals of {joints} comes with sticking, where dry friction takes any value up to its bound; "
-    "neither friction with memory nor more of the same data removes it."
+    "A motion that passes rest quickly (higher accelerations, less time at low speed) or a stiffer controller: the "
+    "residual after reversals of {joints} is due to sticking, in which dry friction takes any value up to its bound; "
+    "neither friction with hysteresis nor more of the same data removes it."
 )
-"""What to do where a joint sticks and starts again, which looks like memory in what is left."""
+"""Remedy for joints that stick and start again; in the residual this looks like hysteresis."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrustJudgement:
-    """The verdict in words.
+    """Verdict as sentences.
 
     Attributes:
-        trusted: What can be relied on.
-        doubted: What cannot.
-        wanted: What to record or to change next.
+        trusted: Reliable results.
+        doubted: Doubtful results.
+        wanted: Recordings or changes to make next.
     """
 
     trusted: tuple[str, ...]
@@ -55,152 +55,161 @@ class TrustJudgement:
     wanted: tuple[str, ...]
 
 
-def judge_trust(material: PageData) -> TrustJudgement:
-    """Judge a run; what weighs most comes first."""
+def judge_trust(page_data: PageData) -> TrustJudgement:
+    """Assess a run; the most important sentences come first."""
     trusted: list[str] = []
     doubted: list[str] = []
     wanted: list[str] = []
-    for look in (_torque, _errors, _bodies, _bands, _parameters, _warnings, _motion, _laws):
-        good, bad, next_ = look(material)
+    for assess in (_torque, _errors, _bodies, _intervals, _parameters, _warnings, _motion, _laws):
+        good, bad, next_ = assess(page_data)
         trusted += good
         doubted += bad
         wanted += next_
     return TrustJudgement(tuple(trusted), tuple(doubted), tuple(dict.fromkeys(wanted)))
 
 
-Words = tuple[list[str], list[str], list[str]]
+Sentences = tuple[list[str], list[str], list[str]]
 
 
-def _torque(material: PageData) -> Words:
-    """Error on validation motion, all joints together and each."""
-    if not material.validation["recordings"]:
+def _torque(page_data: PageData) -> Sentences:
+    """Sentences about the torque error in validation, of all joints together and of each."""
+    if not page_data.validation["recordings"]:
         return (
             [],
             ["Nothing here was checked on held-out motion."],
-            ['Another motion, kept for validation: --validate RECORDING, or role = "validate" in the study.'],
+            ['Hold out another motion for validation: --validate RECORDING, or role = "validate" in the study.'],
         )
-    held_out, unit = material.validation_rms(), effort_unit(material)
-    total, training = (float(np.linalg.norm(x[np.isfinite(x)])) for x in (held_out, material.training_rms()))
-    prior = material.validation_column("prior_rms")
+    held_out, unit = page_data.validation_rms(), effort_unit(page_data)
+    total, training = (float(np.linalg.norm(x[np.isfinite(x)])) for x in (held_out, page_data.training_rms()))
+    prior = page_data.validation_column("prior_rms")
     known = np.isfinite(prior) & np.isfinite(held_out)
     words = f"Torque in validation: {short(total)} {unit} RMS, root of the sum over joints"
     if known.any():
-        left = float(np.linalg.norm(held_out[known]) / np.linalg.norm(prior[known]))
-        words += f"; {share(left)} of the error of the CAD/URDF model"
+        ratio = float(np.linalg.norm(held_out[known]) / np.linalg.norm(prior[known]))
+        words += f"; {share(ratio)} of the error of the CAD/URDF model"
     failed = [
         f"{c['name']}: {short(c['value'])} > {short(c['bound'])}"
-        for c in material.validation["checks"]
+        for c in page_data.validation["checks"]
         if not c["ok"]
     ]
     good, bad, next_ = ([], [f"{words}."], []) if failed else ([f"{words}."], [], [])
     bad += [f"Check failed: {each}." for each in failed]
-    relative = material.validation_column("relative")
+    relative = page_data.validation_column("relative")
     fine = [j for j, x in enumerate(relative) if x <= GOOD_SHARE]
     if fine:
-        good.append(f"Relative RMS of at most {share(GOOD_SHARE)} on {_joints(material, fine)}.")
+        good.append(f"Relative RMS of at most {share(GOOD_SHARE)} on {_joints(page_data, fine)}.")
     poor = [j for j, x in enumerate(relative) if x > GOOD_SHARE]
     if poor:
-        said = _listed(f"{label_of(material.joints, j)} ({share(float(relative[j]))})" for j in poor)
-        bad.append(f"Relative RMS above {share(GOOD_SHARE)} on {said}.")
-    if total > UNLIKE_TRAINING * training:
-        moving, stands = _moving(material)
-        if moving <= UNLIKE_TRAINING * training:
+        joints = _listed(f"{label_of(page_data.joints, j)} ({share(float(relative[j]))})" for j in poor)
+        bad.append(f"Relative RMS above {share(GOOD_SHARE)} on {joints}.")
+    if total > MAX_ERROR_RATIO * training:
+        moving, stands = _moving(page_data)
+        if moving <= MAX_ERROR_RATIO * training:
             bad.append(
-                f"Most of the error in validation is where joints stand, {share(stands)} of the rows: dry "
-                f"friction takes any value up to its bound there. Where they move it is {short(moving)} {unit} RMS."
+                f"Most of the validation error is in rows where joints stand, {share(stands)} of the rows: at "
+                f"standstill dry friction can take any value up to its bound. While they move, the error is "
+                f"{short(moving)} {unit} RMS."
             )
         else:
-            bad.append(f"The error in validation is {short(total / training, 2)} times that in training.")
+            bad.append(f"The validation error is {short(total / training, 2)} times the training error.")
             next_.append(
-                "More and other motions to train on: held-out ones are predicted worse than those of training."
+                "More and other motions to train on: held-out motions are predicted worse than training motions."
             )
     return good, bad, next_
 
 
-def _moving(material: PageData) -> tuple[float, float]:
-    """Error in validation where joints move, all together, and the share of rows in which they stand."""
-    held_out = material.of_role("validate")
+def _moving(page_data: PageData) -> tuple[float, float]:
+    """Validation error of all joints while they move, and the share of rows in which they stand."""
+    held_out = page_data.of_role("validate")
     if not held_out:
         return np.inf, 0.0
     error, speed = (
         np.concatenate(x) for x in zip(*((e.measured - e.predicted, e.dq) for e in held_out), strict=True)
     )
     counts = np.isfinite(error)
-    stands = counts & (np.abs(speed) < RESTS * np.sqrt(np.mean(speed**2, axis=0)))
+    stands = counts & (np.abs(speed) < STANDSTILL_SHARE * np.sqrt(np.mean(speed**2, axis=0)))
     moves = counts & ~stands
     square = np.where(moves, error, 0.0) ** 2
     rms = np.sqrt(square.sum(axis=0) / np.maximum(moves.sum(axis=0), 1))
     return float(np.linalg.norm(rms)), float(stands.sum() / max(counts.sum(), 1))
 
 
-def _bands(material: PageData) -> Words:
-    """Tell whether the 95 % bands hold what they promise."""
-    coverage = material.validation_column("coverage95")
+def _intervals(page_data: PageData) -> Sentences:
+    """Sentences about the coverage of the 95 % prediction intervals of the torque."""
+    coverage = page_data.validation_column("coverage95")
     poor = [j for j, x in enumerate(coverage) if x < POOR_COVERAGE]
     if not np.isfinite(coverage).any():
         return [], [], []
     if not poor:
         return (
-            [f"The 95 % bands of the torque: they hold {share(float(np.nanmean(coverage)))} of the held-out rows."],
+            [
+                "The 95 % prediction intervals of the torque: they contain "
+                f"{share(float(np.nanmean(coverage)))} of the held-out rows."
+            ],
             [],
             [],
         )
-    said = _listed(f"{label_of(material.joints, j)} ({share(float(coverage[j]))})" for j in poor)
+    joints = _listed(f"{label_of(page_data.joints, j)} ({share(float(coverage[j]))})" for j in poor)
     return (
         [],
-        [f"The 95 % bands of the torque are too narrow on {said}: so may be the intervals of its parameters."],
-        ["The same motion repeated, or longer: intervals rest on the scatter between blocks, and here on few."],
+        [f"The 95 % prediction intervals of the torque are too narrow on {joints}; parameter intervals may be, too."],
+        ["Repeat the motion, or record longer: intervals follow from the scatter between blocks, here only a few."],
     )
 
 
-def _parameters(material: PageData) -> Words:
-    """Tell which parameters are told from zero, and which cannot be what they are."""
-    estimate = material.run.estimate
+def _parameters(page_data: PageData) -> Sentences:
+    """Sentences about parameters that differ from zero, that do not, and that have an impossible sign."""
+    estimate = page_data.run.estimate
     names = estimate.fit.names
     low, high = estimate.intervals.T
-    clear = (low > 0.0) | (high < 0.0)
-    good = [f"{int(clear.sum())} of {len(names)} parameters: their 95 % intervals stay clear of zero."]
-    unclear = [name for name, sure in zip(names, clear, strict=True) if not sure]
+    significant = (low > 0.0) | (high < 0.0)
+    good = [f"{int(significant.sum())} of {len(names)} parameters: their 95 % intervals do not include zero."]
+    insignificant = [name for name, yes in zip(names, significant, strict=True) if not yes]
     bad = (
-        [f"{len(unclear)} parameters cannot be told from zero: {by_joint(unclear, material.joints)}."]
-        if unclear
+        [
+            f"{len(insignificant)} parameters cannot be distinguished from zero: "
+            f"{by_joint(insignificant, page_data.joints)}."
+        ]
+        if insignificant
         else []
     )
-    never = {p.name for p in material.run.model.parameters if p.nonnegative}
-    negative = [name for name, top in zip(names, high, strict=True) if name in never and top < 0.0]
+    nonnegative = {p.name for p in page_data.run.model.parameters if p.nonnegative}
+    negative = [name for name, top in zip(names, high, strict=True) if name in nonnegative and top < 0.0]
     next_: list[str] = []
     if negative and not any(each.code == "not-physical" for each in estimate.findings):
-        bad.append(f"Negative where physics forbids it, intervals included: {by_joint(negative, material.joints)}.")
-    rotors = [name for name in unclear + negative if name.startswith("IA")]
+        bad.append(
+            f"Negative including their intervals, which physics forbids: {by_joint(negative, page_data.joints)}."
+        )
+    rotors = [name for name in insignificant + negative if name.startswith("IA")]
     if rotors:
         next_.append(
-            f"Quick turns of single joints while the others rest: {by_joint(rotors, material.joints)} mix with link "
-            "inertias."
+            f"Fast reversals of single joints while the others rest, to separate "
+            f"{by_joint(rotors, page_data.joints)} from link inertias."
         )
     return good, bad, next_
 
 
-def outside_intervals(material: PageData) -> bool:
-    """Tell whether the nearest consistent parameters lie outside the intervals of some parameters."""
-    if material.verdict is None or material.verdict.certificate.feasible:
+def outside_intervals(page_data: PageData) -> bool:
+    """True if the nearest consistent parameters lie outside the interval of at least one parameter."""
+    if page_data.verdict is None or page_data.verdict.certificate.feasible:
         return False
-    fit = material.run.estimate.fit
+    fit = page_data.run.estimate.fit
     half = dict(zip((name.split("[", 1)[0] for name in fit.names), 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
-    return any(abs(each.change) > half[each.name] for each in material.verdict.certificate.blame)
+    return any(abs(each.change) > half[each.name] for each in page_data.verdict.certificate.blame)
 
 
-def _bodies(material: PageData) -> Words:
-    """Physical consistency."""
-    if material.verdict is None:
+def _bodies(page_data: PageData) -> Sentences:
+    """Sentences about physical consistency."""
+    if page_data.verdict is None:
         return [], [], []
-    certificate, smallest = material.verdict.certificate, material.verdict.pose.min_eigenvalue
+    certificate, smallest = page_data.verdict.certificate, page_data.verdict.pose.min_eigenvalue
     bad: list[str] = []
     if smallest <= 0.0:
-        bad.append("The mass matrix is not positive definite in every pose: do not simulate with these values.")
+        bad.append("The mass matrix is not positive definite in every pose; do not simulate with these values.")
     if certificate.feasible:
         return ["The parameters are physically consistent: a real body can have them."], bad, []
     away = f"{short(certificate.distance)} ({share(certificate.relative_distance)}) away"
-    if outside_intervals(material):
+    if outside_intervals(page_data):
         bad.append(
             f"Not physically consistent: the nearest such values lie {away}, outside the intervals. "
             "Do not simulate or export these."
@@ -210,72 +219,72 @@ def _bodies(material: PageData) -> Words:
     return [], bad, []
 
 
-def _errors(material: PageData) -> Words:
-    """Return what contradicts the recordings or the description."""
-    return _noticed(material, "error")
+def _errors(page_data: PageData) -> Sentences:
+    """Sentences about findings that are errors."""
+    return _findings_of(page_data, "error")
 
 
-def _warnings(material: PageData) -> Words:
-    """Return what else was found."""
-    return _noticed(material, "warning")
+def _warnings(page_data: PageData) -> Sentences:
+    """Sentences about findings that are warnings."""
+    return _findings_of(page_data, "warning")
 
 
-def _noticed(material: PageData, severity: str) -> Words:
-    found = serious(material.run.estimate.findings, severity)
-    bad = list(dict.fromkeys(map(evidence_words, found)))
-    return [], bad, [remedy_words(each) for each in found if each.remedy]
+def _findings_of(page_data: PageData, severity: str) -> Sentences:
+    findings = serious(page_data.run.estimate.findings, severity)
+    bad = list(dict.fromkeys(map(evidence_words, findings)))
+    return [], bad, [remedy_words(each) for each in findings if each.remedy]
 
 
-def _motion(material: PageData) -> Words:
-    """Joints that moved too slowly to show their viscous friction."""
-    train, fit = material.of_role("train"), material.run.estimate.fit
+def _motion(page_data: PageData) -> Sentences:
+    """Request for faster motion of joints that were too slow to identify their viscous friction."""
+    train, fit = page_data.of_role("train"), page_data.run.estimate.fit
     relative = dict(zip(fit.names, fit.poorly_identified, strict=True))
     slow: list[str] = []
-    for j, joint in enumerate(material.joints):
+    for j, joint in enumerate(page_data.joints):
         fastest = max((float(np.abs(each.dq[:, j]).max()) for each in train), default=np.inf)
-        if fastest < SLOW * joint.velocity_limit < np.inf and relative.get(f"FV_{j + 1}", False):
+        if fastest < SLOW_SHARE * joint.velocity_limit < np.inf and relative.get(f"FV_{j + 1}", False):
             slow.append(
-                f"{label_of(material.joints, j)} ({short(fastest, 2)} of "
+                f"{label_of(page_data.joints, j)} ({short(fastest, 2)} of "
                 f"{short(joint.velocity_limit, 2)} {velocity_unit(joint)})"
             )
-    return [], [], [f"Faster motion, to tell viscous friction: {_listed(slow)}."] if slow else []
+    return [], [], [f"Faster motion, to identify viscous friction: {_listed(slow)}."] if slow else []
 
 
-def _laws(material: PageData) -> Words:
-    """Structure in the residual that friction laws could take."""
-    found: dict[str, list[int]] = {"position": [], "reversals": []}
-    for j in range(len(material.joints)):
-        remains = residual_shares(material.drawn, material.run.processing, j)
-        for what, much in (("position", remains.position), ("reversals", remains.reversal)):
-            if much > MUCH:
-                found[what].append(j)
-    sticks = [j for j in found["reversals"] if _sticks(material, j)]
-    found["reversals"] = [j for j in found["reversals"] if j not in sticks]
-    better = {"position": "A richer law of friction", "reversals": "A law of friction with memory"}
-    next_ = [STICKING.format(joints=_joints(material, sticks))] if sticks else []
+def _laws(page_data: PageData) -> Sentences:
+    """Request for friction laws that could explain structure in the residual."""
+    dependent: dict[str, list[int]] = {"position": [], "reversals": []}
+    for j in range(len(page_data.joints)):
+        shares = residual_shares(page_data.drawn, page_data.run.processing, j)
+        for what, value in (("position", shares.position), ("reversals", shares.reversal)):
+            if value > LARGE_SHARE:
+                dependent[what].append(j)
+    sticking = [j for j in dependent["reversals"] if _sticks(page_data, j)]
+    dependent["reversals"] = [j for j in dependent["reversals"] if j not in sticking]
+    better = {"position": "A richer law of friction", "reversals": "A law of friction with hysteresis"}
+    next_ = [STICKING.format(joints=_joints(page_data, sticking))] if sticking else []
     next_ += [
-        f"{better[what]} rather than more data: what is left follows {what} on {_joints(material, joints)}."
-        for what, joints in found.items()
+        f"{better[what]} rather than more data: the residual depends on {what} on {_joints(page_data, joints)}."
+        for what, joints in dependent.items()
         if joints
     ]
     return [], [], next_
 
 
-def _sticks(material: PageData, j: int) -> bool:
-    """Tell whether a joint was found to stick: rows at standstill do not count for it where they do for others."""
-    told = {each.channel for each in material.run.estimate.findings if each.code == "sticking"}
-    rows = [np.isfinite(each.measured) for each in material.drawn] if told else []
+def _sticks(page_data: PageData, j: int) -> bool:
+    """True if a joint was found to stick: its rows at standstill are masked, while other joints' rows are not."""
+    channels = {each.channel for each in page_data.run.estimate.findings if each.code == "sticking"}
+    rows = [np.isfinite(each.measured) for each in page_data.drawn] if channels else []
     return any(bool((mask.any(axis=1) & ~mask[:, j]).any()) for mask in rows)
 
 
-def _joints(material: PageData, which: Sequence[int]) -> str:
-    if len(which) == len(material.joints):
+def _joints(page_data: PageData, which: Sequence[int]) -> str:
+    if len(which) == len(page_data.joints):
         return "every joint"
-    return _listed(label_of(material.joints, j) for j in which)
+    return _listed(label_of(page_data.joints, j) for j in which)
 
 
 def _listed(names: Iterable[str]) -> str:
-    """Names after one another, the first few."""
-    every = list(names)
-    more = f" and {len(every) - MOST_NAMES} more" if len(every) > MOST_NAMES + 1 else ""
-    return ", ".join(every if not more else every[:MOST_NAMES]) + more
+    """List of the first names as text, and the count of the others."""
+    all_names = list(names)
+    rest = f" and {len(all_names) - MAX_NAMES} more" if len(all_names) > MAX_NAMES + 1 else ""
+    return ", ".join(all_names[:MAX_NAMES] if rest else all_names) + rest

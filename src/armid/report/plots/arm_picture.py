@@ -1,4 +1,4 @@
-"""A small picture of the arm with its joints by number, as SVG in the colours of the page."""
+"""Picture of the arm with numbered joints, as SVG in the colours of the page."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ SIZE = 240.0
 """Edge of the picture [px]."""
 
 MARGIN = 26.0
-"""Room about the arm for what is drawn about its joints [px]."""
+"""Margin around the arm for the marks of its joints [px]."""
 
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(18.0)
-"""Where it is looked at from: a little from above, so that all three axes are seen."""
+"""Direction of view: slightly from above, so that all three axes are visible."""
 
 POSES = 200
-"""Poses of the recordings among which the one that shows most of the arm is looked for."""
+"""Number of poses of each recording among which the most extended view is chosen."""
 
 RADIUS = 8.0
-"""Of a joint's mark [px]; joints nearer than their marks share one."""
+"""Radius of a joint's mark [px]; joints whose marks would overlap share one."""
 
 RULERS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-"""Lengths of the ruler [m]; the longest that takes less than a third of the picture is drawn."""
+"""Possible lengths of the scale bar [m]; the longest below a third of the picture is drawn."""
 
 
-def picture_of(material: PageData) -> tuple[str, str]:
-    """The arm in the pose of its recordings that shows most of it, and what the picture shows."""
-    robot = material.run.robot
-    poses = [each.q[:: max(1, len(each.q) // POSES)] for each in material.of_role("train")]
-    where = "in a pose of the training motion" if poses else "in the middle of its ranges"
+def picture_of(page_data: PageData) -> tuple[str, str]:
+    """Picture of the arm in its most extended recorded pose, and the picture's caption."""
+    robot = page_data.run.robot
+    poses = [each.q[:: max(1, len(each.q) // POSES)] for each in page_data.of_role("train")]
+    caption = "in a pose of the training motion" if poses else "in the middle of its ranges"
     q = np.concatenate(poses) if poses else _middle(robot)[None]
-    return skeleton(robot, q), f"{robot.name} {where}"
+    return skeleton(robot, q), f"{robot.name} {caption}"
 
 
 def skeleton(robot: Robot, poses: Array) -> str:
@@ -47,7 +47,8 @@ def skeleton(robot: Robot, poses: Array) -> str:
 
     Args:
         robot: The arm.
-        poses: Joint positions to choose from, shape (K, n) [rad or m]: the one that takes most room as it is seen.
+        poses: Joint positions to choose from, shape (K, n) [rad or m]; the one with the largest
+            projected area is drawn.
     """
     view = _view(robot)
     _, origins = forward_kinematics(robot, poses)
@@ -61,7 +62,7 @@ def skeleton(robot: Robot, poses: Array) -> str:
 
 
 def _drawn(robot: Robot, points: Array, pairs: list[tuple[int, int]]) -> str:
-    """The picture of points (n + 2, 3), base first and tip last: to the right, up, and towards the eye [m]."""
+    """SVG of points (n + 2, 3), base first and tip last; coordinates to the right, up and towards the viewer [m]."""
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     scale = (SIZE - 2.0 * MARGIN) / max(float((high - low).max()), 1e-3)
     middle = 0.5 * (low + high)
@@ -86,7 +87,7 @@ def _drawn(robot: Robot, points: Array, pairs: list[tuple[int, int]]) -> str:
 
 
 def _marks(robot: Robot, place: Array) -> list[str]:
-    """A mark with the numbers of the joints at each place (n, 2); joints that are one on the picture share it."""
+    """Marks with the joints' numbers at places (n, 2); joints that coincide in the picture share a mark."""
     groups: list[list[int]] = []
     for j, at in enumerate(place):
         near = next((g for g in groups if np.linalg.norm(place[g].mean(axis=0) - at) < 2.0 * RADIUS), None)
@@ -109,7 +110,7 @@ def _marks(robot: Robot, place: Array) -> list[str]:
 
 
 def _view(robot: Robot) -> Array:
-    """Rotation (3, 3) from the base frame to the picture: right, up, towards the eye; up is against gravity."""
+    """Rotation (3, 3) from the base frame to the picture: right, up, towards the viewer; up is against gravity."""
     size = float(np.linalg.norm(robot.gravity))
     up = -robot.gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
     aside = np.eye(3)[int(np.argmin(np.abs(up)))]
@@ -124,7 +125,7 @@ def _view(robot: Robot) -> Array:
 
 
 def _middle(robot: Robot) -> Array:
-    """The middle of each joint's range (n,), moved off a stretched pose; zero where there is no range."""
+    """Middle of each joint's range (n,), shifted away from a stretched pose; 0 for a joint without limits."""
     limits = np.array([joint.position_limits for joint in robot.joints])
     known = np.isfinite(limits).all(axis=1)
     half = np.where(known, 0.5 * np.ptp(np.where(np.isfinite(limits), limits, 0.0), axis=1), np.pi)

@@ -1,4 +1,4 @@
-"""Numbers and scripts as text that a page can hold."""
+"""Encoding of numbers and scripts as text for a page."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ __all__ = ["compressed", "embedded", "packed"]
 
 
 def packed(values: ArrayLike, kind: str = "f4") -> dict[str, str]:
-    """Numbers in the binary form that plotly.js reads too, in base 64, little end first.
+    """Numbers as little-endian binary data in base 64, a form that plotly.js reads.
 
     Args:
         values: The numbers, in C order.
-        kind: Of each: `f4`, `u1`, `u2` or `u4`.
+        kind: Type of the numbers: `f4`, `u1`, `u2` or `u4`.
     """
     numbers: NDArray[Any] = np.ascontiguousarray(values, dtype=f"<{kind}")
     return {"dtype": kind, "bdata": base64.b64encode(numbers.tobytes()).decode()}
 
 
 def embedded(record: Mapping[str, Any]) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """JSON for a script element, with the characters escaped that could end the element."""
     text = json.dumps(record, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def compressed(text: str) -> str:
-    """A script, compressed, in base 64; the same bytes each time."""
+    """Script compressed and in base 64; reproducible byte by byte."""
     return base64.b64encode(gzip.compress(text.encode(), 6, mtime=0)).decode()

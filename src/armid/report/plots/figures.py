@@ -1,14 +1,14 @@
-"""The report's pictures as figures of plotly, for notebooks: the same plots, drawn here and not by a page's script.
+"""Plots of the report as plotly figures, for notebooks.
 
     from armid import load_run
     from armid.report.plots.figures import plot_torque
 
     plot_torque(load_run("runs/today"), joint="joint_2")
 
-They need the extra `report`. Joints stand one below the other; `joint` asks for one of them, `theme` is `light` or
-`dark`. Recordings of a run are read again; `data` is a folder in which they are looked for first. All of them raise
-`MissingExtraError` where plotly is not installed and `ArmidError` where an argument is not what it should be, there
-is no such joint, or no recording of a run can be read again.
+They need the extra `report`. Joints are drawn one below the other; `joint` selects one of them, `theme` is `light`
+or `dark`. Recordings of a run are read again; `data` is a folder that is searched first. All functions raise
+`MissingExtraError` if plotly is not installed, and `ArmidError` if an argument has the wrong type, the joint does
+not exist, or no recording of a run can be read.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from armid.excitation.plan import Plan
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody
 from armid.report.data.joint_names import heading_of, residual_title
-from armid.report.data.page_data import PageData, with_evidence
+from armid.report.data.page_data import PageData, with_recordings
 from armid.report.plots.style import Theme, axes_of, colours, levels_of, resolved, trace_style
 from armid.report.plots.traces import Plot
 from armid.report.preflight_page import motion_section
@@ -44,23 +44,23 @@ if TYPE_CHECKING:
 
 __all__ = ["figure_of", "plot_friction", "plot_plan", "plot_residuals", "plot_torque"]
 
-MOST_COLUMNS = 4
-"""Plots beside each other; a notebook is about as wide as the report."""
+MAX_COLUMNS = 4
+"""Largest number of plots in a row; a notebook is about as wide as the report."""
 
 ROW_HEIGHT = 260
 """Height of a row of plots with its titles [pixels]."""
 
 BETWEEN_ROWS = 90
-"""Of it the room for titles [pixels]."""
+"""Part of the row height that titles take [pixels]."""
 
 Rows = Sequence[tuple[str, Sequence[Plot]]]
-"""A heading and its plots, row by row, as sections have them."""
+"""Headings with their plots, row by row, as in a section."""
 
 
 def plot_torque(
     run: Run, *, joint: str | None = None, data: Path | str | None = None, theme: Theme = "light"
 ) -> Figure:
-    """Torque measured and predicted over time, with the band that should hold 95 % of it."""
+    """Measured and predicted torque over time, with the 95 % prediction interval."""
     return _of_run(run, show_torque, joint, data, theme)
 
 
@@ -74,10 +74,10 @@ def plot_residuals(
 def plot_friction(
     run: Run, *, joint: str | None = None, data: Path | str | None = None, theme: Theme = "light"
 ) -> Figure:
-    """Friction as it is seen and as the law says: over velocity, over position and around reversals.
+    """Measured friction and fitted law: over velocity, over position and around reversals.
 
     Raises:
-        ArmidError: The model has no friction, or as said above.
+        ArmidError: The model has no friction, or another error of this module.
     """
     return _of_run(run, show_friction, joint, data, theme)
 
@@ -95,12 +95,12 @@ def plot_plan(
     Args:
         plan: The plan, or the motion that it repeats.
         robot: The arm that moves; torque is shown where its description has inertias.
-        limits: Of its joints; those of the description where not given.
-        joint: Name of the one joint that is wanted.
+        limits: Limits of its joints; by default those of the description.
+        joint: Name of a joint, to plot only this one.
         theme: `light` or `dark`.
 
     Raises:
-        ArmidError: The plan is of another arm, or as said above.
+        ArmidError: The plan is of another arm, or another error of this module.
     """
     require_extra("plotly")
     _require(plan, (Plan, Excitation), "A plan", 'load_plan("plan.json") of armid.excitation.fourier')
@@ -111,14 +111,14 @@ def plot_plan(
         "Limits of joints",
         "described_limits(robot) of armid.excitation.limits.joint_limits",
     )
-    whole = Plan(plan) if isinstance(plan, Excitation) else plan
-    if whole.excitation.n != robot.n:
+    full_plan = Plan(plan) if isinstance(plan, Excitation) else plan
+    if full_plan.excitation.n != robot.n:
         raise ArmidError(
-            f"The plan moves {whole.excitation.n} joints; {robot.name} has {robot.n}.",
+            f"The plan moves {full_plan.excitation.n} joints; {robot.name} has {robot.n}.",
             remedy="give a plan of this arm.",
         )
     model = DynamicsModel(robot, (RigidBody(),))
-    section = motion_section(whole, model, described_limits(robot) if limits is None else limits)
+    section = motion_section(full_plan, model, described_limits(robot) if limits is None else limits)
     return figure_of(_of_joint(section, joint, robot), theme=theme)
 
 
@@ -135,7 +135,7 @@ def figure_of(rows: Rows, *, theme: Theme = "light") -> Figure:
     from plotly.subplots import make_subplots
 
     palette = colours(theme)
-    columns = min(MOST_COLUMNS, max(len(plots) for _, plots in rows))
+    columns = min(MAX_COLUMNS, max(len(plots) for _, plots in rows))
     placed = _placed(rows, columns)
     lines = placed[-1][0]
     height = lines * ROW_HEIGHT + BETWEEN_ROWS
@@ -146,18 +146,18 @@ def figure_of(rows: Rows, *, theme: Theme = "light") -> Figure:
         vertical_spacing=BETWEEN_ROWS / height if lines > 1 else 0.0,
         horizontal_spacing=0.22 / columns,
     )
-    named: set[str] = set()
+    in_legend: set[str] = set()
     groups: dict[str, str] = {}
     for row, column, _, plot in placed:
         for trace in plot.traces:
-            look = resolved(trace_style(trace, np.asarray), palette)
-            first = trace.role != "edge" and trace.name not in named
-            named.add(trace.name if first else "")
-            figure.add_trace({**look, "legendgroup": trace.name, "showlegend": first}, row=row, col=column)
+            style = resolved(trace_style(trace, np.asarray), palette)
+            first = trace.role != "edge" and trace.name not in in_legend
+            in_legend.add(trace.name if first else "")
+            figure.add_trace({**style, "legendgroup": trace.name, "showlegend": first}, row=row, col=column)
         axes = resolved(axes_of(plot), palette)
         figure.update_xaxes(axes["xaxis"], row=row, col=column)
         figure.update_yaxes(axes["yaxis"], row=row, col=column)
-        _tie(figure, plot, groups, row, column)
+        _link_zoom(figure, plot, groups, row, column)
         for shape in resolved(levels_of(plot), palette):
             across = "xref" if "xref" in shape else "yref"
             figure.add_shape({**shape, across: f"{across[0]} domain"}, row=row, col=column)
@@ -173,19 +173,19 @@ def _of_run(
     data: Path | str | None,
     theme: Theme,
 ) -> Figure:
-    """A section of a run's page as a figure."""
+    """Figure of a section of a run's page."""
     require_extra("plotly")
     _require(run, (Run,), "A run", 'load_run("runs/today")')
     _require(data, (Path, str, NoneType), "A folder as data", 'a folder, "recordings"')
-    material = with_evidence(run, data=data)
-    if not material.drawn or (material.missing and data is not None):
-        many = "Not all" if material.drawn else "None"
+    page_data = with_recordings(run, data=data)
+    if not page_data.drawn or (page_data.missing and data is not None):
+        many = "Not all" if page_data.drawn else "None"
         raise ArmidError(
-            f"{many} of the recordings of {run.folder} can be read again: {' '.join(material.missing)}",
-            remedy="say with data=FOLDER where they are; without it, what is left is drawn.",
+            f"{many} of the recordings of {run.folder} can be read: {' '.join(page_data.missing)}",
+            remedy="give their folder with data=FOLDER; without it, the readable recordings are plotted.",
         )
-    section = show(material)
-    if section is None:  # with recordings at hand, of friction alone
+    section = show(page_data)
+    if section is None:  # only the section of friction can be empty here
         raise ArmidError(
             f"The model of {run.folder} has no friction.", remedy="identify with friction among its terms."
         )
@@ -193,10 +193,10 @@ def _of_run(
 
 
 def _require(value: object, kinds: tuple[type, ...], what: str, example: str) -> None:
-    """Refuse what is of none of these kinds.
+    """Check the type of an argument.
 
     Raises:
-        ArmidError: It is not.
+        ArmidError: The value has none of these types.
     """
     if not isinstance(value, kinds):
         shown = f"{value!r:.60}" if isinstance(value, str | int | float | Path) else f"a {type(value).__name__}"
@@ -204,10 +204,10 @@ def _require(value: object, kinds: tuple[type, ...], what: str, example: str) ->
 
 
 def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
-    """The rows of a section, or what of them is about one joint: a row by its heading, a plot by its title.
+    """Rows of a section, or only the plots of one joint, found by the headings and titles.
 
     Raises:
-        ArmidError: There is no such joint, or no plot of it.
+        ArmidError: The joint does not exist, or the section has no plot of it.
     """
     if joint is None:
         return section.plots
@@ -216,15 +216,15 @@ def _of_joint(section: Section, joint: str | None, robot: Robot) -> Rows:
         raise ArmidError(
             f"{robot.name} has no joint {joint!r}.", possible=", ".join(known), remedy=did_you_mean(joint, known)
         )
-    wanted = heading_of(robot.joints, robot.joint_names.index(joint))
-    titles = wanted, residual_title(wanted)
-    kept = ((heading, plots if heading == wanted else [p for p in plots if p.title in titles])
+    title = heading_of(robot.joints, robot.joint_names.index(joint))
+    titles = title, residual_title(title)
+    selected = ((heading, plots if heading == title else [p for p in plots if p.title in titles])
             for heading, plots in section.plots)  # fmt: skip
-    rows = [(heading, plots) for heading, plots in kept if plots]
+    rows = [(heading, plots) for heading, plots in selected if plots]
     if not rows:
         drawn = [heading for heading, _ in section.plots]
         raise ArmidError(
-            f"{section.title} has no plot of {joint}.", possible=", ".join(drawn), remedy="ask for these."
+            f"{section.title} has no plot of {joint}.", possible=", ".join(drawn), remedy="choose one of these."
         )
     return rows
 
@@ -241,7 +241,7 @@ def _placed(rows: Rows, columns: int) -> list[tuple[int, int, str, Plot]]:
 
 
 def _titles(placed: Sequence[tuple[int, int, str, Plot]], lines: int, columns: int) -> list[str]:
-    """Titles of all places, row by row; empty where no plot is."""
+    """Titles of all places, row by row; empty for places without a plot."""
     titles = [""] * (lines * columns)
     for row, column, heading, plot in placed:
         above = f"<b>{heading}</b><br>" if heading else ""
@@ -249,15 +249,15 @@ def _titles(placed: Sequence[tuple[int, int, str, Plot]], lines: int, columns: i
     return titles
 
 
-def _tie(figure: Any, plot: Plot, groups: dict[str, str], row: int, column: int) -> None:
-    """Let plots of one group zoom together along the abscissa, as they do on a page."""
+def _link_zoom(figure: Any, plot: Plot, groups: dict[str, str], row: int, column: int) -> None:
+    """Link the abscissas of plots of one group, so that they zoom together as on a page."""
     if plot.group:
-        own = figure.get_subplot(row, column).xaxis.plotly_name.replace("axis", "")
-        figure.update_xaxes({"matches": groups.setdefault(plot.group, own)}, row=row, col=column)
+        axis = figure.get_subplot(row, column).xaxis.plotly_name.replace("axis", "")
+        figure.update_xaxes({"matches": groups.setdefault(plot.group, axis)}, row=row, col=column)
 
 
 def _frame(palette: dict[str, str], height: int) -> dict[str, Any]:
-    """All of the layout but the axes."""
+    """Layout of the figure, without axes."""
     return {
         "template": "none",
         "height": height,

@@ -1,7 +1,7 @@
-"""Look of plots, said once for pages and for notebooks: colour, dash and symbol of each role, axes, levels.
+"""Style of plots for pages and notebooks: colour, dash and symbol of each role, axes, levels.
 
-A look is the part of plotly's JSON that does not depend on where it is shown. Colours are names from `theme.css`,
-written `--blue`; a page resolves them as its reader's system is light or dark, a notebook by `resolved`.
+A style is the part of plotly's JSON that pages and notebooks share. Colours are names from `theme.css`, written
+`--blue`; a page resolves them by the light or dark mode of the system, a notebook by `resolved`.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ LINES: Mapping[str, Line] = {
     "joint-7": ("joint-7", 1.6, "6px,2px,1px,2px,1px,2px"),
     "limit": ("orange", 1.4, "5px,3px"),
 }
-"""Lines by role; each tells itself from its neighbours by colour and once more by its dash."""
+"""Lines by role; they differ in colour and also in dash."""
 
 MARKED = ("mean",)
-"""Roles of lines whose points are marked, too."""
+"""Roles of lines with marked points."""
 
 CLOUDS: Mapping[str, tuple[str, str, int]] = {
     "training": ("blue", "circle-open", 4),
@@ -64,14 +64,14 @@ CLOUDS: Mapping[str, tuple[str, str, int]] = {
 }
 """Points by role: colour, symbol and size."""
 
-CROWD = 4
-"""Size of points that stand in crowds and are drawn half transparent, so that it shows where there are many."""
+DENSE_SIZE = 4
+"""Largest size of points that are drawn half transparent, to show where they are dense."""
 
 RULED = {"gridcolor": "--grid", "linecolor": "--rule", "zerolinecolor": "--rule", "tickcolor": "--rule"}
 
 
 def plot_record(plot: Plot) -> dict[str, Any]:
-    """A plot for the page's script: its group, its traces and its axes in plotly's JSON, colours by name."""
+    """Plot as plotly JSON for the page's script: group, traces and axes, with names of colours."""
     return {
         "group": plot.group,
         "data": [trace_style(trace, packed) for trace in plot.traces],
@@ -80,13 +80,13 @@ def plot_record(plot: Plot) -> dict[str, Any]:
 
 
 def trace_style(trace: PlotTrace, numbers: Callable[[Array], Any]) -> dict[str, Any]:
-    """A trace in plotly's JSON, colours by name.
+    """Trace as plotly JSON, with names of colours.
 
     Args:
         trace: The trace.
-        numbers: Brings its coordinates into the form that is wanted.
+        numbers: Converts the coordinates to the required form.
     """
-    found: dict[str, Any] = {
+    record: dict[str, Any] = {
         "type": "scatter",
         "x": numbers(trace.x),
         "y": numbers(trace.y),
@@ -94,30 +94,30 @@ def trace_style(trace: PlotTrace, numbers: Callable[[Array], Any]) -> dict[str, 
         "hovertemplate": "%{y:.4g} at %{x:.4g}<extra>" + trace.name + "</extra>",
     }
     if trace.role in ("edge", "band"):
-        del found["hovertemplate"]
+        del record["hovertemplate"]
         fill = {"fill": "tonexty", "fillcolor": "--band"} if trace.role == "band" else {}
-        return {**found, "mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", **fill}
+        return {**record, "mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", **fill}
     if trace.cloud:
         colour, symbol, size = CLOUDS[trace.role]
-        crowd = size <= CROWD
-        edge = {"width": 1 if crowd else 2, "color": f"--{colour}"}
+        dense = size <= DENSE_SIZE
+        edge = {"width": 1 if dense else 2, "color": f"--{colour}"}
         marker = {
             "color": f"--{colour}",
             "symbol": symbol,
             "size": size,
-            "opacity": 0.55 if crowd else 1,
+            "opacity": 0.55 if dense else 1,
             "line": edge,
         }
-        return {**found, "mode": "markers", "marker": marker}
+        return {**record, "mode": "markers", "marker": marker}
     colour, width, dash = LINES[trace.role]
-    found["line"] = {"color": f"--{colour}", "width": width, "dash": dash}
+    record["line"] = {"color": f"--{colour}", "width": width, "dash": dash}
     if trace.role not in MARKED:
-        return {**found, "mode": "lines"}
-    return {**found, "mode": "lines+markers", "marker": {"color": f"--{colour}", "symbol": "circle", "size": 4}}
+        return {**record, "mode": "lines"}
+    return {**record, "mode": "lines+markers", "marker": {"color": f"--{colour}", "symbol": "circle", "size": 4}}
 
 
 def axes_of(plot: Plot) -> dict[str, Any]:
-    """Both axes of a plot in plotly's JSON."""
+    """Both axes of a plot as plotly JSON."""
     log, span = plot.axes.logarithmic, plot.axes.span
 
     def axis(title: str, ticks: dict[str, Any]) -> dict[str, Any]:
@@ -132,13 +132,16 @@ def axes_of(plot: Plot) -> dict[str, Any]:
             **ticks,
         }
 
-    usual = {"nticks": 5 if log else 7}
+    default_ticks = {"nticks": 5 if log else 7}
     shown = {} if span is None else {"range": [float(end) for end in span]}
-    return {"xaxis": axis(plot.x, {"dtick": 1} if log else usual), "yaxis": axis(plot.y, {**usual, **shown})}
+    return {
+        "xaxis": axis(plot.x, {"dtick": 1} if log else default_ticks),
+        "yaxis": axis(plot.y, {**default_ticks, **shown}),
+    }
 
 
 def levels_of(plot: Plot) -> list[dict[str, Any]]:
-    """Levels and marks of a plot as shapes in plotly's JSON, right across it."""
+    """Levels and marks of a plot as plotly shapes across the whole plot."""
     dotted = {"type": "line", "layer": "below", "line": {"color": "--soft", "width": 1, "dash": "1px,3px"}}
     across = [{**dotted, "xref": "paper", "x0": 0, "x1": 1, "y0": float(y), "y1": float(y)} for y in plot.axes.levels]
     upright = [{**dotted, "yref": "paper", "y0": 0, "y1": 1, "x0": float(x), "x1": float(x)} for x in plot.axes.marks]
@@ -146,7 +149,7 @@ def levels_of(plot: Plot) -> list[dict[str, Any]]:
 
 
 def colours(theme: Theme) -> dict[str, str]:
-    """Colours of a theme by name, as `theme.css` has them.
+    """Colours of a theme by name, from `theme.css`.
 
     Raises:
         ArmidError: There is no such theme.
@@ -158,10 +161,10 @@ def colours(theme: Theme) -> dict[str, str]:
     return dict(re.findall(r"--([\w-]+):\s*([^;]+);", themes[theme]))
 
 
-def resolved(look: Any, palette: Mapping[str, str]) -> Any:
-    """A look with the names of colours replaced by colours."""
-    if isinstance(look, dict):
-        return {key: resolved(value, palette) for key, value in look.items()}
-    if isinstance(look, list):
-        return [resolved(each, palette) for each in look]
-    return palette[look[2:]] if isinstance(look, str) and look.startswith("--") else look
+def resolved(style: Any, palette: Mapping[str, str]) -> Any:
+    """Style with the names of colours replaced by colours."""
+    if isinstance(style, dict):
+        return {key: resolved(value, palette) for key, value in style.items()}
+    if isinstance(style, list):
+        return [resolved(each, palette) for each in style]
+    return palette[style[2:]] if isinstance(style, str) and style.startswith("--") else style

@@ -1,7 +1,7 @@
 """Plots as plain data: traces with a role.
 
-A role says what a trace is, never how it looks: that stands in `armid.report.plots.style`, and colours in the style
-sheet, so that light, dark and paper, a page and a notebook show the same plot.
+A role says what a trace means. Its style is in `armid.report.plots.style` and its colour in the style sheet, so that
+pages and notebooks, in light and dark mode and on paper, show the same plot.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from armid.values import Array
 
 __all__ = [
-    "MOST_POINTS",
+    "MAX_POINTS",
     "Axes",
     "Plot",
+    "PlotRange",
     "PlotTrace",
-    "Sight",
     "binned",
     "crest",
     "envelope",
@@ -30,23 +30,23 @@ __all__ = [
     "spread",
 ]
 
-LINE_BUCKETS = 700
-"""Buckets of a line; each shows its smallest and largest value, twice what a plot is wide in pixels."""
+LINE_INTERVALS = 700
+"""Number of intervals of a line; each keeps its smallest and largest value, enough for the width of a plot."""
 
-MOST_POINTS = 800
-"""Points of a cloud; more of them cover each other."""
+MAX_POINTS = 800
+"""Largest number of points of a cloud; more would cover each other."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlotTrace:
-    """One line or cloud.
+    """Line or cloud of points.
 
     Attributes:
-        role: What it is, for instance `measured`; the role has its look.
+        role: Meaning of the trace, for instance `measured`; it determines the style.
         x: Abscissas (K,).
         y: Ordinates (K,); NaN is a gap.
-        name: What a pointer resting on it is told.
-        cloud: Whether its points stand by themselves.
+        name: Name shown when the pointer rests on it.
+        cloud: True for separate points, false for a line.
     """
 
     role: str
@@ -56,29 +56,29 @@ class PlotTrace:
     cloud: bool = False
 
 
-SEEN = 0.995
-"""Share of the values that a plot of residuals shows: a few spikes would flatten all the others."""
+VISIBLE_SHARE = 0.995
+"""Share of the values inside the range of a residual plot; a few spikes would otherwise flatten the rest."""
 
-MOST, SPREAD = 0.95, 4.0
-"""Share of the values whose largest, so many times, is shown at most: spikes that come each period are more than the
-rest above."""
+BULK_SHARE, BULK_FACTOR = 0.95, 4.0
+"""The range is at most this factor times the largest of this share of the values. It limits plots with spikes in each
+period, which are too many for `VISIBLE_SHARE` alone."""
 
-ROOM = 1.1
-"""Room above what is shown."""
+RANGE_MARGIN = 1.1
+"""Factor from the largest visible value to the end of the axis."""
 
-MOST_CUT = 60
-"""Marks of values beyond a plot."""
+MAX_CLIPPED = 60
+"""Largest number of marks for values outside a plot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """Axes of a plot and what they show beside its traces.
+    """Axes of a plot, with level lines and range.
 
     Attributes:
-        logarithmic: Whether both are.
+        logarithmic: True if both axes are logarithmic.
         levels: Ordinates of thin dotted lines.
         marks: Abscissas of thin dotted lines.
-        span: Lowest and highest ordinate that are shown at first; all of them where not given.
+        span: Lowest and highest ordinate of the initial view; by default those of all values.
     """
 
     logarithmic: bool = False
@@ -89,17 +89,17 @@ class Axes:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Plot:
-    """A figure with its caption.
+    """Plot with its caption.
 
     Attributes:
-        key: Name of it that no other plot of the page has.
+        key: Name that is unique on the page.
         title: First words of the caption.
-        caption: The rest of it, numbers included: what the plot says to who cannot see it.
+        caption: Rest of the caption, with the main numbers for readers who cannot see the plot.
         x: Title of the abscissa with its unit.
         y: Title of the ordinate with its unit.
-        traces: What is drawn.
+        traces: Lines and points.
         group: Plots of one group zoom together along the abscissa.
-        axes: What they show beside the traces.
+        axes: Level lines and range.
     """
 
     key: str
@@ -113,11 +113,11 @@ class Plot:
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
-    """Share of values about zero that a plot shows at first.
+class PlotRange:
+    """Symmetric range of the initial view of a plot, which leaves out rare spikes.
 
     Attributes:
-        limit: Largest absolute value that is shown; infinite where all are.
+        limit: Largest absolute value inside the range; infinite if all values are.
         share: Share of the values beyond it.
         peak: Largest absolute value.
     """
@@ -127,85 +127,85 @@ class Sight:
     peak: float
 
     @classmethod
-    def of(cls, values: Array) -> Sight:
-        """The sight of values of any shape: 99.5 % of them, fewer where spikes are many, all where none are."""
+    def of(cls, values: Array) -> PlotRange:
+        """Range for values of any shape: it contains 99.5 % of them, fewer with many spikes, all without spikes."""
         size = np.abs(values[np.isfinite(values)])
         if not len(size):
             return cls(np.inf, 0.0, np.nan)
         peak = float(size.max())
-        bulk, nearly_all = np.quantile(size, [MOST, SEEN], method="lower")
-        limit = ROOM * float(min(nearly_all, SPREAD * bulk))
-        if not 0.0 < ROOM * limit < peak:
+        bulk, nearly_all = np.quantile(size, [BULK_SHARE, VISIBLE_SHARE], method="lower")
+        limit = RANGE_MARGIN * float(min(nearly_all, BULK_FACTOR * bulk))
+        if not 0.0 < RANGE_MARGIN * limit < peak:
             return cls(np.inf, 0.0, peak)
         return cls(limit, float(np.mean(size > limit)), peak)
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """Ends of the ordinate; `None` where all values are shown."""
-        return (-ROOM * self.limit, ROOM * self.limit) if np.isfinite(self.limit) else None
+        """Ends of the ordinate; `None` if all values are inside."""
+        return (-RANGE_MARGIN * self.limit, RANGE_MARGIN * self.limit) if np.isfinite(self.limit) else None
 
     def cut(self, x: Array, y: Array, name: str) -> tuple[PlotTrace, ...]:
-        """Marks at the edge where values (K,) at abscissas (K,) are cut; none where all are shown."""
+        """Marks at the edge for values (K,) at abscissas (K,) outside the range; empty if all are inside."""
         marks = (("above", y > self.limit, self.limit), ("below", y < -self.limit, -self.limit))
         return tuple(
-            points(role, x[beyond], np.full(int(beyond.sum()), edge), f"{name}, beyond the picture", MOST_CUT)
+            points(role, x[beyond], np.full(int(beyond.sum()), edge), f"{name}, outside the plot", MAX_CLIPPED)
             for role, beyond, edge in marks
             if beyond.any()
         )
 
 
 def line(role: str, x: Array, y: Array, name: str) -> PlotTrace:
-    """A line that keeps its extremes where it has more points than a plot can show."""
-    kept = envelope(y, LINE_BUCKETS)
-    return PlotTrace(role, x[kept], y[kept], name)
+    """Line that is thinned to what a plot can show, and keeps its extremes."""
+    indices = envelope(y, LINE_INTERVALS)
+    return PlotTrace(role, x[indices], y[indices], name)
 
 
-def points(role: str, x: Array, y: Array, name: str, most: int = MOST_POINTS) -> PlotTrace:
-    """A cloud of points without what is not finite, thinned evenly."""
+def points(role: str, x: Array, y: Array, name: str, most: int = MAX_POINTS) -> PlotTrace:
+    """Cloud of the finite points, thinned evenly."""
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-    kept = known[every(len(known), most)]
-    return PlotTrace(role, x[kept], y[kept], name, cloud=True)
+    indices = known[every(len(known), most)]
+    return PlotTrace(role, x[indices], y[indices], name, cloud=True)
 
 
 def spread(x: Array, low: Array, high: Array, name: str) -> tuple[PlotTrace, PlotTrace]:
-    """A band between two lines, widest where it is thinned."""
-    kept = np.union1d(envelope(low, LINE_BUCKETS // 2), envelope(high, LINE_BUCKETS // 2))
-    return PlotTrace("edge", x[kept], low[kept], name), PlotTrace("band", x[kept], high[kept], name)
+    """Area between two lines, thinned so that it keeps its extremes."""
+    indices = np.union1d(envelope(low, LINE_INTERVALS // 2), envelope(high, LINE_INTERVALS // 2))
+    return PlotTrace("edge", x[indices], low[indices], name), PlotTrace("band", x[indices], high[indices], name)
 
 
 def crest(role: str, x: Array, y: Array, name: str) -> PlotTrace:
-    """A line on logarithmic axes: the largest value of each of many buckets that are alike on such an axis."""
-    starts = np.unique(np.geomspace(1, len(y), LINE_BUCKETS).astype(np.intp)) - 1
+    """Line for logarithmic axes: the largest value of each of many logarithmically spaced intervals."""
+    starts = np.unique(np.geomspace(1, len(y), LINE_INTERVALS).astype(np.intp)) - 1
     stops = [*starts[1:], len(y)]
     height = np.where(np.isfinite(y), y, -np.inf)
-    kept = np.array([a + int(np.argmax(height[a:b])) for a, b in zip(starts, stops, strict=True)])
-    return PlotTrace(role, x[kept], y[kept], name)
+    indices = np.array([a + int(np.argmax(height[a:b])) for a, b in zip(starts, stops, strict=True)])
+    return PlotTrace(role, x[indices], y[indices], name)
 
 
 def envelope(y: Array, buckets: int) -> NDArray[np.intp]:
-    """Indices of the smallest and largest value of each bucket, in order; all where there are few. Gaps are kept."""
+    """Sorted indices of the smallest and largest value of each interval, and of gaps; all if there are few."""
     if len(y) <= 2 * buckets:
         return np.arange(len(y))
     edges = np.linspace(0, len(y), buckets + 1).astype(np.intp)
     known = np.isfinite(y)
     low = np.where(known, y, np.inf)
     high = np.where(known, y, -np.inf)
-    kept = [0, len(y) - 1]
+    indices = [0, len(y) - 1]
     for start, stop in pairwise(edges):
-        kept += [start + int(np.argmin(low[start:stop])), start + int(np.argmax(high[start:stop]))]
+        indices += [start + int(np.argmin(low[start:stop])), start + int(np.argmax(high[start:stop]))]
         gap = int(np.argmin(known[start:stop]))
         if not known[start + gap]:
-            kept.append(start + gap)
-    return np.unique(np.array(kept, dtype=np.intp))
+            indices.append(start + gap)
+    return np.unique(np.array(indices, dtype=np.intp))
 
 
 def every(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most so many of a number of points, evenly spread."""
+    """Indices of at most `most` of `count` points, evenly spaced."""
     return np.linspace(0, count - 1, min(count, most)).astype(np.intp)
 
 
 def binned(x: Array, y: Array, edges: Array, fewest: int) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Mean of x and of y in each bin and how many points it has; NaN in a bin of fewer than `fewest`."""
+    """Mean of x and of y in each bin and how many points it has; NaN for a bin with fewer than `fewest` points."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
     index = np.clip(np.digitize(x, edges) - 1, 0, len(edges) - 2)

@@ -1,1 +1,1 @@
-"""An arm that moves on a page of its own: scene, motion and masses as data, drawn by three.js."""
+"""Animated page of an arm: scene, motion and masses as data, drawn by three.js."""

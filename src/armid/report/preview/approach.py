@@ -1,8 +1,8 @@
-"""Nearest bodies of an arm to each other, or to the surroundings, at each moment of a motion.
+"""Nearest pair of bodies of an arm and its surroundings over a motion.
 
-Bodies, pairs and distances are those of the pre-flight report (`armid.excitation.collision.closest_approach`), so the
-two cannot disagree. Capsules around the bodies, in NumPy and for all moments at once, say which pairs can be the
-nearest; Coal measures these one after the other, until no capsule is left that is nearer than the nearest body found.
+Bodies, pairs and distances are those of the pre-flight report (`armid.excitation.collision.closest_approach`), so
+both agree. Distances of capsules around the bodies, computed in NumPy for all moments at once, are lower bounds. Coal
+measures the pairs in the order of these bounds, until the next bound exceeds the smallest distance found.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from armid.values import Array
 __all__ = ["NearestBodies", "bodies_to_watch", "closest"]
 
 MOMENTS = 600
-"""Moments of a motion that are measured at most; between two of them the page interpolates."""
+"""Largest number of moments at which distances are computed; the page interpolates between them."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NearestBodies:
-    """The nearest two bodies over time, M moments.
+    """Nearest pair of bodies over time, at M moments.
 
     Attributes:
         time: Shape (M,) [s].
         distance: Shape (M,) [m]; negative where bodies overlap.
         pair: Index of the pair in `pairs`, shape (M,).
         points: Nearest points of the two in the base frame, shape (M, 2, 3) [m].
-        pairs: Names of all pairs that are looked at.
+        pairs: Names of all checked pairs.
     """
 
     time: Array
@@ -48,10 +48,10 @@ class NearestBodies:
 
 
 def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> CollisionOptions | None:
-    """Return what a motion that was not designed here should keep apart; nothing where the description has no bodies.
+    """Bodies and pairs to check for a motion that was not designed here; `None` without bodies in the description.
 
     Raises:
-        ArmidError: Meshes are not there, or cannot be read.
+        ArmidError: Meshes are missing or cannot be read.
     """
     if not robot.shapes:
         return None
@@ -61,7 +61,7 @@ def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> Colli
 
 
 def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBodies | None:
-    """The nearest bodies along a motion; `None` where no pair is looked at.
+    """Nearest bodies along a motion; `None` if no pair is checked.
 
     Args:
         robot: The arm.
@@ -83,9 +83,9 @@ def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBod
         for m in order:
             if bound[k, m] >= distance[k]:
                 break
-            found, first, second, _ = nearest(shapes, pairs[m : m + 1], pose, parts_of if m < count else whole)
-            apart = max(found[0, 0], bound[k, m])  # both are no more than the distance of the bodies
-            if apart < distance[k]:
-                distance[k], pair[k], points[k] = apart, m, (first[0, 0], second[0, 0])
+            measured, first, second, _ = nearest(shapes, pairs[m : m + 1], pose, parts_of if m < count else whole)
+            separation = max(measured[0, 0], bound[k, m])  # both are lower bounds of the bodies' distance
+            if separation < distance[k]:
+                distance[k], pair[k], points[k] = separation, m, (first[0, 0], second[0, 0])
     names = tuple(f"{shapes[a].name} – {shapes[b].name}" for a, b in pairs)
     return NearestBodies(clip.time[moments], distance, pair, points, names)

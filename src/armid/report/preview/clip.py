@@ -1,4 +1,4 @@
-"""A motion as a screen needs it: positions and velocities some thirty times a second."""
+"""Motion sampled for a screen: positions and velocities thirty times a second."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from armid.values import Array
 __all__ = ["FRAMES", "Clip", "clip_of_motion", "clip_of_plan", "clip_of_recording", "still"]
 
 FRAMES = 30.0
-"""Frames a second [Hz]; between two of them the page interpolates, at arm speeds by less than a millimetre."""
+"""Frame rate [Hz]; the page interpolates between frames, with errors below a millimetre at the speeds of arms."""
 
-MOST_FRAMES = 9000
-"""Frames of a clip: five minutes of them. Of a longer motion there are fewer a second."""
+MAX_FRAMES = 9000
+"""Largest number of frames of a clip, five minutes; longer motions have a lower frame rate."""
 
 ROWS = 10.0
-"""Rows a second of a recording whose rows are separate samples [Hz]."""
+"""Rate at which separate rows of a recording are shown [Hz]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Clip:
-    """A motion for the screen, K frames of n joints.
+    """Motion sampled for a screen, K frames of n joints.
 
     Attributes:
-        title: What it is, in a few words.
+        title: Short title.
         time: Since its beginning, evenly spaced, shape (K,) [s].
         q: Positions, shape (K, n) [rad or m].
         dq: Velocities, shape (K, n) [rad/s or m/s].
@@ -42,13 +42,13 @@ class Clip:
 
 
 def clip_of_plan(plan: Plan | Moves, title: str) -> Clip:
-    """A plan from its first to its last moment."""
+    """Clip of a whole plan."""
     motion = plan.at(_times(plan.duration))
     return Clip(title, motion.time, motion.q, motion.dq)
 
 
 def clip_of_motion(motion: Motion, title: str) -> Clip:
-    """A sampled motion; positions and velocities are interpolated."""
+    """Clip of a sampled motion, by interpolation of positions and velocities."""
     since = motion.time - motion.time[0]
     time = _times(float(since[-1]))
     q, dq = (np.column_stack([np.interp(time, since, x) for x in values.T]) for values in (motion.q, motion.dq))
@@ -56,7 +56,7 @@ def clip_of_motion(motion: Motion, title: str) -> Clip:
 
 
 def clip_of_recording(recording: Recording, title: str) -> Clip:
-    """A recording; over a gap the arm goes straight. Separate rows follow each other ten times a second."""
+    """Clip of a recording; gaps are interpolated linearly, and separate rows are shown ten times a second."""
     rows = np.arange(recording.samples, dtype=np.float64)
     if recording.time is None or recording.consecutive is False:
         rate = ROWS if recording.consecutive is False or recording.rate is None else recording.rate
@@ -72,10 +72,10 @@ def clip_of_recording(recording: Recording, title: str) -> Clip:
 
 
 def still(q: Array, title: str) -> Clip:
-    """An arm that stands in a pose (n,)."""
+    """Clip of an arm at rest in a pose (n,)."""
     return Clip(title, np.zeros(1), np.asarray(q)[None], np.zeros((1, len(q))))
 
 
 def _times(duration: float) -> Array:
-    """Evenly spaced times from 0 to the end, frames of a screen or further apart."""
-    return np.linspace(0.0, duration, min(MOST_FRAMES, max(1, round(duration * FRAMES))) + 1)
+    """Evenly spaced times from 0 to the end, at the frame rate or slower."""
+    return np.linspace(0.0, duration, min(MAX_FRAMES, max(1, round(duration * FRAMES))) + 1)

@@ -1,4 +1,4 @@
-"""Link inertias one can see: the ellipsoid of even density that has a link's mass and inertia."""
+"""Ellipsoids of uniform density with the mass and inertia of each link."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armid.values import Array
 __all__ = ["MassLayer", "ellipsoid_of", "layer_of_description"]
 
 LIGHTEST = 1e-4
-"""Mass [kg] below which a link counts as having none: a tenth of a gram."""
+"""Mass below which a link counts as massless [kg]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -23,9 +23,9 @@ class MassLayer:
     """Inertias of all links from one source.
 
     Attributes:
-        name: What the page calls it.
+        name: Name of the source on the page.
         links: Ten inertial parameters each, in the link frames, shape (n, 10).
-        note: What should be known of them.
+        note: Remark on the values.
     """
 
     name: str
@@ -38,27 +38,27 @@ class MassLayer:
         for k, (vector, name) in enumerate(zip(self.links, names, strict=True)):
             if not vector[0] > LIGHTEST:
                 continue
-            found = ellipsoid_of(vector)
+            ellipsoid = ellipsoid_of(vector)
             body = {"link": k, "name": name, "mass": float(vector[0]), "com": (vector[1:4] / vector[0]).tolist()}
-            if found is not None:
-                body |= {"axes": found[0].tolist(), "turn": found[1].T.ravel().tolist()}
+            if ellipsoid is not None:
+                body |= {"axes": ellipsoid[0].tolist(), "turn": ellipsoid[1].T.ravel().tolist()}
             bodies.append(body)
         return {"name": self.name, "note": self.note, "bodies": bodies}
 
 
 def layer_of_description(robot: Robot) -> MassLayer | None:
-    """Return what the description says; `None` where it says nothing."""
+    """Layer of the description's inertias; `None` if it has none."""
     vector = robot.inertial_vector
     return None if vector is None else MassLayer("description", vector)
 
 
 def ellipsoid_of(vector: Array) -> tuple[Array, Array] | None:
-    """Half axes (3,) [m] and their directions, the columns of (3, 3), of the ellipsoid of even density.
+    """Half axes (3,) [m] and their directions, the columns of (3, 3), of the ellipsoid of uniform density.
 
     Its inertia about the axis i is m (a_j² + a_k²) / 5.
 
     Returns:
-        `None` where no body has such an inertia.
+        `None` if no body can have this inertia.
     """
     mass, _, about = vector_to_com_inertia(vector)
     inertia, turn = np.linalg.eigh(about)

@@ -1,4 +1,4 @@
-"""Meshes small enough for a page: corners that lie close together made one, places in steps of two bytes."""
+"""Simplification of meshes for a page: clustering of vertices, and coordinates of two bytes."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from numpy.typing import NDArray
 from armid.report.plots.encoding import packed
 from armid.values import Array
 
-__all__ = ["MOST_TRIANGLES", "mesh_record", "simplified"]
+__all__ = ["MAX_TRIANGLES", "mesh_record", "simplified"]
 
-MOST_TRIANGLES = 80_000
-"""Triangles of all meshes of a page together: about a megabyte, and no work for a phone."""
+MAX_TRIANGLES = 80_000
+"""Largest number of triangles of a page: about a megabyte, which a phone can draw."""
 
 CELLS = (512, 384, 256, 192, 128, 96, 64, 48, 32, 24, 16, 8, 4)
-"""Cells along the longest edge of a mesh that are tried one after the other."""
+"""Numbers of cells along the longest edge of a mesh, tried one after the other."""
 
 STEPS = 65535
-"""Steps in which places of a mesh are written along each edge of its box."""
+"""Number of quantisation steps along each edge of a mesh's bounding box."""
 
 
 def simplified(corners: Array, triangles: NDArray[np.intp], most: int) -> tuple[Array, NDArray[np.intp]]:
-    """A mesh of at most so many triangles, by clustering of corners.
+    """Mesh with at most `most` triangles, by clustering of vertices.
 
-    Corners in one cell of a grid become their mean; triangles that lose an edge go, and so do doubles.
+    Vertices in one cell of a grid are replaced by their mean; degenerate and duplicate triangles are removed.
 
     Args:
         corners: Shape (v, 3) [m].
         triangles: Indices of three corners each, shape (t, 3).
-        most: Triangles that are allowed.
+        most: Largest number of triangles.
     """
     corners, triangles = _merged(corners, triangles, np.unique(corners, axis=0, return_inverse=True)[1])
     low, size = corners.min(axis=0), float(np.ptp(corners, axis=0).max())
@@ -44,7 +44,7 @@ def simplified(corners: Array, triangles: NDArray[np.intp], most: int) -> tuple[
 
 
 def _merged(corners: Array, triangles: NDArray[np.intp], label: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
-    """A mesh whose corners of one label are one."""
+    """Mesh in which vertices of one label are merged."""
     label = label.reshape(-1)
     count = np.bincount(label)
     mean = np.column_stack([np.bincount(label, x) / count for x in corners.T])
@@ -56,7 +56,7 @@ def _merged(corners: Array, triangles: NDArray[np.intp], label: NDArray[np.intp]
 
 
 def mesh_record(corners: Array, triangles: NDArray[np.intp]) -> dict[str, Any]:
-    """A mesh for the page's script: places in two bytes each, steps of 15 micrometres on a metre."""
+    """Mesh for the page's script: coordinates of two bytes, a resolution of 15 micrometres on a metre."""
     low = corners.min(axis=0)
     step = np.maximum(np.ptp(corners, axis=0), 1e-9) / STEPS
     kind = "u2" if len(corners) <= STEPS else "u4"

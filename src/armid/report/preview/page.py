@@ -1,4 +1,4 @@
-"""The page of a moving arm: everything it shows in one file that opens without a network."""
+"""Page of an animated arm, one file that needs no network."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Preview:
         robot: The arm, with bodies where the description has them.
         clip: The motion.
         surroundings: Bodies that do not move.
-        collision: Bodies, and pairs of them that should stay apart; nothing where nobody looks.
-        layers: Link inertias to look at.
-        said: What is said of collisions: the verdict of a plan, or why nobody looks.
+        collision: Bodies and pairs to check for collisions; `None` if collisions are not checked.
+        layers: Inertias of the links, by source.
+        collision_note: Verdict of a plan's collision check, or the reason why there is none.
     """
 
     robot: Robot
@@ -44,7 +44,7 @@ class Preview:
     surroundings: tuple[Shape, ...] = ()
     collision: CollisionOptions | None = None
     layers: Sequence[MassLayer] = ()
-    said: str = ""
+    collision_note: str = ""
 
 
 def write_preview(preview: Preview, path: Path | str) -> Path:
@@ -59,7 +59,7 @@ def write_preview(preview: Preview, path: Path | str) -> Path:
 
 
 def render_preview(preview: Preview) -> str:
-    """The page as HTML."""
+    """HTML of the page."""
     robot, clip = preview.robot, preview.clip
     approach = None if preview.collision is None else closest(robot, clip, preview.collision)
     record, missing = _scene(preview, approach)
@@ -73,7 +73,7 @@ def render_preview(preview: Preview) -> str:
             joints=[(joint.name, joint.unit) for joint in robot.joints],
             layers=[(k, layer.name, layer.note) for k, layer in enumerate(preview.layers)],
             measured=approach is not None,
-            said=preview.said,
+            collision_note=preview.collision_note,
             has_bodies=bool(record["bodies"]),
             missing=missing,
             bare=not record["bodies"] or bool(missing),
@@ -87,7 +87,7 @@ def render_preview(preview: Preview) -> str:
 
 
 def _scene(preview: Preview, approach: NearestBodies | None) -> tuple[dict[str, Any], list[str]]:
-    """Data for the page's script, and what could not be drawn."""
+    """Data for the page's script, and messages about bodies that could not be drawn."""
     robot, clip = preview.robot, preview.clip
     bodies, meshes, missing = bodies_of(robot)
     _, path = frame_pose(robot, clip.q)
@@ -121,6 +121,6 @@ def _approach_record(approach: NearestBodies) -> dict[str, Any]:
 
 
 def _down(gravity: Array) -> list[float]:
-    """The way that things fall, a unit vector of the base frame; the base's -z where nothing falls."""
+    """Direction of gravity, a unit vector in the base frame; the base's -z without gravity."""
     size = float(np.linalg.norm(gravity))
     return (gravity / size).tolist() if size > 0.0 else [0.0, 0.0, -1.0]

@@ -10,7 +10,7 @@ import numpy as np
 
 from armid.errors import ArmidError
 from armid.excitation.collision.coal import mesh_faces
-from armid.report.preview.meshes import MOST_TRIANGLES, mesh_record, simplified
+from armid.report.preview.meshes import MAX_TRIANGLES, mesh_record, simplified
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
@@ -18,17 +18,17 @@ from armid.values import Array
 __all__ = ["Bodies", "bodies_of", "joint_records", "reach_of", "surroundings_of"]
 
 NOT_DRAWN = ("mesh-missing", "visual-left-out", "visual-missing")
-"""Findings about bodies that a picture lacks."""
+"""Codes of findings about bodies that cannot be drawn."""
 
-FEWEST_TRIANGLES = 300
-"""Triangles that a mesh may keep, however large the others are."""
+MIN_TRIANGLES = 300
+"""Number of triangles that every mesh may have, regardless of the size of the others."""
 
 Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]
-"""Bodies for the page's script, meshes that they refer to, and what could not be drawn."""
+"""Bodies for the page's script, their meshes, and messages about bodies that could not be drawn."""
 
 
 def joint_records(robot: Robot) -> list[dict[str, Any]]:
-    """Joints for the page's script; limits that are not known are null."""
+    """Joints for the page's script; unknown limits are null."""
     return [
         {
             "name": joint.name,
@@ -46,9 +46,9 @@ def joint_records(robot: Robot) -> list[dict[str, Any]]:
 
 
 def bodies_of(robot: Robot) -> Bodies:
-    """Return what the links look like; where the description does not say it, the space that they take."""
-    seen = {shape.link for shape in robot.visuals}
-    shapes = (*robot.visuals, *(shape for shape in robot.shapes if shape.link not in seen))
+    """Visual shapes of the links; collision shapes for links without visual shapes."""
+    with_visuals = {shape.link for shape in robot.visuals}
+    shapes = (*robot.visuals, *(shape for shape in robot.shapes if shape.link not in with_visuals))
     drawn: list[dict[str, Any]] = []
     missing = [
         f"{each.channel}: {each.evidence}" if each.channel else each.evidence
@@ -72,23 +72,23 @@ def bodies_of(robot: Robot) -> Bodies:
 
 
 def _within_budget(meshes: Sequence[tuple[Array, Any]]) -> list[dict[str, Any]]:
-    """Meshes with no more triangles than a page may have, shared out by how many they bring."""
+    """Meshes simplified to the largest number of triangles of a page, shared in proportion to their sizes."""
     total = sum(len(triangles) for _, triangles in meshes)
-    share = min(1.0, MOST_TRIANGLES / total) if total else 1.0
+    share = min(1.0, MAX_TRIANGLES / total) if total else 1.0
     return [
-        mesh_record(*simplified(corners, triangles, max(FEWEST_TRIANGLES, int(share * len(triangles)))))
+        mesh_record(*simplified(corners, triangles, max(MIN_TRIANGLES, int(share * len(triangles)))))
         for corners, triangles in meshes
     ]
 
 
 def surroundings_of(robot: Robot, given: Sequence[Shape]) -> list[dict[str, Any]]:
-    """Bodies that do not move, for the page's script: those given, and planes of the description."""
+    """Fixed bodies for the page's script: those given, and planes of the description."""
     planes = [shape for shape in robot.visuals if shape.kind == "half-space"]
     return [_record(shape) | {"size": shape.size.tolist()} for shape in (*given, *planes) if shape.kind != "mesh"]
 
 
 def reach_of(path: Array, origins: Array) -> float:
-    """Tell how far from the base's origin the arm gets [m], at least a decimetre.
+    """Largest distance of the arm from the base's origin [m], at least 0.1.
 
     Args:
         path: Places of the tip, shape (K, 3) [m].
@@ -108,7 +108,7 @@ def _record(shape: Shape) -> dict[str, Any]:
 
 
 def _columns(placement: Array) -> list[float]:
-    """A transform column by column, as WebGL has it."""
+    """Transform in column-major order, as WebGL needs it."""
     return placement.T.ravel().tolist()
 
 

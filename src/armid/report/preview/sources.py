@@ -1,4 +1,4 @@
-"""Sources of a preview, put together from names: an arm, a motion, a run."""
+"""Construction of previews from an arm and a plan, recording or run."""
 
 from __future__ import annotations
 
@@ -38,15 +38,16 @@ def preview_of(
     surroundings: Sequence[Shape] = (),
     estimate: MassLayer | None = None,
 ) -> Preview:
-    """A preview of an arm that does something.
+    """Preview of an arm and a motion.
 
     Args:
         robot: The arm.
-        motion: A plan, a folder with one, a recording, or a run for what it was judged on; nothing, and it stands.
-        reading: How to read a recording.
-        data: Folder in which a run's recordings are looked for first.
-        surroundings: Bodies that do not move, beside those that a plan knows of.
-        estimate: Link inertias beside those of the description.
+        motion: A plan, a folder with one, a recording, or a run, of which a validation recording is shown; with
+            `None` the arm rests.
+        reading: Log format of a recording.
+        data: Folder that is searched first for a run's recordings.
+        surroundings: Fixed bodies, in addition to those of a plan.
+        estimate: Estimated inertias of the links, shown in addition to those of the description.
 
     Raises:
         ArmidError: The motion cannot be read or is of another arm.
@@ -66,28 +67,28 @@ def preview_of(
             f"{motion} moves {clip.q.shape[1]} joints; {robot.name} has {robot.n}.",
             remedy="give a plan or recording of this arm.",
         )
-    collision, said = _watched(robot, around)
-    return Preview(robot, clip, around, collision, _layers(robot, estimate), said)
+    collision, note = _collision_options(robot, around)
+    return Preview(robot, clip, around, collision, _layers(robot, estimate), note)
 
 
 def preview_of_design(designed: Designed) -> Preview:
-    """A preview of a plan that has just been designed."""
+    """Preview of a plan that has just been designed."""
     robot, collision = designed.problem.goal.model.robot, designed.collision
     clip = clip_of_plan(designed.plan, "designed plan")
     around = () if collision is None else collision.surroundings
-    said = designed.preflight.sentence
-    return Preview(robot, clip, around, collision, _layers(robot, None), said[:1].upper() + said[1:])
+    note = designed.preflight.sentence
+    return Preview(robot, clip, around, collision, _layers(robot, None), note[:1].upper() + note[1:])
 
 
 def preview_of_moves(moves: Moves, robot: Robot, surroundings: Sequence[Shape]) -> Preview:
-    """A preview of poses or sweeps."""
+    """Preview of static poses or sweeps."""
     around = tuple(surroundings)
-    collision, said = _watched(robot, around)
-    return Preview(robot, clip_of_plan(moves, "poses and sweeps"), around, collision, _layers(robot, None), said)
+    collision, note = _collision_options(robot, around)
+    return Preview(robot, clip_of_plan(moves, "poses and sweeps"), around, collision, _layers(robot, None), note)
 
 
-def _watched(robot: Robot, around: tuple[Shape, ...]) -> tuple[CollisionOptions | None, str]:
-    """Bodies that should stay apart, or why nobody looks at them."""
+def _collision_options(robot: Robot, around: tuple[Shape, ...]) -> tuple[CollisionOptions | None, str]:
+    """Bodies to check for collisions, or the reason why they are not checked."""
     try:
         collision = bodies_to_watch(robot, around)
     except ArmidError as error:
@@ -96,13 +97,13 @@ def _watched(robot: Robot, around: tuple[Shape, ...]) -> tuple[CollisionOptions 
 
 
 def estimate_layer(theta: Array, run: Run, note: str = "") -> MassLayer:
-    """Link inertias of standard parameters (p,) of a run."""
-    own = run.model.inertial_columns
-    return MassLayer("estimate", theta[own].reshape(-1, 10), note)
+    """Layer of the link inertias in standard parameters (p,) of a run."""
+    columns = run.model.inertial_columns
+    return MassLayer("estimate", theta[columns].reshape(-1, 10), note)
 
 
 def _of_file(path: str, robot: Robot, reading: LogFormat) -> Clip:
-    """A motion in one of the formats for controllers, or else a recording."""
+    """Clip of a motion in a controller's format, or else of a recording."""
     motion = motion_of_plan(path, robot, 1000.0)
     if motion is not None:
         return clip_of_motion(motion, Path(path).name)
@@ -111,10 +112,10 @@ def _of_file(path: str, robot: Robot, reading: LogFormat) -> Clip:
 
 
 def _of_run(run: Run, data: Path | str | None) -> Clip:
-    """The first of the run's recordings that is still there, one for validation before others.
+    """Clip of the first readable recording of a run, validation before training.
 
     Raises:
-        ArmidError: None is.
+        ArmidError: No recording can be read.
     """
     study = records_of(run).study
     missing: list[str] = []
@@ -127,7 +128,7 @@ def _of_run(run: Run, data: Path | str | None) -> Clip:
         return clip_of_recording(recording, f"{Path(choice.path).name} of {run.folder}")
     raise ArmidError(
         f"None of the recordings of {run.folder} can be read: {' '.join(missing)}",
-        remedy="say with --data where they are, or name a plan or recording to show.",
+        remedy="give their folder with --data, or name a plan or recording to show.",
     )
 
 
@@ -136,7 +137,7 @@ def _layers(robot: Robot, estimate: MassLayer | None) -> tuple[MassLayer, ...]:
 
 
 def _rest(robot: Robot) -> Array:
-    """Zero where joints can be there, else the middle of their range."""
+    """Pose at rest: zero, or the middle of the range of a joint whose range excludes zero."""
     low, high = np.array([joint.position_limits for joint in robot.joints]).T
     bounded = np.isfinite(low) & np.isfinite(high) & ((low > 0.0) | (high < 0.0))
     return np.where(bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0)

@@ -1,6 +1,6 @@
 """The catalogue of sections, in the order of the page.
 
-A section is a function from a run's material to a `Section`, whose data the template of the same name shows; it
+A section is a function from a run's page_data to a `Section`, whose data the template of the same name shows; it
 gives `None` where the run has nothing to say on its matter.
 """
 

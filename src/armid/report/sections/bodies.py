@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia about it of each link, as described and as identified."""
+"""Section of mass, centre of mass and inertia of each link, described and identified."""
 
 from __future__ import annotations
 
@@ -17,54 +17,52 @@ ORDER = (0, 1, 2, 3, 4, 6, 9, 5, 7, 8)
 """Quantities in the order of the columns: the moments of inertia before the products."""
 
 GUESSED = "guessed"
-"""How values look that the data do not determine."""
+"""Style of values that the data do not determine."""
 
 
 ROUNDING = 1e-12
-"""Coordinates [m] and moments [kg·m²] below it are what is left of differences."""
+"""Coordinates [m] and moments [kg·m²] below it are rounding errors."""
 
 
-def show_bodies(material: PageData) -> Section | None:
-    """The bodies of the links; nothing where neither the description nor the estimate has any."""
-    found = link_table(material.run.model, material.run.estimate)
-    if not any(np.isfinite([body.description, body.estimate]).any() for body in found.links):
+def show_bodies(page_data: PageData) -> Section | None:
+    """Section of the links' inertias; `None` if neither the description nor the estimate has any."""
+    links = link_table(page_data.run.model, page_data.run.estimate)
+    if not any(np.isfinite([body.description, body.estimate]).any() for body in links.links):
         return None
-    return Section("Links", {"note": found.note}, (_table(found),))
+    return Section("Links", {"note": links.note}, (_table(links),))
 
 
-def _table(found: LinkTable) -> Table:
+def _table(links: LinkTable) -> Table:
     columns = (
         Column("link", words=True),
         Column("", words=True),
         *(Column(QUANTITIES[k], UNITS[k]) for k in ORDER),
     )
     rows: list[list[TableCell]] = []
-    for j, body in enumerate(found.links):
+    for j, body in enumerate(links.links):
         label = f"{j + 1} · {body.link}"
         for source, cells in _values(body):
             first = source == "CAD/URDF" or not np.isfinite(body.description).any()
             rows.append([TableCell(label if first else "", label, kind="name"), TableCell(source), *cells])
-    estimated = any(np.isfinite(body.estimate).any() for body in found.links)
+    estimated = any(np.isfinite(body.estimate).any() for body in links.links)
     note = (
-        "By the number of the joint that moves the link. Centre of mass (com) and inertia about it with the axes of "
-        "the link's frame; bodies on fixed and locked joints count to the link that carries them."
+        "Numbered by the joint that moves the link. Centre of mass (com) and inertia about it along the axes of the "
+        "link's frame. Bodies on fixed and locked joints are included in the link that they are attached to."
     )
     if estimated:
-        note += (
-            " ± half of the 95 % interval, where the data determine a value; others, in grey, are one choice of many."
-        )
+        note += " ± half of the 95 % interval, if the data determine a value; grey values are one of many choices."
     title = "Mass, centre of mass and inertia about it of each link"
     return Table("bodies-of-links", title, columns, rows, note)
 
 
 def _values(body: LinkProperties) -> list[tuple[str, list[TableCell]]]:
-    """Return what a link's row or two rows say, by their source."""
-    found: list[tuple[str, list[TableCell]]] = []
+    """Cells of a link's one or two rows, with their source."""
+    links: list[tuple[str, list[TableCell]]] = []
     if np.isfinite(body.description).any():
-        found.append(("CAD/URDF", [_plain(float(body.description[k])) for k in ORDER]))
+        links.append(("CAD/URDF", [_plain(float(body.description[k])) for k in ORDER]))
     if np.isfinite(body.estimate).any():
-        found.append(("identified", [_estimated(float(body.estimate[k]), body.intervals[k]) for k in ORDER]))
-    return found
+        links.append(("identified", [_estimated(float(body.estimate[k]), body.intervals[k]) for k in ORDER]))
+    return links
 
 
 def _plain(value: float, kind: str = "") -> TableCell:
@@ -73,7 +71,7 @@ def _plain(value: float, kind: str = "") -> TableCell:
 
 
 def _estimated(value: float, ends: Array) -> TableCell:
-    """A value with half its interval, or the value alone where nothing is known of it."""
+    """Cell of a value with half its interval, or of the value alone if it has no interval."""
     if not np.isfinite(ends).all():
         return _plain(value, GUESSED)
     half = 0.5 * float(np.ptp(ends))

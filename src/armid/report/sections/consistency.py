@@ -1,4 +1,4 @@
-"""Physical consistency: distance to the nearest consistent parameters, and the mass matrix in the worst pose."""
+"""Section of physical consistency: nearest consistent parameters, and mass matrix in the worst pose."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_consistency"]
 
-MOST_BLAMED = 10
-"""Values listed; further ones hardly move."""
+MAX_BLAMED = 10
+"""Largest number of listed values; further ones hardly change."""
 
 
-def show_consistency(material: PageData) -> Section | None:
-    """The certificate; nothing where the model has no links."""
-    if material.verdict is None:
+def show_consistency(page_data: PageData) -> Section | None:
+    """Section of the certificate; `None` if the model has no rigid bodies."""
+    if page_data.verdict is None:
         return None
-    verdict, certificate = material.verdict, material.verdict.certificate
+    verdict, certificate = page_data.verdict, page_data.verdict.certificate
     content = {
         "feasible": certificate.feasible,
         "distance": short(certificate.distance),
         "relative": share(certificate.relative_distance),
-        "beyond": outside_intervals(material),
+        "beyond": outside_intervals(page_data),
         "mass": short(float(certificate.masses.sum())),
         "eigenvalue": short(verdict.pose.min_eigenvalue),
         "unit": verdict.pose.unit,
@@ -36,12 +36,12 @@ def show_consistency(material: PageData) -> Section | None:
         "limited": short(verdict.limited.distance),
         "gap": short(certificate.gap, 2),
     }
-    tables = (_bodies(material), *(() if certificate.feasible else (_blame(material),)))
+    tables = (_bodies(page_data), *(() if certificate.feasible else (_blame(page_data),)))
     return Section("Physical consistency", content, tables)
 
 
-def _bodies(material: PageData) -> Table:
-    verdict, robot = material.verdict, material.run.robot
+def _bodies(page_data: PageData) -> Table:
+    verdict, robot = page_data.verdict, page_data.run.robot
     assert verdict is not None
     unit = one_of([joint.unit for joint in robot.joints])
     rows: list[list[TableCell]] = []
@@ -64,19 +64,19 @@ def _bodies(material: PageData) -> Table:
         Column("worst pose", unit),
     )
     note = (
-        "Base parameters leave masses open, so these are those of one body of many. Worst pose: where the mass "
-        "matrix with rotors has its smallest eigenvalue within the joint limits."
+        "Base parameters do not determine masses; these are one of many possible choices. Worst pose: pose within "
+        "the joint limits at which the mass matrix with rotors has its smallest eigenvalue."
     )
     return Table("bodies", "Nearest consistent masses, and the worst pose", columns, rows, note, folded=True)
 
 
-def _blame(material: PageData) -> Table:
-    assert material.verdict is not None
-    fit = material.run.estimate.fit
+def _blame(page_data: PageData) -> Table:
+    assert page_data.verdict is not None
+    fit = page_data.run.estimate.fit
     half = dict(zip((plain_name(n) for n in fit.names), 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     value = dict(zip((plain_name(n) for n in fit.names), fit.values, strict=True))
     rows: list[list[TableCell]] = []
-    for each in material.verdict.certificate.blame[:MOST_BLAMED]:
+    for each in page_data.verdict.certificate.blame[:MAX_BLAMED]:
         width = float(half[each.name])
         decimals = decimals_of(max(abs(each.change), 1e-9))
         times = abs(each.change) / width if width > 0.0 else np.inf
@@ -94,5 +94,5 @@ def _blame(material: PageData) -> Table:
         Column("change to the nearest"),
         Column("over half its interval"),
     )
-    note = "▲ marks changes that leave the 95 % interval: noise alone does not explain them."
-    return Table("blame", "What keeps the values from being physically consistent", columns, rows, note, folded=True)
+    note = "▲ marks changes beyond the 95 % interval, which noise alone does not explain."
+    return Table("blame", "Changes that make the values physically consistent", columns, rows, note, folded=True)

@@ -1,4 +1,4 @@
-"""Excitation by the motion: ranges that were visited, and the condition of the regressor."""
+"""Section of the excitation: ranges of the motion, and condition of the regressor."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from armid.report.tables import Column, Table, TableCell
 __all__ = ["show_excitation"]
 
 
-def show_excitation(material: PageData) -> Section:
-    """Condition numbers, and what each joint did in training."""
-    fit = material.run.estimate.fit
+def show_excitation(page_data: PageData) -> Section:
+    """Section of condition numbers and of each joint's motion in training."""
+    fit = page_data.run.estimate.fit
     content = {
         "condition": short(fit.condition),
         "scaled": short(fit.scaled_condition),
         "rows": int(fit.rows.max()),
         "blocks": str(fit.report.parts or ""),
-        "folder": material.run.folder,
+        "folder": page_data.run.folder,
     }
-    return Section("Excitation", content, (_table(material),) if material.of_role("train") else ())
+    return Section("Excitation", content, (_table(page_data),) if page_data.of_role("train") else ())
 
 
-def _table(material: PageData) -> Table:
-    joints, train = material.joints, material.of_role("train")
-    unit, effort = one_of([joint.unit for joint in joints]), effort_unit(material)
+def _table(page_data: PageData) -> Table:
+    joints, train = page_data.joints, page_data.of_role("train")
+    unit, effort = one_of([joint.unit for joint in joints]), effort_unit(page_data)
     columns = (
         Column("joint", words=True),
         Column("position from", unit),
@@ -60,12 +60,12 @@ def _table(material: PageData) -> Table:
                 _share(peak / joint.effort_limit),
             ]
         )
-    note = "Limits are the description's; a dash where it gives none."
-    return Table("excitation", "What each joint did in training", columns, rows, note, folded=True)
+    note = "Limits are from the description; a dash if it gives none."
+    return Table("excitation", "Motion and torque of each joint in training", columns, rows, note, folded=True)
 
 
 def _share(value: float) -> TableCell:
-    """A share of a limit; of a limit that is not known there is none."""
+    """Cell of a share of a limit; a dash if the limit is not known."""
     if not math.isfinite(value) or value == 0.0:
         return TableCell("–", "")
     return TableCell(fixed(100.0 * value, 0), 100.0 * value)

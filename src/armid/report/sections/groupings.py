@@ -1,4 +1,4 @@
-"""Groupings that the torques of the arm cannot tell apart: columns without effect, and dependent columns."""
+"""Section of the groupings of standard parameters: columns without effect, and dependent columns."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from armid.report.tables import Column, Table, TableCell
 __all__ = ["show_groupings"]
 
 
-def show_groupings(material: PageData) -> Section | None:
-    """Tell how each removed column of the regressor follows from the kept ones."""
-    base = material.run.estimate.base
+def show_groupings(page_data: PageData) -> Section | None:
+    """Section of the removed columns of the regressor and their dependence on the kept ones."""
+    base = page_data.run.estimate.base
     if not len(base.removed):
         return None
     names = base.standard_names
@@ -21,11 +21,11 @@ def show_groupings(material: PageData) -> Section | None:
     rows: list[list[TableCell]] = []
     for k, plain, tex in zip(base.removed, text, latex, strict=True):
         right, (left_tex, _, right_tex) = plain.partition(" = ")[2], tex.partition(" = ")
-        spoken = right.replace("Y_{", "").replace("}", "").replace("-", "−")
+        dependence = right.replace("Y_{", "").replace("}", "").replace("-", "−")
         if names[k] not in idle:
             head = TableCell(names[k], latex=f"${left_tex}$", kind="name")
-            rows.append([head, TableCell(spoken, right, f"${right_tex}$", "formula")])
-    columns = (Column("parameter", words=True), Column("moves the torque as", words=True))
-    table = Table("groupings", "Standard parameters that others stand for", columns, rows, folded=True)
+            rows.append([head, TableCell(dependence, right, f"${right_tex}$", "formula")])
+    columns = (Column("parameter", words=True), Column("acts on the torque as", words=True))
+    table = Table("groupings", "Standard parameters that are contained in others", columns, rows, folded=True)
     content = {"standard": len(names), "base": base.count, "idle": sorted(idle, key=names.index)}
     return Section("Base groupings", content, (table,) if rows else ())

@@ -1,4 +1,4 @@
-"""Standard parameters of every link, each with what the data know of it, where the method estimates them."""
+"""Section of the standard parameters, with the data's share in each, for methods that estimate them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["show_links"]
 MARKS = {"identified": "", "prior-dominated": " ○", "not identifiable": " ×"}
 
 
-def show_links(material: PageData) -> Section | None:
-    """Link parameters and how they were made physical; nothing where only base parameters are estimated."""
-    fit = material.run.estimate.fit.standard
+def show_links(page_data: PageData) -> Section | None:
+    """Section of the standard parameters and their prior; `None` if only base parameters are estimated."""
+    fit = page_data.run.estimate.fit.standard
     if fit is None:
         return None
     content = {
@@ -32,11 +32,11 @@ def show_links(material: PageData) -> Section | None:
         "lowest": short(fit.proof.lowest),
         "gap": short(fit.proof.gap, 2),
     }
-    return Section("Standard parameters", content, (_table(material, fit),))
+    return Section("Standard parameters", content, (_table(page_data, fit),))
 
 
-def _table(material: PageData, fit: StandardFit) -> Table:
-    model = material.run.model
+def _table(page_data: PageData, fit: StandardFit) -> Table:
+    model = page_data.run.model
     nominal = model.nominal_parameters()
     prior = {} if nominal is None else {p.name: float(x) for p, x in zip(model.parameters, nominal, strict=True)}
     inertial = {model.parameters[k].name for k in model.inertial_columns}
@@ -51,12 +51,12 @@ def _table(material: PageData, fit: StandardFit) -> Table:
         Column("status", words=True),
     )
     rows: list[list[TableCell]] = []
-    order, groups = groups_of(fit.names, material.joints)
+    order, groups = groups_of(fit.names, page_data.joints)
     for k in order:
         name, known = fit.names[k], fit.status[k] != "not identifiable"
         value, (low, high) = float(fit.values[k]), (float(end) for end in fit.intervals[k])
         decimals = decimals_of(0.5 * (high - low))
-        said = prior.get(plain_name(name), np.nan) if plain_name(name) in inertial else np.nan
+        described = prior.get(plain_name(name), np.nan) if plain_name(name) in inertial else np.nan
         share_of_data = 100.0 * float(fit.resolution[k])
         rows.append(
             [
@@ -66,15 +66,15 @@ def _table(material: PageData, fit: StandardFit) -> Table:
                     TableCell(fixed(x, decimals), x) if known and np.isfinite(x) else TableCell("–", "")
                     for x in (low, high)
                 ),
-                TableCell(fixed(said, decimals), said if np.isfinite(said) else ""),
+                TableCell(fixed(described, decimals), described if np.isfinite(described) else ""),
                 TableCell(fixed(share_of_data, 0), share_of_data),
                 TableCell(fit.status[k] + MARKS.get(fit.status[k], ""), fit.status[k]),
             ]
         )
         rows[-1].insert(2, TableCell(fit.units[k]))
     note = (
-        "About the origin of the link's frame. Share of the data: how much of a value the data bring, the rest being "
-        "the prior's. ○ the prior decides, × the data say next to nothing: such values are one choice of many and "
-        "have no interval."
+        "About the origin of the link's frame. Share of the data: part of a value that the data determine; the "
+        "prior determines the rest. ○ mostly the prior, × almost no information in the data: such values are one of "
+        "many possible choices and have no interval."
     )
     return Table("links", "Standard parameters, joint by joint", columns, rows, note, folded=True, groups=groups)

@@ -1,4 +1,4 @@
-"""All methods on the run's data, where `identify --compare` tried them."""
+"""Section of all methods on the run's data, if `identify --compare` tried them."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from armid.report.tables import Column, Table, TableCell
 __all__ = ["show_methods"]
 
 
-def show_methods(material: PageData) -> Section | None:
-    """The comparison of methods; nothing where none was made."""
-    path = Path(material.run.folder) / "compare.json"
+def show_methods(page_data: PageData) -> Section | None:
+    """Section of the comparison of methods; `None` if there was none."""
+    path = Path(page_data.run.folder) / "compare.json"
     if not path.is_file():
         return None
     record = json.loads(path.read_text(encoding="utf-8"))
-    unit = effort_unit(material)
+    unit = effort_unit(page_data)
     columns = (
         Column("method", words=True),
         Column("training RMS", unit),
@@ -34,7 +34,7 @@ def show_methods(material: PageData) -> Section | None:
         Column("time", "s"),
         Column("", words=True),
     )
-    rows = [_row(each, material.run.estimate.method) for each in record["methods"]]
+    rows = [_row(each, page_data.run.estimate.method) for each in record["methods"]]
     note = (
         "RMS over all joints, root of the sum of squares. Distance: to the nearest consistent parameters, Euclidean, "
         "SI units."
@@ -43,11 +43,11 @@ def show_methods(material: PageData) -> Section | None:
     return Section("Methods compared", {"unseen": record["unseen"]}, (table,))
 
 
-def _row(record: Mapping[str, Any], own: str) -> list[TableCell]:
+def _row(record: Mapping[str, Any], method_of_run: str) -> list[TableCell]:
     consistent = {True: "yes", False: "no", None: "–"}[record["consistent"]]
-    remark = record["failure"] or ("this run" if record["name"] == own else "")
+    remark = record["failure"] or ("this run" if record["name"] == method_of_run else "")
     numbers = [np.nan if record[key] is None else float(record[key]) for key in ("training_total", "unseen_total")]
-    # What is left where a real body has the values is the solver's tolerance.
+    # For consistent values the distance is only the solver's tolerance.
     distance = np.nan if record["distance"] is None or record["consistent"] else float(record["distance"])
     return [
         TableCell(record["name"], kind="name"),

@@ -1,4 +1,4 @@
-"""Parameters with their intervals, beside what the description says, and what each of them stands for."""
+"""Section of the base parameters with intervals, values of the description and groupings."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from armid.report.tables import Column, Table, TableCell
 __all__ = ["plain_name", "show_parameters"]
 
 
-def show_parameters(material: PageData) -> Section:
-    """Every base parameter."""
-    fit = material.run.estimate.fit
+def show_parameters(page_data: PageData) -> Section:
+    """Section of all base parameters."""
+    fit = page_data.run.estimate.fit
     content = {
         "covariance": fit.covariance_kind,
         "why": fit.report.why,
         "freedom": f"{float(np.median(fit.freedom)):.0f}",
         "count": len(fit.names),
-        "kinds": _kinds(material),
+        "kinds": _kinds(page_data),
     }
-    return Section("Parameters", content, (_table(material),))
+    return Section("Parameters", content, (_table(page_data),))
 
 
-def _kinds(material: PageData) -> str:
-    """Tell how many base parameters are of the bodies, how many of rotors and how many of friction."""
-    model, base = material.run.model, material.run.estimate.base
-    which = [base.names.index(plain_name(name)) for name in material.run.estimate.fit.names]
+def _kinds(page_data: PageData) -> str:
+    """Number of inertial, rotor inertia and friction parameters, as text."""
+    model, base = page_data.run.model, page_data.run.estimate.base
+    which = [base.names.index(plain_name(name)) for name in page_data.run.estimate.fit.names]
     inertial = np.isin(base.kept, model.inertial_columns)[which]
     rotor = np.array([model.parameters[k].symbol == "IA" for k in base.kept])[which]
     counts = (
@@ -42,18 +42,18 @@ def _kinds(material: PageData) -> str:
 
 
 def plain_name(name: str) -> str:
-    """The base parameter of which a recording has its own copy: `FV_1` of `FV_1[2]`."""
+    """Base name of a parameter that is separate for each recording: `FV_1` of `FV_1[2]`."""
     return name.split("[", 1)[0]
 
 
-def _table(material: PageData) -> Table:
-    estimate = material.run.estimate
+def _table(page_data: PageData) -> Table:
+    estimate = page_data.run.estimate
     fit, base = estimate.fit, estimate.base
     number = {name: k for k, name in enumerate(base.names)}
     text, latex = base_formulas(base), base_formulas(base, "latex")
-    nominal = material.run.model.nominal_parameters()
+    nominal = page_data.run.model.nominal_parameters()
     prior = None if nominal is None else base.values_of(nominal)
-    inertial = np.isin(base.kept, material.run.model.inertial_columns)
+    inertial = np.isin(base.kept, page_data.run.model.inertial_columns)
     columns = (
         Column("parameter", words=True),
         Column("value"),
@@ -62,16 +62,16 @@ def _table(material: PageData) -> Table:
         Column("to"),
         Column("σ", "%"),
         *((Column("CAD/URDF"),) if prior is not None else ()),
-        Column("stands for", words=True),
+        Column("combination", words=True),
     )
     rows: list[list[TableCell]] = []
-    order, groups = groups_of(fit.names, material.joints)
+    order, groups = groups_of(fit.names, page_data.joints)
     for k in order:
         name, (low, high) = fit.names[k], estimate.intervals[k]
         which, decimals = number[plain_name(name)], decimals_of(0.5 * float(high - low))
         poor = bool(fit.poorly_identified[k])
         sum_text, sum_latex = (formula[which].partition(" = ")[2] for formula in (text, latex))
-        spoken = sum_text != plain_name(name)  # a parameter that stands for itself needs no formula
+        is_sum = sum_text != plain_name(name)  # a single parameter needs no formula
         relative = float(fit.relative_deviation[k])
         rows.append(
             [
@@ -82,9 +82,9 @@ def _table(material: PageData) -> Table:
                 TableCell(percent(relative) + ("*" if poor else ""), relative),
                 *(_prior(float(prior[which]), inertial[which], decimals) if prior is not None else ()),
                 TableCell(
-                    sum_text.replace("-", "−") if spoken else "",
+                    sum_text.replace("-", "−") if is_sum else "",
                     sum_text,
-                    f"${sum_latex}$" if spoken else " ",
+                    f"${sum_latex}$" if is_sum else " ",
                     "formula",
                 ),
             ]
@@ -92,9 +92,9 @@ def _table(material: PageData) -> Table:
     note = (
         "σ: relative standard deviation if residuals were uncorrelated. * More than ten times the smallest: poorly "
         "identified, or near zero. CAD/URDF: the "
-        "value of the description, where it has one; it says nothing of friction."
+        "value of the description, if it has one; descriptions have no friction."
     )
-    title = f"Base parameters of {estimate.robot}, joint by joint: {_kinds(material)}"
+    title = f"Base parameters of {estimate.robot}, joint by joint: {_kinds(page_data)}"
     return Table("parameters", title, columns, rows, note, folded=True, groups=groups)
 
 
@@ -103,7 +103,7 @@ def _values(decimals: int, *values: float) -> list[TableCell]:
 
 
 def _prior(value: float, inertial: bool, decimals: int) -> list[TableCell]:
-    """The description's value; it has none of friction, offsets and rotors."""
+    """Cell of the description's value; a dash for friction, offsets and rotors."""
     if not inertial:
         return [TableCell("–", "")]
     return [TableCell(fixed(value, decimals), value)]

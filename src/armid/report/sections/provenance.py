@@ -1,4 +1,4 @@
-"""Provenance of the run: files with their digests, versions, options, the study as it was resolved."""
+"""Section of the run's provenance: digests of files, versions, options, and the resolved study."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ __all__ = ["show_provenance"]
 PACKAGES = ("armid", "numpy", "scipy", "plotly")
 
 
-def show_provenance(material: PageData) -> Section:
-    """Tell where everything came from."""
-    estimate = material.run.estimate
+def show_provenance(page_data: PageData) -> Section:
+    """Section of inputs, versions, findings and study."""
+    estimate = page_data.run.estimate
     digests = [entry.partition(" ") for entry in estimate.made_from]
     rows = [
         (TableCell(what, kind="path"), TableCell(sha256, kind="digest"))
-        for what, _, sha256 in _named(material, digests)
+        for what, _, sha256 in _with_paths(page_data, digests)
     ]
     table = Table(
         "provenance",
@@ -31,7 +31,7 @@ def show_provenance(material: PageData) -> Section:
         rows,
         folded=True,
     )
-    origin = material.run.made
+    origin = page_data.run.made
     made = [
         ("identified", " ".join(filter(None, [origin.at, origin.host and f"on {origin.host}"])) or "not recorded"),
         ("method", estimate.method),
@@ -44,23 +44,23 @@ def show_provenance(material: PageData) -> Section:
     findings = [(f.code, f.severity, f.channel, f.evidence, remedy_words(f)) for f in estimate.findings]
     content = {
         "made": made,
-        "study": study_to_toml(material.study),
-        "folder": material.study["folder"],
+        "study": study_to_toml(page_data.study),
+        "folder": page_data.study["folder"],
         "findings": findings,
     }
     return Section("Provenance", content, (table,))
 
 
 def _kernel(made_by: str) -> str:
-    """Return what computed the information: build of the kernel and factorisation, said in words."""
+    """Build of the kernel and its factorisation, as text."""
     build, _, way = made_by.partition(" ")
     ways = {"qr": "QR factors", "cholesky": "Cholesky factors", "products": "products of columns"}
     return f"{build}, {ways.get(way, way)}" if way else made_by
 
 
-def _named(material: PageData, digests: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+def _with_paths(page_data: PageData, digests: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
     """Digests with the paths of the recordings."""
-    paths = iter(each["path"] for each in material.study["recordings"])
+    paths = iter(each["path"] for each in page_data.study["recordings"])
     named: list[tuple[str, str, str]] = []
     for role, space, sha256 in digests:
         path = next(paths, "") if role in ("train", "validate") else ""

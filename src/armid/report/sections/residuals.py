@@ -1,4 +1,4 @@
-"""Residuals of the model: over time, over velocity, and in frequency."""
+"""Section of the model's residuals: over time, over velocity and in frequency."""
 
 from __future__ import annotations
 
@@ -9,57 +9,57 @@ import numpy as np
 from armid.report.data.joint_names import heading_of, label_of
 from armid.report.data.number_format import fixed, short
 from armid.report.data.page_data import PageData, velocity_unit
-from armid.report.data.recording_data import RecordingData, joined
-from armid.report.plots.traces import MOST_POINTS, Axes, Plot, PlotTrace, Sight, binned, crest, line, points
-from armid.report.section import Section, cut_words, effort_unit
+from armid.report.data.recording_data import RecordingData, concatenated
+from armid.report.plots.traces import MAX_POINTS, Axes, Plot, PlotRange, PlotTrace, binned, crest, line, points
+from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
 __all__ = ["show_residuals"]
 
 RANGE_SHARE = 0.1
-"""Share of the torque's range that the thesis's Figure 4.3 measures residuals by."""
+"""Share of the torque's range that residuals are compared with, as in Figure 4.3 of the thesis."""
 
-IN_SIGHT = 1.5
-"""Lines further out than so many times the largest residual are left out: they would flatten what there is to see."""
+MAX_LEVEL_RATIO = 1.5
+"""Ratio to the largest residual above which level lines are not drawn; they would flatten the curves."""
 
 BINS = 16
-"""Bins of velocity: a tenth or so of the range each, with tens of rows in most."""
+"""Number of velocity bins; most have tens of rows."""
 
-FEWEST_IN_BIN = 8
-"""Rows below which a mean is noise."""
+MIN_BIN_ROWS = 8
+"""Least number of rows for the mean of a bin; with fewer it is noise."""
 
-DEEPEST = 1e-6
-"""Share of the largest density below which a spectrum is rounding or the skirt of a filter."""
+MIN_DENSITY_SHARE = 1e-6
+"""Share of the largest density below which a spectrum shows only rounding or the filter's stop-band."""
 
 ROLES = {"train": ("training", "training"), "validate": ("validation", "validation")}
 
 
-def show_residuals(material: PageData) -> Section | None:
-    """Residuals of the recordings at hand."""
-    drawn = material.drawn
+def show_residuals(page_data: PageData) -> Section | None:
+    """Section of the residuals of the available recordings; `None` if there are none."""
+    drawn = page_data.drawn
     if not drawn:
         return None
     rows = tuple(
         (
-            heading_of(material.joints, j),
-            (_over_time(material, drawn, j), _over_velocity(material, drawn, j), *_spectra(material, j)),
+            heading_of(page_data.joints, j),
+            (_over_time(page_data, drawn, j), _over_velocity(page_data, drawn, j), *_spectra(page_data, j)),
         )
-        for j in range(len(material.joints))
+        for j in range(len(page_data.joints))
     )
     legend = (
         ("training", "training"),
         ("validation", "validation"),
-        ("above", "beyond the picture"),
+        ("above", "outside the plot"),
         ("mean", "mean in bins of velocity"),
         ("recorded", "spectrum of the torque"),
         ("level", "± 10 % of the torque's range; cut-off of the study's band"),
     )
-    return Section("Residuals", {}, (_table(material, drawn),), rows, legend)
+    return Section("Residuals", {}, (_table(page_data, drawn),), rows, legend)
 
 
-def _table(material: PageData, drawn: Sequence[RecordingData]) -> Table:
-    unit = effort_unit(material)
+def _table(page_data: PageData, drawn: Sequence[RecordingData]) -> Table:
+    unit = effort_unit(page_data)
     columns = (
         Column("joint", words=True),
         Column("RMS", unit),
@@ -70,7 +70,7 @@ def _table(material: PageData, drawn: Sequence[RecordingData]) -> Table:
     )
     held_out = [each for each in drawn if each.choice.role == "validate"] or list(drawn)
     rows: list[list[TableCell]] = []
-    for j in range(len(material.joints)):
+    for j in range(len(page_data.joints)):
         residual, level = _pooled(held_out, j), _level(held_out, j)
         numbers = (
             float(np.sqrt(np.mean(residual**2))),
@@ -81,60 +81,64 @@ def _table(material: PageData, drawn: Sequence[RecordingData]) -> Table:
         within = 100.0 * float(np.mean(np.abs(residual) <= level)) if len(residual) else np.nan
         cells = [TableCell(short(x), x) for x in numbers]
         rows.append(
-            [TableCell(label_of(material.joints, j), kind="name"), *cells, TableCell(fixed(within, 1), within)]
+            [TableCell(label_of(page_data.joints, j), kind="name"), *cells, TableCell(fixed(within, 1), within)]
         )
     what = "validation motion" if held_out[0].choice.role == "validate" else "training motion"
-    note = "10 % of range: of the difference between the largest and smallest measured torque."
+    note = "10 % of range: a tenth of the difference between the largest and smallest measured torque."
     return Table("residuals", f"Residuals on {what}", columns, rows, note, folded=True)
 
 
-def _pooled(evidence: Sequence[RecordingData], j: int) -> Array:
-    residual = joined(evidence, "residual", j)
+def _pooled(recordings: Sequence[RecordingData], j: int) -> Array:
+    residual = concatenated(recordings, "residual", j)
     return residual[np.isfinite(residual)]
 
 
-def _level(evidence: Sequence[RecordingData], j: int) -> float:
-    """A tenth of the range of the torque."""
-    measured = joined(evidence, "measured", j)
+def _level(recordings: Sequence[RecordingData], j: int) -> float:
+    """A tenth of the range of the measured torque."""
+    measured = concatenated(recordings, "measured", j)
     known = measured[np.isfinite(measured)]
     return RANGE_SHARE * float(np.ptp(known)) if len(known) else np.nan
 
 
-def _over_time(material: PageData, drawn: Sequence[RecordingData], j: int) -> Plot:
-    unit = material.joints[j].effort_unit
+def _over_time(page_data: PageData, drawn: Sequence[RecordingData], j: int) -> Plot:
+    unit = page_data.joints[j].effort_unit
     traces: list[PlotTrace] = []
-    sight = Sight.of(_pooled(drawn, j))
+    plot_range = PlotRange.of(_pooled(drawn, j))
     for each in drawn:
         role, name = ROLES[each.choice.role]
         time, residual = each.gapped(each.residual[:, j])
-        traces += [line(role, time, residual, name), *sight.cut(time, residual, name)]
+        traces += [line(role, time, residual, name), *plot_range.cut(time, residual, name)]
     level = _level(drawn, j)
-    top = min(sight.limit, sight.peak)
+    top = min(plot_range.limit, plot_range.peak)
     return Plot(
         f"residual-time-{j}",
         "Over time",
-        "; ".join(filter(None, [f"± 10 % of the torque's range is ± {short(level)} {unit}", cut_words(sight, unit)])),
+        "; ".join(
+            filter(
+                None, [f"± 10 % of the torque's range is ± {short(level)} {unit}", clipped_caption(plot_range, unit)]
+            )
+        ),
         drawn[0].clock,
         f"residual [{unit}]",
         traces,
         group="residual-time",
-        axes=Axes(levels=(-level, level) if level <= IN_SIGHT * top else (), span=sight.span),
+        axes=Axes(levels=(-level, level) if level <= MAX_LEVEL_RATIO * top else (), span=plot_range.span),
     )
 
 
-def _over_velocity(material: PageData, drawn: Sequence[RecordingData], j: int) -> Plot:
-    joint = material.joints[j]
+def _over_velocity(page_data: PageData, drawn: Sequence[RecordingData], j: int) -> Plot:
+    joint = page_data.joints[j]
     traces: list[PlotTrace] = []
     for each in drawn:
         role, name = ROLES[each.choice.role]
-        traces.append(points(role, each.dq[:, j], each.residual[:, j], name, MOST_POINTS // len(drawn)))
-    sight = Sight.of(_pooled(drawn, j))
-    velocity = joined(drawn, "dq", j)
-    residual = joined(drawn, "residual", j)
+        traces.append(points(role, each.dq[:, j], each.residual[:, j], name, MAX_POINTS // len(drawn)))
+    plot_range = PlotRange.of(_pooled(drawn, j))
+    velocity = concatenated(drawn, "dq", j)
+    residual = concatenated(drawn, "residual", j)
     edges = np.linspace(velocity.min(), velocity.max(), BINS + 1)
-    where, mean, _ = binned(velocity, residual, edges, FEWEST_IN_BIN)
+    where, mean, _ = binned(velocity, residual, edges, MIN_BIN_ROWS)
     largest = float(np.nanmax(np.abs(mean), initial=0.0))
-    traces += [*sight.cut(velocity, residual, "residual"), PlotTrace("mean", where, mean, "mean")]
+    traces += [*plot_range.cut(velocity, residual, "residual"), PlotTrace("mean", where, mean, "mean")]
     return Plot(
         f"residual-velocity-{j}",
         "Over velocity",
@@ -142,21 +146,21 @@ def _over_velocity(material: PageData, drawn: Sequence[RecordingData], j: int) -
         f"velocity [{velocity_unit(joint)}]",
         f"residual [{joint.effort_unit}]",
         traces,
-        axes=Axes(span=sight.span),
+        axes=Axes(span=plot_range.span),
     )
 
 
-def _spectra(material: PageData, j: int) -> tuple[Plot, ...]:
-    """The spectrum of the first recording that has one, validation before training."""
-    found = next((each for each in material.drawn if each.spectrum is not None), None)
-    if found is None or found.spectrum is None:
+def _spectra(page_data: PageData, j: int) -> tuple[Plot, ...]:
+    """Plot of the spectrum of the first recording that has one, validation before training."""
+    shown = next((each for each in page_data.drawn if each.spectrum is not None), None)
+    if shown is None or shown.spectrum is None:
         return ()
-    unit = material.joints[j].effort_unit
-    spectrum, role = found.spectrum, ROLES[found.choice.role]
-    floor = DEEPEST * float(spectrum.measured[:, j].max())
+    unit = page_data.joints[j].effort_unit
+    spectrum, role = shown.spectrum, ROLES[shown.choice.role]
+    floor = MIN_DENSITY_SHARE * float(spectrum.measured[:, j].max())
     densities = (np.where(x[:, j] < floor, np.nan, x[:, j]) for x in (spectrum.measured, spectrum.residual))
     lines = zip(("recorded", role[0]), ("torque", "residual"), densities, strict=True)
-    processing = material.run.processing
+    processing = page_data.run.processing
     cutoff = float(processing.cutoff) if processing.family != "none" else 0.0
     marks = (cutoff,) if cutoff > 0.0 else ()
     words = f"cut-off at {cutoff:g} Hz" if marks else "no filter"

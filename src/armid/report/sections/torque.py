@@ -1,4 +1,4 @@
-"""Torque measured against predicted, joint by joint, with the band that should hold 95 % of it."""
+"""Section of measured and predicted torque of each joint, with the 95 % prediction interval."""
 
 from __future__ import annotations
 
@@ -10,49 +10,49 @@ from armid.report.data.number_format import fixed, share, short
 from armid.report.data.page_data import PageData
 from armid.report.data.recording_data import RecordingData
 from armid.report.data.trust import POOR_COVERAGE
-from armid.report.plots.traces import Axes, Plot, Sight, line, spread
-from armid.report.section import Section, cut_words, effort_unit
+from armid.report.plots.traces import Axes, Plot, PlotRange, line, spread
+from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
 
 __all__ = ["show_torque"]
 
 
-def show_torque(material: PageData) -> Section:
-    """Errors of every joint, and pictures of the recordings at hand, the residual below each torque."""
-    drawn = material.drawn
-    names = names_apart(each["path"] for each in material.study["recordings"])
+def show_torque(page_data: PageData) -> Section:
+    """Section of torque errors, with plots of the available recordings and their residuals."""
+    drawn = page_data.drawn
+    names = names_apart(each["path"] for each in page_data.study["recordings"])
     rows = tuple(
         (
             _heading(each, names[each.choice.path]),
-            tuple(plot for j in range(len(material.joints)) for plot in _plots(material, number, each, j)),
+            tuple(plot for j in range(len(page_data.joints)) for plot in _plots(page_data, number, each, j)),
         )
         for number, each in enumerate(drawn)
     )
     legend = (
         ("measured", "measured, in the study's band"),
         ("predicted", "predicted"),
-        ("band", "95 % band of prediction and residual"),
+        ("band", "95 % prediction interval"),
         ("training", "residual: measured less predicted"),
-        ("above", "residual beyond the picture"),
+        ("above", "residual outside the plot"),
     )
     content = {
-        "missing": material.missing,
-        "left_out": len(material.evidence) - len(drawn),
-        "folder": material.run.folder,
+        "missing": page_data.missing,
+        "left_out": len(page_data.recordings) - len(drawn),
+        "folder": page_data.run.folder,
     }
-    return Section("Torque, measured and predicted", content, (_table(material),), rows, legend if rows else ())
+    return Section("Torque, measured and predicted", content, (_table(page_data),), rows, legend if rows else ())
 
 
-def _heading(evidence: RecordingData, name: str) -> str:
-    """Return what stands above a recording's plots: its role, its name, its part."""
-    choice = evidence.choice
+def _heading(recording: RecordingData, name: str) -> str:
+    """Heading of a recording's plots: role, name and part."""
+    choice = recording.choice
     part = "" if choice.part == (0.0, 1.0) else f", {share(choice.part[0])} to {share(choice.part[1])} of it"
     role = "Validation" if choice.role == "validate" else "Training"
     return f"{role}: {name}{part}"
 
 
-def _table(material: PageData) -> Table:
-    unit = effort_unit(material)
+def _table(page_data: PageData) -> Table:
+    unit = effort_unit(page_data)
     columns = (
         Column("joint", words=True),
         Column("training RMS", unit),
@@ -61,26 +61,26 @@ def _table(material: PageData) -> Table:
         Column("CAD/URDF model", unit),
         Column("relative RMS", "%"),
         Column("largest error", unit),
-        Column("inside 95 % band", "%"),
+        Column("inside 95 % interval", "%"),
     )
-    training = material.run.estimate.fit.residual_rms
-    held_out = material.validation_rms()
+    training = page_data.run.estimate.fit.residual_rms
+    held_out = page_data.validation_rms()
     keys = ("rms_raw", "prior_rms", "relative", "peak", "coverage95")
-    raw, prior, relative, peak, coverage = (material.validation_column(key) for key in keys)
+    raw, prior, relative, peak, coverage = (page_data.validation_column(key) for key in keys)
     rows = [
         (
-            TableCell(label_of(material.joints, j), kind="name"),
+            TableCell(label_of(page_data.joints, j), kind="name"),
             *(TableCell(short(x), float(x)) for x in (training[j], held_out[j], raw[j], prior[j])),
             TableCell(fixed(100.0 * relative[j], 1), float(100.0 * relative[j])),
             TableCell(short(peak[j]), float(peak[j])),
             _coverage(float(coverage[j])),
         )
-        for j in range(len(material.joints))
+        for j in range(len(page_data.joints))
     ]
     note = (
         "RMS in the study's band unless said otherwise. CAD/URDF model: the description's inertial parameters "
-        "without friction. Relative RMS: over the torque's standard deviation. ▼ marks bands that hold far fewer "
-        "rows than 95 %."
+        "without friction. Relative RMS: over the torque's standard deviation. ▼ marks intervals that contain "
+        "far fewer rows than 95 %."
     )
     return Table("torque", "Torque error of each joint", columns, rows, note)
 
@@ -90,13 +90,13 @@ def _coverage(value: float) -> TableCell:
     return TableCell(fixed(100.0 * value, 0) + (" ▼" if poor else ""), 100.0 * value, kind="poor" if poor else "")
 
 
-def _plots(material: PageData, number: int, evidence: RecordingData, j: int) -> tuple[Plot, Plot]:
-    """Torque, and below it the residual over the same time."""
-    joint, title = material.joints[j], heading_of(material.joints, j)
+def _plots(page_data: PageData, number: int, recording: RecordingData, j: int) -> tuple[Plot, Plot]:
+    """Plots of torque and residual over the same time axis."""
+    joint, title = page_data.joints[j], heading_of(page_data.joints, j)
     unit = joint.effort_unit
-    time, values = evidence.gapped(
+    time, values = recording.gapped(
         np.column_stack(
-            [evidence.measured[:, j], evidence.predicted[:, j], evidence.half_band[:, j], evidence.residual[:, j]]
+            [recording.measured[:, j], recording.predicted[:, j], recording.half_band[:, j], recording.residual[:, j]]
         )
     )
     measured, predicted, half, residual = values.T
@@ -106,8 +106,8 @@ def _plots(material: PageData, number: int, evidence: RecordingData, j: int) -> 
     upper = Plot(
         f"torque-{number}-{j}",
         title,
-        f"RMS {short(rms)} {unit}; {share(inside)} inside the band",
-        evidence.clock,
+        f"RMS {short(rms)} {unit}; {share(inside)} inside the interval",
+        recording.clock,
         f"torque [{unit}]",
         (
             *spread(time, predicted - half, predicted + half, "95 % band"),
@@ -116,19 +116,19 @@ def _plots(material: PageData, number: int, evidence: RecordingData, j: int) -> 
         ),
         group=f"time-{number}",
     )
-    sight = Sight.of(residual)
+    plot_range = PlotRange.of(residual)
     lower = Plot(
         f"left-{number}-{j}",
         residual_title(title),
-        cut_words(sight, unit) or f"up to {short(sight.peak)} {unit}",
-        evidence.clock,
+        clipped_caption(plot_range, unit) or f"up to {short(plot_range.peak)} {unit}",
+        recording.clock,
         f"residual [{unit}]",
         (
             *spread(time, -half, half, "95 % band"),
             line("training", time, residual, "residual"),
-            *sight.cut(time, residual, "residual"),
+            *plot_range.cut(time, residual, "residual"),
         ),
         group=f"time-{number}",
-        axes=Axes(levels=(0.0,), span=sight.span),
+        axes=Axes(levels=(0.0,), span=plot_range.span),
     )
     return upper, lower

@@ -1,4 +1,4 @@
-"""The verdict: what can be trusted, what cannot, and what to record or change next."""
+"""Section of the verdict: reliable results, doubtful results, and next steps."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from armid.report.tables import Column, Table, TableCell
 __all__ = ["show_verdict"]
 
 FIRST = 5
-"""Sentences of a column that are shown at once; a page of them hides the numbers below."""
+"""Number of sentences shown at once in each column; more would hide the numbers below."""
 
 SENTENCES = {
     "pass": "Every check on validation motion holds.",
     "fail": "Not every check on validation motion holds.",
-    "not judged": "Nothing was kept to judge the model on.",
+    "not judged": "There is no validation recording, so the model is not judged.",
 }
 
 
-def show_verdict(material: PageData) -> Section:
-    """The verdict with the numbers that it rests on."""
-    verdict = str(material.validation["verdict"])
+def show_verdict(page_data: PageData) -> Section:
+    """Section of the verdict with its checks and the main numbers."""
+    verdict = str(page_data.validation["verdict"])
     content = {
         "verdict": verdict,
         "sentence": SENTENCES.get(verdict, ""),
-        "judgement": judge_trust(material),
+        "judgement": judge_trust(page_data),
         "first": FIRST,
-        "figures": _figures(material),
-        "commands": commands_of(material),
+        "figures": _figures(page_data),
+        "commands": commands_of(page_data),
     }
     rows = [
         (
@@ -41,29 +41,29 @@ def show_verdict(material: PageData) -> Section:
             TableCell(short(_number(each["bound"])), _number(each["bound"])),
             TableCell("holds" if each["ok"] else "fails", kind="" if each["ok"] else "poor"),
         )
-        for each in material.validation["checks"]
+        for each in page_data.validation["checks"]
     ]
     columns = (Column("check", words=True), Column("value"), Column("bound"), Column("", words=True))
-    table = Table("checks", "What the verdict is made of", columns, rows, folded=True)
+    table = Table("checks", "Checks of the verdict", columns, rows, folded=True)
     return Section("Verdict", content, (table,) if rows else ())
 
 
-def _figures(material: PageData) -> list[tuple[str, str, str]]:
-    """The few numbers that say most: number, unit, what it is."""
-    fit, unit = material.run.estimate.fit, effort_unit(material)
+def _figures(page_data: PageData) -> list[tuple[str, str, str]]:
+    """Main numbers of the run: number, unit, meaning."""
+    fit, unit = page_data.run.estimate.fit, effort_unit(page_data)
     figures: list[tuple[str, str, str]] = []
-    error = "RMS error, root of the sum over joints" if len(material.joints) > 1 else "RMS error"
-    held_out = material.validation_rms()
+    error = "RMS error, root of the sum over joints" if len(page_data.joints) > 1 else "RMS error"
+    held_out = page_data.validation_rms()
     if np.isfinite(held_out).any():
         figures.append((short(float(np.linalg.norm(held_out[np.isfinite(held_out)]))), unit, f"validation {error}"))
     training = float(np.linalg.norm(fit.residual_rms))
     figures.append((short(training), unit, f"training {error}"))
-    coverage = material.validation_column("coverage95")
+    coverage = page_data.validation_column("coverage95")
     if np.isfinite(coverage).any():
-        figures.append((share(float(np.nanmean(coverage))), "", "of held-out rows inside 95 % bands"))
-    low, high = material.run.estimate.intervals.T
-    clear = int(np.sum((low > 0.0) | (high < 0.0)))
-    figures.append((f"{clear} of {len(fit.names)}", "", "parameters clear of zero"))
+        figures.append((share(float(np.nanmean(coverage))), "", "of held-out rows inside 95 % prediction intervals"))
+    low, high = page_data.run.estimate.intervals.T
+    significant = int(np.sum((low > 0.0) | (high < 0.0)))
+    figures.append((f"{significant} of {len(fit.names)}", "", "parameters whose interval excludes zero"))
     return figures
 
 

@@ -4,10 +4,10 @@
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const colour = (name) => getComputedStyle(root).getPropertyValue(`--${name}`).trim();
 
-  // Where nothing can hover, a finger on a plot scrolls the page, and buttons would lie over the lines for good.
+  // On touch screens a finger on a plot scrolls the page, and plot buttons would permanently cover the lines.
   const touch = matchMedia("(hover: none)").matches;
 
-  // Looks come from armid.report.look with colours by the names that they have in the style sheet.
+  // Styles come from armid.report.plots.style, with names of colours from the style sheet.
   function coloured(look) {
     if (typeof look === "string") return look.startsWith("--") ? colour(look.slice(2)) : look;
     if (Array.isArray(look)) return look.map(coloured);
@@ -15,7 +15,7 @@
     return Object.fromEntries(Object.entries(look).map(([key, value]) => [key, coloured(value)]));
   }
 
-  // Of two plots over one abscissa the lower has its figures and title.
+  // Of two plots over one abscissa only the lower has tick labels and a title.
   function layout(plot, narrow, part) {
     const { xaxis, yaxis, shapes } = coloured(plot.layout);
     const sparse = narrow ? { nticks: 5 } : {};
@@ -55,7 +55,7 @@
     if (first && plot.group) place.on("plotly_relayout", (change) => follow(place, plot.group, change));
   }
 
-  // Plots of one group show the same stretch of their abscissa.
+  // Plots of one group show the same range of their abscissa.
   let following = false;
   function follow(leader, group, change) {
     const keys = Object.keys(change).filter((key) => key.startsWith("xaxis."));
