@@ -58,20 +58,20 @@ def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
         "",
         f"Friction is {100 * TYPICAL_COULOMB:g} % of the effort limits: Coulomb friction {_list(friction.coulomb)} "
         f"{units}, viscous friction as much at 1 rad/s (m/s). The links take at most {_list(peak)}, so that "
-        f"{_said(limits)}.",
+        f"{_reason(limits)}.",
         "give friction of the arm's size in a lab.toml for --options, for instance [arm.friction] with "
         f"coulomb = [{proposed}] and viscous = [{proposed}]; or the drives' effort limits in the description.",
     )
 
 
-def _said(limits: Array) -> str:
+def _reason(limits: Array) -> str:
     """Sentence that says why the limits are suspicious."""
     known = np.isfinite(limits)
     if not known.any():
         return f"{UNKNOWN_EFFORT:g}, which is taken where the description gives no limit, is not of this arm's size"
-    told = ", ".join(f"{x:g}" if math.isfinite(x) else "not given" for x in limits)
+    limit_text = ", ".join(f"{x:g}" if math.isfinite(x) else "not given" for x in limits)
     missing = "" if known.all() else f" ({UNKNOWN_EFFORT:g} is taken where none is given)"
-    return f"the limits {told} look like placeholders{missing}"
+    return f"the limits {limit_text} look like placeholders{missing}"
 
 
 def _list(numbers: Array) -> str:

@@ -25,7 +25,7 @@ MARGIN = 0.25
 WHOLE = 1e-6
 """Part of a step by which a period may miss a whole number of steps; the motion then repeats exactly."""
 
-TOLD = 2000
+PROGRESS_INTERVAL = 2000
 """Steps from one word of progress to the next."""
 
 Tell = Callable[[float], None]
@@ -234,7 +234,7 @@ class _Run:
                 plant.step(self.effort)
             else:
                 self._kept_step()
-            if tell is not None and k % TOLD == 0:
+            if tell is not None and k % PROGRESS_INTERVAL == 0:
                 tell(self.row / len(self.kept["q"]))
 
     def _kept_step(self) -> None:

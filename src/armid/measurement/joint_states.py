@@ -116,8 +116,8 @@ def joined(
     left = [name for name in names_of(rest) if name not in first.names]
     if left:
         more = f" and {len(left) - LISTED} more" if len(left) > LISTED else ""
-        told = f"{', '.join(left[:LISTED])}{more} of other publishers on the topic left out."
-        findings.append(Finding("joints-extra", "info", "", told))
+        left_out = f"{', '.join(left[:LISTED])}{more} of other publishers on the topic left out."
+        findings.append(Finding("joints-extra", "info", "", left_out))
     return JointStates(first.names, first.time, first.values, clocked, tuple(findings))
 
 

@@ -100,9 +100,9 @@ def build(make: Callable[[], Any], source: str) -> Any:
     """
     result, reason = None, ""
     # urdfdom says what is wrong on the C++ standard error only, and goes on without an inertia it cannot read.
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as stderr:
         saved = os.dup(2)
-        os.dup2(said.fileno(), 2)
+        os.dup2(stderr.fileno(), 2)
         try:
             result = make()
         except (ValueError, RuntimeError) as error:
@@ -110,12 +110,12 @@ def build(make: Callable[[], Any], source: str) -> Any:
         finally:
             os.dup2(saved, 2)
             os.close(saved)
-        said.seek(0)
-        lines = [line.strip() for line in said.read().decode(errors="replace").splitlines()]
-    told = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
-    if result is None or told:
+        stderr.seek(0)
+        lines = [line.strip() for line in stderr.read().decode(errors="replace").splitlines()]
+    messages = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
+    if result is None or messages:
         raise RobotError(
-            f"{source} is not a description that can be read: {'; '.join(told) or reason}",
+            f"{source} is not a description that can be read: {'; '.join(messages) or reason}",
             remedy="correct what the reason names.",
         )
     return result
@@ -262,7 +262,7 @@ def _joint(model: Any, i: int, limits: Mapping[str, DescribedLimits], source: st
 
 
 def _link(model: Any, i: int) -> Link:
-    """Link i: named after the body on the joint, `None` for the inertia where nothing is said."""
+    """Link i: named after the body on the joint, `None` for the inertia where the description has none."""
     vector = np.asarray(model.inertias[i].toDynamicParameters())
     bodies = [
         f.name

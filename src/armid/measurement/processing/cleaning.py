@@ -334,8 +334,8 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
     if recording.dq is None:
         evidence = "Steps from row to row are about as large as the whole spread of the positions"
     if recording.consecutive:
-        told = f"{evidence}; consecutive = true was given."
-        finding = Finding("rows-not-consecutive", "warning", "", told, lines(consecutive=False))
+        stated = f"{evidence}; consecutive = true was given."
+        finding = Finding("rows-not-consecutive", "warning", "", stated, lines(consecutive=False))
         return recording, (finding,)
     finding = Finding(
         "rows-not-consecutive",
