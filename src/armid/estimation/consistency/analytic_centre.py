@@ -1,10 +1,9 @@
-"""The middle of what data, prior and physics allow, and how narrow it is there.
+"""Analytic centre of the feasible set and the Hessian there.
 
-A consistent estimate often lies on the border of what bodies can be, where a parabola through it says nothing of how
-far the border lets it move. The analytic centre lies inside: the least of the data's cost and the prior's, with
-- log det J of each link and - log x of each value that cannot be negative, each of the weight of one independent
-sample. The curvature there says how narrow data and cone are together, and the way from the estimate to the centre
-how far from the middle of it the estimate stands [Nesterov1994].
+A consistent estimate often lies on the boundary of the cone, where the Hessian of the cost does not give its
+uncertainty. The analytic centre lies inside: it minimises the cost of data and prior plus - log det J of each link
+and - log x of each nonnegative parameter, each with the weight of one independent sample. The Hessian there gives the
+width of the feasible set, and the distance from the estimate to the centre adds to the interval [Nesterov1994].
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from armid.values import Array
 __all__ = ["AnalyticCentre", "find_centre"]
 
 AIM = 1e-6
-"""Gap aimed at: a curvature needs the centre to a few hundredths of a deviation."""
+"""Target gap: the Hessian needs the centre to a few hundredths of a standard deviation."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,7 +49,7 @@ def find_centre(
     values: Array,
     basis: Array,
 ) -> AnalyticCentre | None:
-    """The centre around an estimate; `None` where no start inside the cone is found, or no centre.
+    """Computes the analytic centre around an estimate; `None` where no start in the cone or no centre is found.
 
     Args:
         standard: The standard parameters.

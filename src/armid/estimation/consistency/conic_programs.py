@@ -1,8 +1,8 @@
-"""The conic programs behind consistent estimates: the unknowns in the cones that fit rows best, and some inside.
+"""Conic programs of consistent estimates: best fit in the cones, and points in their interior.
 
-Solvers count digits from the largest number, which with data of little noise is the right-hand side, and with bodies
-of tons their masses. So a program is about the change from a place near the answer, in units of the size that the
-residual and the unknowns have there: the first are guesses, the next come from a rougher answer.
+The accuracy of a solver is relative to the largest number: the right-hand side for data of little noise, or the
+masses of heavy bodies. So each program solves for the change from a rough solution, in units of the residual and the
+unknowns there. The first units are guesses; later ones follow from the previous solution.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
 
 
 def interior_point(feasible: Feasible) -> Array | None:
-    """Unknowns with as much slack in every cone as there is, up to some; `None` where there is none."""
+    """Point with the largest slack in every cone, up to `ROOM`; `None` where no interior point exists."""
     x = feasible.basis.shape[1]
     cones: list[Cone] = []
     for cone in feasible.cones:

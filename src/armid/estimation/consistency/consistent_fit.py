@@ -1,4 +1,4 @@
-"""Consistent parameters that fit whitened rows best, with a prior or without: the convex programs.
+"""Convex programs for physically consistent parameters that fit whitened rows best, with or without a prior.
 
     minimise |A (L θ) - y|    so that θ lies in the cone of real bodies
 

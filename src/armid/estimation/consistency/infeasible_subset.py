@@ -1,7 +1,7 @@
-"""Requirements that contradict each other: the fewest that do, of those that were asked.
+"""Irreducible infeasible subset of the requirements.
 
-Each in turn is left out, for good where the rest still leave no body. What remains is a set of which none can be
-missed.
+Each requirement is removed in turn, permanently if the others are still infeasible. The remaining set becomes
+feasible when any one of its requirements is removed.
 """
 
 from __future__ import annotations

@@ -1,18 +1,18 @@
-"""Forgetting by a block of rows, and what has to be put aside before it is lost.
+"""Directional forgetting for blocks of rows: rows that keep the information which new rows do not replace.
 
-Exponential forgetting takes the same share of everything that is known. Directions that the motion no longer shows
-then lose all of it, and the first rounding error that looks like them moves the estimate far: it winds up. So only
-what new rows replace is forgotten [Cao2000], here for whole blocks of rows of all joints, and only in the parameters
-that may change at all [Vahidi2005].
+Exponential forgetting discounts all information by the same factor. Directions that the motion no longer excites then
+lose all their information, and rounding errors move the estimate far along them (wind-up). So only information that
+new rows replace is forgotten [Cao2000], here for whole blocks of rows of all joints, and only for parameters that may
+change [Vahidi2005].
 
 Stored rows R and those of a block B have coordinates in which both are diagonal, Rᵀ R = Wᵀ W and Bᵀ B = Wᵀ g W. In
 direction i the block has g_i times the information that is stored there. Of a share 1 - λ,
 
     f_i = min(1 - λ, RETURN g_i)
 
-is forgotten and the rest put aside, as rows √(1 - λ - f_i) W_i. Where a memory of 1 / (1 - λ) such blocks would leave
-more than a RETURN-th of what is stored, f_i = 1 - λ and forgetting is exponential; where the block says nothing,
-nothing is lost. [Lai2024] draws a border between the two and forgets fully on one side of it; here it is a slope.
+is forgotten, and the rest is kept as rows √(1 - λ - f_i) W_i. Where g_i ≥ (1 - λ) / RETURN, f_i = 1 - λ and
+forgetting is exponential; where the block has no information, nothing is forgotten. [Lai2024] switches between the
+two at a threshold; here the transition is linear.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from armid.values import Array
 __all__ = ["RETURN", "discount", "retained_rows"]
 
 RETURN = 100.0
-"""Most information that is given up for a unit of new. Down to a tenth of the amplitude of the motion that taught a
-direction, a direction is forgotten as fast as asked; noise of a millionth of the information costs a 10 000th."""
+"""Largest ratio of forgotten to new information in a direction. Motion with a tenth of the earlier amplitude still
+causes full forgetting; noise with a millionth of the stored information causes the loss of a 10 000th."""
 
 
 def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np.bool_]) -> Array:
-    """Rows that are to be kept when a share of all stored information is given up for a block.
+    """Computes the rows that are kept when a share of the stored information is forgotten for a block.
 
     Args:
-        whole: All that is stored, triangular whitened rows with their side last, shape (b, b + 1).
+        whole: All stored information, as triangular whitened rows with their side last, shape (b, b + 1).
         block: The new block likewise, shape (b, b + 1).
         share: 1 - λ, in [0, 1].
-        changing: Parameters that may change, shape (b,); what is known of the others, whatever these are, stays.
+        changing: Parameters that may change, shape (b,); the information on the others stays.
 
     Returns:
-        Whitened rows with their side last, shape (b, b + 1); Σ of their squares and of λ times what is stored is what
-        is left after forgetting.
+        Whitened rows with their side last, shape (b, b + 1). Their products plus λ times the stored products are the
+        information after forgetting.
     """
     b = len(changing)
     kept = np.zeros((b, b + 1))
@@ -62,15 +62,15 @@ def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np
 
 
 def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
-    """Rows that are left, (b, b + 1), once parameters have changed at once; the values stay until rows say more.
+    """Computes the rows (b, b + 1) after a sudden change of parameters; the estimate stays the same.
 
-    The covariance of those that may change, the others given, grows by that of the jump. What is known of the others
-    stays. It grows by so much each time, not as often: what no motion shows is never lost in rounding.
+    The conditional covariance of the changing parameters, given the others, grows by the covariance of the change.
+    The information on the others stays.
 
     Args:
-        whole: All that is stored, which determines all parameters, as in `retained_rows`.
+        whole: All stored information, which determines all parameters, as in `retained_rows`.
         changing: Parameters that may have changed, shape (b,).
-        jump: Standard deviations of the change, shape (b,); only those of what may change count.
+        jump: Standard deviations of the change, shape (b,); those of the other parameters are not used.
     """
     c = int(changing.sum())
     order, stored = _changing_first(whole, changing)
@@ -86,7 +86,7 @@ def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
 
 
 def _changing_first(whole: Array, changing: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
-    """Order of the columns with those that may change first and the side last, and the rows, triangular in it."""
+    """Order of the columns, changing ones first and the side last, and the rows made triangular in this order."""
     b = len(changing)
     order = np.concatenate([np.flatnonzero(changing), np.flatnonzero(~changing), [b]])
     if changing.all():

@@ -1,4 +1,4 @@
-"""News of a block, which the estimate before it did not know: surprise, and the colour of the noise."""
+"""Innovations of a block: normalised size, and the correlation of the noise between blocks."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from armid.values import Array
 __all__ = ["normalized_innovation", "update_noise_color"]
 
 CREEP = 2.0
-"""Most squared error, over the usual one, that a block that shows a change adds to the usual."""
+"""Largest squared error, over the usual one, that a block with a change contributes to the usual error."""
 
 
 def normalized_innovation(state: RecursiveState, values: Array, new: Information) -> tuple[Array, Array]:
-    """Tell how far new rows are from what the estimate before them says.
+    """Normalised innovation of new rows against the prediction of the estimate before them.
 
     Args:
-        state: Before the rows.
+        state: State before the rows.
         values: Its estimate, shape (b,).
         new: The rows, one block.
 
     Returns:
-        Squared torque error over the expected one, and the root of it over what it usually is, shapes (n,).
+        Squared torque error over its expected value, and the root of its ratio to the usual level, shapes (n,).
     """
     error = np.zeros(new.n)
     if state.root is None:
@@ -32,7 +32,7 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
     known = (news.blocks > 0.0) & (news.level > 0.0)
     for j, joint in enumerate(new.joints):
         own, R = joint.parameters, state.weights[j] * joint.R[0]
-        # Noise has the usual level, whatever weights say of it; how unsure the estimate is does not go with that.
+        # The noise has the usual level; the uncertainty of the estimate does not scale with it.
         unsure = np.sum((R[:, :-1] @ state.root[own]) ** 2) / (news.level[j] if known[j] else 1.0)
         error[j] = np.sum((R[:, -1] - R[:, :-1] @ values[own]) ** 2) / (max(new.rows[0, j], 1) + unsure)
     level = np.where(known, news.level, np.where(error > 0.0, error, 1.0))
@@ -49,23 +49,23 @@ def update_noise_color(
     *,
     usual: bool,
 ) -> Innovations:
-    """Return what blocks said that was new, one more taken in.
+    """Updates the statistics of the innovations with one more block.
 
     Args:
-        before: The state before the block, with the weights that hold after it.
+        before: State before the block, with the weights after it.
         values: Its estimate, shape (b,).
         new: The block.
         half: Square root of the inverse of all information after the block, shape (b, b).
-        error: What `normalized_innovation` said of the block.
-        left: Share of earlier blocks that is left.
-        usual: Whether nothing has changed; a block that shows a change says little of the noise.
+        error: Result of `normalized_innovation` for the block.
+        left: Discount factor of earlier blocks.
+        usual: Whether no change was detected; a block with a change hardly enters the noise statistics.
     """
     news = before.innovations
     seen = new.rows[0] > 0
     if before.root is None:
         return news
     blocks = left * news.blocks + seen
-    # An error that stays large becomes the usual one in the end.
+    # A persistently large error becomes the usual one over time.
     bounded = error[0] if usual else np.minimum(error[0], CREEP * news.level)
     level = np.where(seen, news.level + (bounded - news.level) / np.maximum(blocks, 1.0), news.level)
     pull, power, expected = np.zeros_like(news.pull), left * news.power, left * news.expected
@@ -76,7 +76,7 @@ def update_noise_color(
         inner = told.T @ R[:, :-1]
         white = float(np.sum(told**2))
         unsure = float(np.sum((inner @ before.root[own]) ** 2))
-        # What the pull says of the noise, and not of an estimate that is still unsure.
+        # Share of the gradient that is due to noise, not to the uncertainty of the estimate.
         share = (white / (white + unsure)) ** 2 if usual and white > 0.0 else 0.0
         size, beside = half.T @ pull[j], half.T @ news.pull[j]
         power[j] += share * (size @ (size + 2.0 * beside) - unsure) / max(white, np.finfo(np.float64).tiny)

@@ -1,19 +1,19 @@
-"""The estimate brought up to date block by block, while it forgets what is old.
+"""Recursive least squares by blocks, with forgetting.
 
-What is stored is square-root information [Bierman1977]: factors of each joint's rows, discounted by λ = exp(-Δt/τ) as
-time goes by, and beside them whitened rows of what must not be forgotten (`armid.estimation.recursive.forgetting`) or
-was known at the beginning. A block merges as blocks always do, so that without forgetting the result is the batch
-estimate. Memory and work do not grow with time.
+The state is square-root information [Bierman1977]: factors of each joint's rows, discounted by λ = exp(-Δt/τ), and
+whitened rows of information that must not be forgotten (`armid.estimation.recursive.forgetting`) or that was given
+initially. Blocks are merged as in batch estimation, so that without forgetting the result is the batch estimate. The
+size of the state and the work for each block are constant.
 
-Forgetting moves no estimate and makes none surer, so the covariance P changes with new rows alone,
+Forgetting changes neither the estimate nor its errors, so the covariance P changes with new rows alone,
 
     P' = (1 - X G) P (1 - X G)ᵀ + X S X,        X = H'⁻¹,
 
-with G the block's information, H' all that is stored and S the variance of the block's pull. It is that of the
-forgetting estimate with as many samples as it really uses, twice as many as τ holds. S is G times a factor for each
-joint: how much more than white noise its blocks pull, alone and together with the block before. P is kept as a
-factor L with P = L Lᵀ: its update stacks (1 - X G) L beside X A_jᵀ for the whitened rows A_j of each joint and is
-made square by an orthogonal transformation, so that no variance can become negative [Bierman1977].
+with G the block's information, H' all stored information and S the covariance of the block's gradient. S is G times a
+factor for each joint: the variance of its gradients over that under white noise, with the correlation to the block
+before. P is stored as a factor L with P = L Lᵀ. Its update stacks (1 - X G) L and X A_jᵀ for the whitened rows A_j of
+each joint and makes the result square by an orthogonal transformation, so that no variance becomes negative
+[Bierman1977].
 """
 
 from __future__ import annotations
@@ -43,21 +43,21 @@ STANDSTILL = 1e-9
 """Largest relative change of a deviation that ends the iteration, as in weighted least squares."""
 
 ENOUGH = 1.5
-"""Rows for each degree of freedom that they spend from which on their residual says something of the noise."""
+"""Smallest ratio of rows to their degrees of freedom at which the residual is used to estimate the noise."""
 
 FIRST = 10.0
-"""Blocks that the noise of an earlier run, its level and its colour, counts for beside those of the recording."""
+"""Weight of the noise level and correlation of an earlier run, in blocks of the recording."""
 
 
 def begin(
     block: Information, memory: ForgettingOptions | None = None, *, weights: Array | None = None
 ) -> RecursiveState:
-    """A state that knows nothing, for blocks like this one, which is not taken in.
+    """Creates a state without information.
 
     Args:
-        block: Says which parameters each joint's rows touch.
-        memory: How the past is forgotten; nothing is, where not given.
-        weights: One over the standard deviation of each joint's noise, shape (n,); they follow the residuals where
+        block: Example of a block, which gives the parameters of each joint's rows; it is not added.
+        memory: Options of forgetting; no forgetting where not given.
+        weights: One over the standard deviation of each joint's noise, shape (n,); computed from the residuals where
             not given.
     """
     b, n, zero = block.count, block.n, np.zeros(block.n)
@@ -117,7 +117,7 @@ def resume(
 
 
 def _definite(earlier: Fit, factors: Information | None) -> Array:
-    """The covariance of an earlier estimate, of full rank where its factors are given, shape (b, b)."""
+    """Covariance of an earlier estimate, of full rank where its factors are given, shape (b, b)."""
     if factors is None or earlier.covariance_kind not in ("period", "block"):
         return earlier.covariance
     A = stack(total(factors), earlier.weights)[0]
@@ -126,11 +126,11 @@ def _definite(earlier: Fit, factors: Information | None) -> Array:
 
 
 def update(state: RecursiveState, block: Information, seconds: float) -> RecursiveState:
-    """Take in new rows.
+    """Updates a state with new rows.
 
     Args:
-        state: What is known.
-        block: What the new rows say; its blocks are merged first.
+        state: State before the rows.
+        block: Information of the new rows; its blocks are merged first.
         seconds: Time from the last update to this one [s].
 
     Raises:
@@ -168,7 +168,7 @@ def update(state: RecursiveState, block: Information, seconds: float) -> Recursi
 
 
 def fit(state: RecursiveState) -> Fit:
-    """The estimate with intervals; without forgetting that of weighted least squares.
+    """Estimate with its covariance; without forgetting it equals weighted least squares.
 
     Raises:
         EstimationError: The rows so far do not determine every parameter.
@@ -220,7 +220,7 @@ def _changing(state: RecursiveState) -> NDArray[np.bool_]:
 
 
 def _triangle(rows: Array) -> Array:
-    """Triangular factor (b, b + 1) of rows with their side last; what no parameters explain is left out."""
+    """Triangular factor (b, b + 1) of rows with their side last, without the residual."""
     return factor_columns(np.ascontiguousarray(rows.T))[0][:-1]
 
 
@@ -241,13 +241,13 @@ def _discounted(old: JointFactors, new: JointFactors, left: float) -> JointFacto
 
 
 def _root(covariance: Array) -> Array:
-    """Factor (b, b) of a covariance, whatever the units; what rounding made negative is zero."""
+    """Factor (b, b) of a covariance, independent of units; negative eigenvalues from rounding are set to zero."""
     size, share, directions = _scaled_eigenvalues(covariance)
     return size[:, None] * directions * np.sqrt(np.maximum(share, 0.0))
 
 
 def _root_of_inverse(covariance: Array) -> Array:
-    """Square root of the inverse of a covariance, whatever the units."""
+    """Square root of the inverse of a covariance, independent of units."""
     size, share, directions = _scaled_eigenvalues(covariance)
     return (directions / np.sqrt(np.maximum(share, np.finfo(np.float64).eps * share[-1]))).T / size
 
@@ -261,7 +261,7 @@ def _scaled_eigenvalues(covariance: Array) -> tuple[Array, Array, Array]:
 
 
 def _left(data: Information, values: Array, weights: Array, half: Array) -> tuple[Array, Array]:
-    """Squared residual of each joint, unweighted, and the degrees of freedom that its rows spent, shapes (n,)."""
+    """Squared residual of each joint, unweighted, and the effective degrees of freedom of its rows, shapes (n,)."""
     squares, spent = np.empty((2, data.n))
     for j, joint in enumerate(data.joints):
         R = joint.R[0]
@@ -281,7 +281,7 @@ def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: A
 
 
 def _settled(state: RecursiveState, data: Information) -> Array:
-    """Weights that reproduce themselves."""
+    """Weights at the fixed point of the iteration."""
     for _ in range(ITERATIONS):
         weights = _next_weights(state, data, state.rows, state.kept)
         if (np.abs(state.weights / weights - 1.0) <= STANDSTILL).all():
@@ -294,7 +294,7 @@ def _settled(state: RecursiveState, data: Information) -> Array:
 
 
 def _renewed(state: RecursiveState) -> RecursiveState:
-    """The state once what may change has done so: all that is known becomes rows that are kept."""
+    """State after a sudden change: all information becomes retained rows, discounted by the change."""
     assert state.root is not None  # else nothing is a surprise
     assert state.memory.jump is not None
     changing = _changing(state)

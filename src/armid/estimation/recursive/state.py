@@ -1,4 +1,4 @@
-"""State of a recursive estimate: factors, what is kept beside them, and how it forgets."""
+"""State of a recursive estimate: factors, retained rows, and options of forgetting."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from armid.values import Array
 __all__ = ["JUMP", "ForgettingOptions", "Innovations", "RecursiveState"]
 
 JUMP = 1000.0
-"""How much larger than its deviation a change of a parameter at once may be: more than any."""
+"""Standard deviation of a sudden change of a parameter, over that of its estimate: larger than any real change."""
 
 WHITE = 0.3
-"""White blocks that are added to those seen, so that the first ones do not say everything."""
+"""Number of white blocks in the prior of the correlation, which limits the influence of the first blocks."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ForgettingOptions:
-    """Forgetting of the past.
+    """Options of forgetting.
 
     Attributes:
-        seconds: Time constant; after it 37 % of what was known is left. Infinite for no forgetting.
+        seconds: Time constant [s], after which 37 % of the information remains. Infinite for no forgetting.
         changing: Parameters that may change, shape (b,); all where not given. The others are never forgotten.
-        renewal: Surprise of a joint from which on a block says that something has changed at once. What may change
-            is then forgotten, and learnt again as the motion shows it.
+        renewal: Normalised innovation of a joint from which a block counts as a sudden change. The parameters that
+            may change are then forgotten and estimated again.
         jump: Standard deviations of such a change, shape (b,); where not given, those of the first estimate times
             `JUMP`.
     """
@@ -46,16 +46,16 @@ class ForgettingOptions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Innovations:
-    """News of blocks, which the estimate before them did not know, joint by joint.
+    """Statistics of the innovations of blocks, joint by joint.
 
     Attributes:
-        surprise: RMS torque error of the last block by the estimate before it, over what such errors usually are,
-            shape (n,). Chance makes it three with ten independent rows once in 1e14 blocks.
+        surprise: Normalised innovation: RMS torque error of the last block under the estimate before it, over the
+            usual one, shape (n,). With ten independent rows it reaches three by chance once in 1e14 blocks.
         level: Usual squared error over the expected one, shape (n,).
-        blocks: Blocks that the level was found from, discounted.
-        pull: Slope of the last block's squared error, by joint, shape (n, b).
-        power: Σ of the squared pulls over those of white noise, neighbours counted, shape (n,).
-        expected: Number of blocks in it, those with an unsure estimate counted less, shape (n,).
+        blocks: Discounted number of blocks behind the level.
+        pull: Negative gradient of the last block's squared error, by joint, shape (n, b).
+        power: Sum of the squared gradients over those of white noise, products of neighbours included, shape (n,).
+        expected: Number of blocks in the sum, weighted by the certainty of the estimate, shape (n,).
     """
 
     surprise: Array
@@ -67,26 +67,26 @@ class Innovations:
 
     @property
     def correlation(self) -> Array:
-        """Variance of the pull over that of white noise, at least 1, shape (n,)."""
+        """Variance of the gradient over that under white noise, at least 1, shape (n,)."""
         return np.maximum((self.power + WHITE) / (self.expected + WHITE), 1.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecursiveState:
-    """All that is known after some blocks.
+    """State after some blocks.
 
     Attributes:
         names: Names of the b parameters.
         joints: Discounted factors of each joint's rows, one block.
-        rows: Rows that count, discounted, shape (n,).
-        kept: Whitened rows beside those of the joints, side last, shape (b, b + 1).
+        rows: Discounted number of rows in use, shape (n,).
+        kept: Retained whitened rows besides the joints' factors, side last, shape (b, b + 1).
         weights: Weight of each joint's rows, shape (n,).
         fixed: Whether the weights were given; else they follow the residuals.
         whole: All rows whitened, triangular, side last, shape (b, b + 1).
         root: Factor L of the covariance L Lᵀ of the values, shape (b, b); `None` while the data do not determine
-            them. A factor, since rounding can make variances negative that are updated as a matrix [Bierman1977].
-        memory: How the past is forgotten.
-        innovations: What the blocks said that was new.
+            them. Updates of a full matrix could give negative variances by rounding [Bierman1977].
+        memory: Options of forgetting.
+        innovations: Statistics of the innovations.
     """
 
     names: tuple[str, ...]
@@ -107,12 +107,12 @@ class RecursiveState:
 
     @property
     def values(self) -> Array:
-        """The estimate, shape (b,); the shortest, columns of unit length, where the data do not determine it."""
+        """Estimate, shape (b,); the minimum-norm one, columns of unit length, where the data do not determine it."""
         return minimum_norm_solution(self.whole[:, :-1], self.whole[:, -1])[0]
 
     @property
     def information(self) -> Information:
-        """The discounted factors as information of one block; `kept` is not in it."""
+        """Discounted factors as information of one block, without `kept`."""
         rows = np.rint(self.rows).astype(np.int64)[None]
         one = np.zeros(1, dtype=np.int64)
         return Information(self.names, self.joints, rows, one, one, made_by="discounted")
