@@ -1,4 +1,4 @@
-"""The functions of a model that code is generated for: regressors, torques, mass matrix, friction and its memory.
+"""Functions of a model that code is generated for: regressors, torques, mass matrix, friction, hysteresis state.
 
 Base parameters are the only parameters. They stand in the place of the standard parameters whose columns are kept,
 and zero stands in all other places: the torque is the same, and what has no effect costs nothing.
@@ -29,18 +29,18 @@ PROGRAMS = (
     "state_start",
     "state_update",
 )
-"""Names of the functions, in the order in which they are written; the last two where the model has a memory."""
+"""Names of the functions in the order of the code; the last two only for models with hysteresis."""
 
 
 def make_programs(
     model: DynamicsModel, base: BaseParameters, wanted: Sequence[str] = PROGRAMS
 ) -> tuple[Program, ...]:
-    """The functions of a model, each by itself.
+    """Programs of the functions of a model, independent of each other.
 
     Args:
         model: Arm and torque terms, with its load parameters where a term depends on the load.
         base: Base parameters of the model.
-        wanted: Names of the functions; those of a memory are left out where the model has none.
+        wanted: Names of the functions; those of the hysteresis state are omitted for models without hysteresis.
 
     Raises:
         ModelError: A function that does not exist, or a load that is not known.
@@ -55,12 +55,12 @@ def make_programs(
 
 @dataclass(eq=False, slots=True)
 class Maker:
-    """Makes the functions of one model on one graph.
+    """Generator of the functions of one model on one graph.
 
     Attributes:
         model: Arm and torque terms.
         base: Base parameters of the model.
-        graph: Where the operations stand.
+        graph: Graph of the operations.
         geometry: The tree, of numbers unless symbols are given.
     """
 
@@ -116,7 +116,7 @@ class Maker:
         return self.geometry
 
     def _theta(self, inputs: Mapping[str, Sequence[Scalar]]) -> dict[int, Scalar]:
-        """Base parameters by the column of the standard parameter in whose place they stand."""
+        """Base parameters by the column of the standard parameter that they replace."""
         return dict(zip(self.base.kept.tolist(), inputs["parameters"], strict=True))
 
     def _bodies(self, theta: Mapping[int, Scalar]) -> list[list[Scalar]]:
@@ -145,7 +145,7 @@ class Maker:
         *,
         inertia: bool,
     ) -> list[Scalar]:
-        """A torque with that of the laws, those in proportion to the acceleration only where asked for."""
+        """Torque with that of the laws added; laws proportional to the acceleration only if requested."""
         inputs, torque = self._with_load(inputs), list(torque)
         for j, column, law, weight in self.model.entries:
             if column in theta and (inertia or not is_inertia(law)):
@@ -153,12 +153,12 @@ class Maker:
         return torque
 
     def _with_load(self, inputs: Mapping[str, Sequence[Scalar]]) -> dict[str, Sequence[Scalar]]:
-        """Inputs of laws, with the torque of the load's bodies where a law reads it."""
+        """Inputs of the laws, with the load torque if a law reads it."""
         if not uses(self.model, "load"):
             return dict(inputs)
         if self.model.load_parameters is None:
             raise ModelError(
-                "A term depends on the load of the joints, and no estimate of it is known.",
+                "A term depends on the load torque of the joints, but the model has no load_parameters for it.",
                 remedy="give the model the inertial parameters of an earlier estimate as load_parameters.",
             )
         bodies: list[list[Scalar]] = [list(body) for body in self.model.load_parameters.tolist()]
@@ -185,8 +185,8 @@ class Maker:
         inertial = self.model.inertial_columns.reshape(-1, 10).tolist()
         kept = [[k for k, column in enumerate(link) if column in place] for link in inertial]
         if kept:
-            found = regressor(self._tree, kept, inputs["q"], inputs["dq"], inputs["ddq"])
-            entries = {j * width + place[inertial[i][k]]: value for (j, i, k), value in found.items()}
+            nonzero = regressor(self._tree, kept, inputs["q"], inputs["dq"], inputs["ddq"])
+            entries = {j * width + place[inertial[i][k]]: value for (j, i, k), value in nonzero.items()}
         inputs = self._with_load(inputs)
         for j, column, law, weight in self.model.entries:
             if column in place:
@@ -206,11 +206,11 @@ class Maker:
 
 SUMMARIES = {
     "inverse_dynamics": "Torque of the whole model",
-    "gravity_torque": "Torque that holds the rigid links still, friction aside",
+    "gravity_torque": "Torque that holds the rigid links still, without friction",
     "mass_matrix": "Mass matrix of links and rotors",
     "friction": "Torque of all terms but the rigid links and rotor inertia",
-    "state_start": "State of the memory at the beginning of a motion",
-    "state_update": "State of the memory at the next sample, to be called before the torque",
+    "state_start": "Hysteresis state at the beginning of a motion",
+    "state_update": "Hysteresis state at the next sample, to be called before the torque",
 }
 
 MEANINGS = {
@@ -218,5 +218,5 @@ MEANINGS = {
     "q": "joint positions [rad or m]",
     "dq": "joint velocities [rad/s or m/s]",
     "ddq": "joint accelerations [rad/s^2 or m/s^2]",
-    "state": "state of the memory",
+    "state": "hysteresis state",
 }

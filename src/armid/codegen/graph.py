@@ -1,4 +1,4 @@
-"""Arithmetic on symbols: a graph of operations in which nothing stands twice.
+"""Symbolic arithmetic: a graph of operations in which equal operations are shared.
 
 A scalar is a number or a `Node`. Nodes are written with the usual operators; what is known of numbers is done at
 once: zeros and ones drop out, constants are folded, signs are pulled to the front so that a - b and b - a are one
@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 __all__ = ["FUNCTIONS", "Graph", "Node", "Scalar", "call"]
 
 Scalar: TypeAlias = "Node | float"
-"""A number or a node."""
+"""Number or node."""
 
 
 def _sign(x: float) -> float:
@@ -41,7 +41,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "max": _larger,
     "min": _smaller,
 }
-"""Functions of a node beside add, sub, mul, div and neg, with their value on numbers."""
+"""Functions of a node, in addition to add, sub, mul, div and neg, with their numeric implementations."""
 
 ODD = frozenset({"sin", "tanh", "sign"})
 EVEN = frozenset({"cos", "abs"})
@@ -52,11 +52,11 @@ class Node:
     """An operation on earlier scalars, or a symbol: an element of an input.
 
     Attributes:
-        graph: Where it stands.
-        number: Its place there; operands have smaller ones.
+        graph: Graph that it belongs to.
+        number: Its index there; operands have smaller indices.
         operation: `add`, `sub`, `mul`, `div`, `neg`, a function, or `symbol`.
-        operands: What it is applied to.
-        symbol: Name of the input and index into it; ("", 0) where it is none.
+        operands: Operands of the operation.
+        symbol: Name of the input and index into it; ("", 0) for an operation.
     """
 
     __slots__ = ("graph", "number", "operands", "operation", "symbol")
@@ -78,7 +78,7 @@ class Node:
     def __neg__(self) -> Scalar:
         return _negative(self)
 
-    # Arrays of scalars go through NumPy, which comes back here element by element.
+    # NumPy handles arrays of scalars and calls these methods element by element.
 
     def __add__(self, other: Any) -> Any:
         return _sum(self, other) if isinstance(other, _SCALARS) else NotImplemented
@@ -103,35 +103,35 @@ _SCALARS = (Node, float)
 
 
 class Graph:
-    """All nodes that were made of some inputs, each once."""
+    """Graph of nodes in which each node exists once."""
 
     def __init__(self) -> None:
         self._known: dict[object, Node] = {}
 
     def symbols(self, name: str, count: int) -> list[Scalar]:
-        """The elements of an input."""
+        """Nodes of the elements of an input."""
         return [self.symbol(name, index) for index in range(count)]
 
     def symbol(self, name: str, index: int) -> Node:
-        """One element of an input, or a number that is given a name."""
+        """Node of one element of an input, or of a named number."""
         return self._node("symbol", (), (name, index))
 
     def node(self, operation: str, operands: tuple[Scalar, ...]) -> Node:
-        """The node of an operation as it stands, without simplification."""
+        """Node of an operation, without simplification."""
         if operation in SYMMETRIC:
             operands = tuple(sorted(operands, key=_place))
         return self._node(operation, operands, ("", 0))
 
     def _node(self, operation: str, operands: tuple[Scalar, ...], symbol: tuple[str, int]) -> Node:
         key = (operation, symbol, *(x.number if isinstance(x, Node) else (x,) for x in operands))
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = Node(self, len(self._known), operation, operands, symbol)
-        return found
+        node = self._known.get(key)
+        if node is None:
+            node = self._known[key] = Node(self, len(self._known), operation, operands, symbol)
+        return node
 
 
 def call(function: str, *arguments: Scalar) -> Scalar:
-    """A function of scalars, a row of `FUNCTIONS`."""
+    """Scalar that a function of `FUNCTIONS` gives for scalars."""
     graph = _graph(arguments)
     if graph is None:
         return FUNCTIONS[function](*arguments)
@@ -149,12 +149,12 @@ def _graph(arguments: Iterable[Scalar]) -> Graph | None:
 
 
 def _place(x: Scalar) -> tuple[int, float]:
-    """Numbers before nodes."""
+    """Sort key of operands, numbers before nodes."""
     return (1, x.number) if isinstance(x, Node) else (0, x)
 
 
 def _inside_negative(x: Scalar) -> Scalar | None:
-    """Return what x is the negative of, if its sign stands in front."""
+    """Negative of x if x is a negation or a negative number."""
     if isinstance(x, Node):
         return x.operands[0] if x.operation == "neg" else None
     return -x if x < 0.0 else None
@@ -225,7 +225,7 @@ def _product(a: Scalar, b: Scalar) -> Scalar:
 
 
 def _power(graph: Graph, base: Scalar, exponent: Scalar) -> Scalar:
-    """Powers that cost less than a call of `pow` are written without one."""
+    """Power, without a call of `pow` if other operations are cheaper."""
     if exponent == 1.0:
         return base
     if exponent == 2.0:

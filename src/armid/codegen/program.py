@@ -1,4 +1,4 @@
-"""A function as a straight line of operations: what is needed of a graph, in order, and how often each is used."""
+"""Function as a sequence of operations: the required part of a graph in order, with use counts."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ __all__ = ["Argument", "Program"]
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """An input of a function: a vector.
+    """Input vector of a function.
 
     Attributes:
         name: Its name: `parameters`, `q`, `dq`, `ddq` or `state`.
         length: Number of elements.
-        meaning: What it is, with its unit.
+        meaning: Its meaning, with its unit.
     """
 
     name: str
@@ -35,15 +35,15 @@ class Argument:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """One function of vectors without branches or loops.
+    """Function of vectors without branches or loops.
 
     Attributes:
         name: Its name.
-        summary: What it gives, one line.
+        summary: Description of the result in one line.
         arguments: Its inputs.
-        shape: Shape of what it gives: (n,) or (rows, columns).
+        shape: Shape of the result: (n,) or (rows, columns).
         entries: The elements that are not zero, by index into the flattened result, row by row.
-        output: What the result is called.
+        output: Name of the result.
     """
 
     name: str
@@ -60,23 +60,23 @@ class Program:
 
     @cached_property
     def results(self) -> dict[int, Scalar]:
-        """`entries` with signs put where they cost nothing: -(a - b) is written b - a where nothing else needs it."""
+        """`entries` with fewer negations: -(a - b) becomes b - a if a - b has no other use."""
         return _without_signs({k: x for k, x in sorted(self.entries.items()) if isinstance(x, Node) or x != 0.0})
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
-        """Operations that the result needs, operands first; symbols are none."""
+        """Operations that the result needs, operands first, without symbols."""
         return tuple(node for node in _reached(self.results.values()) if node.operation != "symbol")
 
     @cached_property
     def uses(self) -> Counter[Node]:
-        """Tell how many operations and results read each node."""
+        """Number of operations and results that read each node."""
         read = [x for node in self.nodes for x in node.operands] + list(self.results.values())
         return Counter(x for x in read if isinstance(x, Node))
 
     @property
     def operations(self) -> Counter[str]:
-        """Tell how many operations of each kind one call takes."""
+        """Number of operations of each kind in a call."""
         return Counter(node.operation for node in self.nodes)
 
     @property
@@ -85,7 +85,7 @@ class Program:
         return frozenset(x.symbol[0] for x in _reached(self.results.values()) if x.operation == "symbol")
 
     def evaluate(self, inputs: Mapping[str, ArrayLike]) -> Array:
-        """The result for inputs (..., length), shape (..., *shape): the meaning of what is generated."""
+        """Numeric result for inputs (..., length), shape (..., *shape); defines what generated code must compute."""
         given = {name: np.asarray(x, dtype=np.float64) for name, x in inputs.items()}
         leading = np.broadcast_shapes(*(given[a.name].shape[:-1] for a in self.arguments))
         values: dict[Node, Array] = {}
@@ -123,19 +123,19 @@ _NUMPY: dict[str, Callable[..., Any]] = {
 
 
 def _reached(results: Iterable[Scalar]) -> list[Node]:
-    """Nodes that some scalars depend on, in the order in which they were made."""
-    found: set[Node] = set()
+    """Nodes that the scalars depend on, in the order of their creation."""
+    needed: set[Node] = set()
     waiting = [x for x in results if isinstance(x, Node)]
     while waiting:
         node = waiting.pop()
-        if node not in found:
-            found.add(node)
+        if node not in needed:
+            needed.add(node)
             waiting.extend(x for x in node.operands if isinstance(x, Node))
-    return sorted(found, key=lambda node: node.number)
+    return sorted(needed, key=lambda node: node.number)
 
 
 def _without_signs(results: dict[int, Scalar]) -> dict[int, Scalar]:
-    """The same results in a new graph, where a difference that only its negative needs is turned round."""
+    """Same results in a new graph, where a difference used only by its negation is reversed."""
     nodes = _reached(results.values())
     readers = Counter(x for node in nodes for x in node.operands if isinstance(x, Node))
     readers.update(x for x in results.values() if isinstance(x, Node))

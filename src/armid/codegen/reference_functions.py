@@ -1,4 +1,4 @@
-"""The four functions of the reference thesis: func_Y, func_Y_b, func_pi and func_pi_b [Halper2024].
+"""Functions of the reference thesis: func_Y, func_Y_b, func_pi and func_pi_b [Halper2024].
 
 Its vectors go link by link through M MX MY MZ XX XY XZ YY YZ ZZ and then friction, its physical parameters through
 mass, centre of mass, inertia about it and friction. So π(μ) makes the standard parameters, and π_b(π) regroups them.
@@ -33,7 +33,7 @@ def thesis_order(source: FunctionSource) -> list[int]:
 
 
 def thesis_programs(source: FunctionSource) -> list[tuple[Program, list[str]]]:
-    """The four functions, each with lines that name its elements; fewer where regressors are not wanted."""
+    """Programs of the functions, each with lines that name its elements; regressors only if requested."""
     order = thesis_order(source)
     rank = {column: k for k, column in enumerate(order)}
     rows = sorted(range(source.base.count), key=lambda k: rank[int(source.base.kept[k])])
@@ -54,7 +54,7 @@ def thesis_programs(source: FunctionSource) -> list[tuple[Program, list[str]]]:
 
 
 def _reordered(program: Program, name: str, columns: list[int]) -> Program:
-    """A regressor with other columns."""
+    """Regressor with reordered columns."""
     width = program.shape[1]
     rank = {column: k for k, column in enumerate(columns)}
     entries = {index - index % width + rank[index % width]: x for index, x in program.entries.items()}
@@ -62,7 +62,7 @@ def _reordered(program: Program, name: str, columns: list[int]) -> Program:
 
 
 def _pi(source: FunctionSource, order: list[int]) -> Program:
-    """π(μ): the standard parameters of mass, centre of mass, inertia about it, and the rest as it is."""
+    """π(μ): standard parameters from mass, centre of mass and inertia about it; other parameters unchanged."""
     parameters = [source.model.parameters[k] for k in order]
     mu = Graph().symbols("mu", len(order))
     entries = dict(enumerate(mu))
@@ -74,7 +74,7 @@ def _pi(source: FunctionSource, order: list[int]) -> Program:
 
 
 def _about_origin(start: int, mu: list[Scalar]) -> Mapping[int, Scalar]:
-    """First moments and the inertia about the origin of the frame."""
+    """First moments, and inertia about the origin of the frame."""
     m, x, y, z, xx, xy, xz, yy, yz, zz = mu
     mx, my, mz = m * x, m * y, m * z
     values = [m, mx, my, mz]
@@ -83,7 +83,7 @@ def _about_origin(start: int, mu: list[Scalar]) -> Mapping[int, Scalar]:
 
 
 def _pi_b(source: FunctionSource, order: list[int], rows: list[int]) -> Program:
-    """π_b(π): the regrouping."""
+    """π_b(π): base parameters from standard parameters."""
     pi = Graph().symbols("pi_", len(order))
     entries: dict[int, Scalar] = {}
     for place, row in enumerate(rows):
@@ -96,12 +96,12 @@ def _pi_b(source: FunctionSource, order: list[int], rows: list[int]) -> Program:
 
 
 def _physical(parameter: Parameter) -> str:
-    """`rx_2` for what `MX_2` is made of."""
+    """Name of the physical parameter, for instance `rx_2` for `MX_2`."""
     if parameter.kind == RigidBody.name:
         return f"{PHYSICAL[ORDER.index(parameter.symbol)]}_{parameter.number}"
     return parameter.name
 
 
 def _lines(names: list[str]) -> list[str]:
-    """Names in lines of a dozen."""
+    """Names in lines of twelve."""
     return [f"  {' '.join(names[k : k + 12])}" for k in range(0, len(names), 12)]

@@ -1,4 +1,4 @@
-"""Rigid-body dynamics of a tree, carried out on symbols.
+"""Symbolic rigid-body dynamics of a tree.
 
 The recursion is that of Newton and Euler with bodies given about the origin of their frame, where everything is
 linear in the ten inertial parameters [Khalil2004]: a link with angular velocity ω, angular acceleration α and
@@ -22,20 +22,20 @@ from armid.kernel.tree import Tree
 __all__ = ["Geometry", "inverse_dynamics", "mass_matrix", "numbers", "regressor"]
 
 Symbols = NDArray[Any]
-"""An object array of scalars."""
+"""Object array of scalars."""
 
 ROUNDING = 4e-16
-"""Entries of a rotation this close to -1, 0 or 1 are these: two units in the last place of a one."""
+"""Tolerance for rounding entries of a rotation to -1, 0 or 1: two units in the last place of 1."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Geometry:
-    """A tree whose lengths, directions and gravity are scalars.
+    """Kinematic tree with lengths, directions and gravity as scalars.
 
     Attributes:
         parent: Index of the joint before, -1 for the base.
         prismatic: Which joints are prismatic.
-        axis: Unit axes in the joint's own frame, shape (n, 3).
+        axis: Unit axes in the frame of the joint, shape (n, 3).
         rotation: R of frame i in frame parent_i at q_i = 0, shape (n, 3, 3).
         translation: Origin of frame i in frame parent_i at q_i = 0, shape (n, 3) [m].
         gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
@@ -63,7 +63,7 @@ class Geometry:
 
 
 def numbers(tree: Tree) -> Geometry:
-    """The geometry as it is, rounded where an entry of a rotation is 0 or 1 but for rounding."""
+    """Numeric geometry of a robot, with entries of rotations near -1, 0 and 1 made exact."""
     return Geometry(
         tuple(tree.parent.tolist()),
         tuple(bool(p) for p in tree.prismatic),
@@ -89,7 +89,7 @@ def inverse_dynamics(
 
 
 def mass_matrix(geometry: Geometry, bodies: Sequence[Sequence[Scalar]], q: Sequence[Scalar]) -> list[list[Scalar]]:
-    """M(q) by composite bodies."""
+    """Mass matrix M(q) by the composite-rigid-body algorithm."""
     n, joints = geometry.n, _joints(geometry, q)
     composites = [_Body.of(body) for body in bodies]
     M: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -114,18 +114,18 @@ def regressor(
     dq: Sequence[Scalar],
     ddq: Sequence[Scalar],
 ) -> dict[tuple[int, int, int], Scalar]:
-    """Entries of the regressor that are not zero, by joint, link and which of the link's kept parameters."""
+    """Nonzero entries of the regressor, by joint, link and index of the link's kept parameter."""
     joints = _joints(geometry, q)
     entries: dict[tuple[int, int, int], Scalar] = {}
     jacobians: list[dict[int, tuple[Symbols, Symbols]]] = []
     for i, state in enumerate(_states(geometry, joints, dq, ddq)):
         parent, axis = geometry.parent[i], geometry.axis[i]
         carried = {} if parent < 0 else jacobians[parent]
-        own = {j: joints[i].motion_to_child(w, v) for j, (w, v) in carried.items()}
-        own[i] = (_ZERO, axis) if geometry.prismatic[i] else (axis, _ZERO)
-        jacobians.append(own)
+        jacobian = {j: joints[i].motion_to_child(w, v) for j, (w, v) in carried.items()}
+        jacobian[i] = (_ZERO, axis) if geometry.prismatic[i] else (axis, _ZERO)
+        jacobians.append(jacobian)
         columns = _columns(state)
-        for j, (w, v) in own.items():
+        for j, (w, v) in jacobian.items():
             for k in kept[i]:
                 force, moment = columns[k]
                 entry: Any = w @ moment + v @ force
@@ -162,12 +162,12 @@ class _Joint:
         return _turned(v, axis, c, -s)
 
     def wrench_to_parent(self, force: Symbols, moment: Symbols) -> tuple[Symbols, Symbols]:
-        """Force and moment about this origin as those about the parent's."""
+        """Force and moment about the parent's origin, from those about this origin."""
         force = self.to_parent(force)
         return force, self.to_parent(moment) + _cross(self.translation, force)
 
     def motion_to_child(self, angular: Symbols, linear: Symbols) -> tuple[Symbols, Symbols]:
-        """Velocity of the parent's frame as that of a body fixed to it at this origin."""
+        """Velocity at this origin of a body fixed to the parent, from the velocity of the parent's frame."""
         return self.to_child(angular), self.to_child(linear + _cross(angular, self.translation))
 
 
@@ -183,7 +183,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Body:
-    """A rigid body about the origin of a frame."""
+    """Rigid body, with inertia about the origin of a frame."""
 
     mass: Scalar
     moment: Symbols
@@ -198,7 +198,7 @@ class _Body:
         return _Body(self.mass + other.mass, self.moment + other.moment, self.inertia + other.inertia)
 
     def seen_from(self, joint: _Joint) -> _Body:
-        """The same body about the origin of the parent's frame."""
+        """Same body, with inertia about the origin of the parent's frame."""
         p, h = joint.translation, joint.to_parent(self.moment)
         half = np.column_stack([joint.to_parent(column) for column in self.inertia.T])
         turned = _symmetric(np.array([joint.to_parent(row) for row in half], dtype=object))
@@ -260,7 +260,7 @@ def _state(omega: Symbols, alpha: Symbols, acceleration: Symbols) -> _State:
 
 
 def _columns(state: _State) -> list[tuple[Symbols, Symbols]]:
-    """Force and moment about the origin that each of the ten parameters asks for."""
+    """Force and moment about the origin for a unit of each of the ten inertial parameters."""
     (x, y, z), (a, b, c), U = state.omega, state.alpha, state.U
     u, v, w = state.acceleration
     yz, zx, xy = y * z, x * z, x * y
@@ -278,7 +278,7 @@ def _columns(state: _State) -> list[tuple[Symbols, Symbols]]:
 
 
 def _weighted(columns: list[tuple[Symbols, Symbols]], body: Sequence[Scalar]) -> tuple[Symbols, Symbols]:
-    """Force and moment of a body."""
+    """Force and moment that the motion of a body requires."""
     force, moment = _ZERO, _ZERO
     for (f, m), parameter in zip(columns, body, strict=True):
         force, moment = force + parameter * f, moment + parameter * m
@@ -286,7 +286,7 @@ def _weighted(columns: list[tuple[Symbols, Symbols]], body: Sequence[Scalar]) ->
 
 
 def _gathered(geometry: Geometry, joints: Sequence[_Joint], wrenches: list[tuple[Symbols, Symbols]]) -> list[Scalar]:
-    """Torque of each joint when links ask for these forces and moments, tips to base."""
+    """Torque of each joint from the forces and moments of the links, from the tips to the base."""
     total = list(wrenches)
     torque: list[Scalar] = [0.0] * geometry.n
     for i in reversed(range(geometry.n)):
@@ -299,12 +299,12 @@ def _gathered(geometry: Geometry, joints: Sequence[_Joint], wrenches: list[tuple
 
 
 def _along(geometry: Geometry, j: int, wrench: tuple[Symbols, Symbols]) -> Scalar:
-    """Return what a joint feels of a force and a moment at its frame."""
+    """Component of a force and a moment along the axis of a joint."""
     return geometry.axis[j] @ (wrench[0] if geometry.prismatic[j] else wrench[1])
 
 
 def _turned(v: Symbols, axis: int, c: Scalar, s: Scalar) -> Symbols:
-    """V turned about an axis of the frame."""
+    """Vector v rotated about an axis of the frame."""
     result = v.copy()
     j, k = (axis + 1) % 3, (axis + 2) % 3
     result[j], result[k] = c * v[j] - s * v[k], s * v[j] + c * v[k]
@@ -320,7 +320,7 @@ def _vector(x: Scalar, y: Scalar, z: Scalar) -> Symbols:
 
 
 def _symmetric(matrix: Symbols) -> Symbols:
-    """The upper half of a matrix on both sides."""
+    """Symmetric matrix from its upper half."""
     result = matrix.copy()
     for i, j in ((1, 0), (2, 0), (2, 1)):
         result[i, j] = result[j, i]

@@ -1,4 +1,4 @@
-"""Input of a language: the functions of a model, its parameters and their names."""
+"""Input of a code language: functions of a model, parameters and names."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ RESERVED = frozenset(
     virtual void volatile while begin end module baremodule local global let quote macro elseif otherwise parfor
     persistent spmd math std armid""".split()
 )
-"""Words that a name must not be in one of the languages."""
+"""Reserved words of the languages, which names must avoid."""
 
 
 @dataclass(frozen=True, slots=True)
 class NamedValue:
-    """A base parameter.
+    """Base parameter in generated code.
 
     Attributes:
         name: As the field writes it.
@@ -55,7 +55,7 @@ class NamedValue:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FunctionSource:
-    """A model as code is written of it.
+    """Model prepared for code generation.
 
     Attributes:
         name: Name of the file, module or prefix.
@@ -85,7 +85,7 @@ class FunctionSource:
         return len(self.joints)
 
     def about(self) -> list[str]:
-        """Lines that every language puts at the top of its file."""
+        """Lines for the head of the files of every language."""
         lines = [
             *map(_harmless, self.heading),
             "",
@@ -112,7 +112,7 @@ def make_source(
     heading: Sequence[str] = (),
     wanted: Sequence[str] = PROGRAMS,
 ) -> FunctionSource:
-    """Everything a language needs.
+    """Input of a language for a model.
 
     Args:
         model: Arm and torque terms.
@@ -124,8 +124,8 @@ def make_source(
     """
     numbers = array(values, (base.count,), "base parameters")
     parameters = tuple(
-        NamedValue(own, re.sub(r"\W", "_", own), unit, float(value), formula)
-        for own, unit, value, formula in zip(base.names, base.units, numbers, base_formulas(base), strict=True)
+        NamedValue(symbol, re.sub(r"\W", "_", symbol), unit, float(value), formula)
+        for symbol, unit, value, formula in zip(base.names, base.units, numbers, base_formulas(base), strict=True)
     )
     widths = tuple(
         f"{_coordinate(node.coordinate)}, half-width {node.memory.width:g} rad or m ({node.term})"
@@ -146,7 +146,7 @@ def make_source(
 
 
 def identifier(name: str) -> str:
-    """A name that is one in every language, for instance `iiwa14_r820` for `iiwa14-r820`."""
+    """Identifier that is valid in every language, for instance `iiwa14_r820` for `iiwa14-r820`."""
     plain = re.sub(r"[^0-9A-Za-z]+", "_", name).strip("_").lower()
     if not plain or plain[0].isdigit() or plain in RESERVED or keyword.iskeyword(plain):
         plain = f"arm_{plain}".rstrip("_")
@@ -154,7 +154,7 @@ def identifier(name: str) -> str:
 
 
 def _harmless(text: str) -> str:
-    """Text from outside as it may stand in a comment of any language: it ends no comment, string or line."""
+    """Text made safe for a comment of any language: it cannot end a comment, string or line."""
     return re.sub(r"[^\w .,:;()/+=-]", "_", text)
 
 

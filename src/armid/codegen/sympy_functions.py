@@ -1,4 +1,4 @@
-"""The functions of a model as SymPy expressions, with the geometry as symbols."""
+"""Functions of a model as SymPy expressions, with symbols for the geometry."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["Symbolic", "make_symbolic"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Symbolic:
-    """A function as expressions.
+    """Function as SymPy expressions.
 
     Attributes:
         result: What it gives: a SymPy matrix, (n, 1) or (rows, columns), in terms of `definitions`.
@@ -40,7 +40,7 @@ class Symbolic:
     inputs: Mapping[str, tuple[Any, ...]]
 
     def expanded(self) -> Any:
-        """The result in inputs and geometry alone; it can be very large."""
+        """Result in terms of inputs and geometry only; it can be very large."""
         values: dict[Any, Any] = {}
         for symbol, expression in self.definitions:
             values[symbol] = expression.xreplace(values)
@@ -48,7 +48,7 @@ class Symbolic:
 
 
 def make_symbolic(model: DynamicsModel, base: BaseParameters, name: str, *, geometry: bool = True) -> Symbolic:
-    """A function of a model as SymPy expressions.
+    """Convert a function of a model to SymPy expressions.
 
     Args:
         model: Arm and torque terms.
@@ -68,17 +68,17 @@ def make_symbolic(model: DynamicsModel, base: BaseParameters, name: str, *, geom
     if geometry:
         tree, given = _named(tree, graph)
     program = Maker(model, base, graph, tree).make(name)
-    found = {key: sympy.Symbol(key, real=True) for key in given}
+    symbols_by_name = {key: sympy.Symbol(key, real=True) for key in given}
     inputs = {
         argument.name: tuple(sympy.Symbol(_name(argument.name, k, base), real=True) for k in range(argument.length))
         for argument in program.arguments
     }
-    result, definitions = _expressed(program, sympy, found, inputs)
-    return Symbolic(result, definitions, {found[key]: value for key, value in given.items()}, inputs)
+    result, definitions = _expressed(program, sympy, symbols_by_name, inputs)
+    return Symbolic(result, definitions, {symbols_by_name[key]: value for key, value in given.items()}, inputs)
 
 
 def _named(tree: Geometry, graph: Graph) -> tuple[Geometry, dict[str, float]]:
-    """The geometry with a symbol for each number that is not -1, 0 or 1, and what the symbols stand for."""
+    """Geometry with a symbol for each number other than -1, 0 and 1, and the values of the symbols."""
     given: dict[str, float] = {}
 
     def symbols(values: NDArray[Any], name: str) -> NDArray[Any]:
@@ -114,9 +114,9 @@ def _name(argument: str, k: int, base: BaseParameters) -> str:
 
 
 def _expressed(
-    program: Program, sympy: Any, found: Mapping[str, Any], inputs: Mapping[str, tuple[Any, ...]]
+    program: Program, sympy: Any, symbols_by_name: Mapping[str, Any], inputs: Mapping[str, tuple[Any, ...]]
 ) -> tuple[Any, tuple[tuple[Any, Any], ...]]:
-    """A program as expressions, with a symbol for each node that is read more than once."""
+    """Program as expressions, with a symbol for each node that is read more than once."""
     functions: dict[str, Callable[..., Any]] = {
         "add": operator.add,
         "sub": operator.sub,
@@ -138,7 +138,7 @@ def _expressed(
         if x.operation != "symbol":
             return written[x]
         name, index = x.symbol
-        return inputs[name][index] if name in inputs else found[name]
+        return inputs[name][index] if name in inputs else symbols_by_name[name]
 
     for node in program.nodes:
         expression = functions[node.operation](*(value(x) for x in node.operands))

@@ -1,4 +1,4 @@
-"""A program as the kernel runs it, for one sample at a time: a tape of operations in runs of one kind."""
+"""Program in the form that the kernel runs for single samples: a tape of operations in runs of one kind."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Integers = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TapeRecord:
-    """Source of the kernel's tapes.
+    """Operations of a tape for the kernel.
 
-    Values stand in one array: inputs one after another, constants, then what each operation gives, in order.
+    Values are in one array: the inputs, then the constants, then the results of the operations in order.
 
     Attributes:
         sizes: Length of each input.
@@ -40,7 +40,7 @@ class TapeRecord:
 
 
 def make_tape(program: Program, given: Mapping[str, Array]) -> _native.Tape:
-    """A program as the kernel runs it.
+    """Program that the kernel runs.
 
     Args:
         program: The function.
@@ -51,7 +51,7 @@ def make_tape(program: Program, given: Mapping[str, Array]) -> _native.Tape:
 
 
 def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
-    """Return what `make_tape` makes a tape of."""
+    """Operations and constants from which `make_tape` makes a tape."""
     inputs = [argument for argument in program.arguments if argument.name not in given]
     sizes = [argument.length for argument in inputs]
     starts = dict(zip((a.name for a in inputs), np.cumsum([0, *sizes]).tolist(), strict=False))
@@ -64,7 +64,7 @@ def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
         return places[x]
 
     def outside(x: Scalar) -> int | None:
-        """Place of a scalar that no operation makes."""
+        """Index of an input or a constant."""
         if not isinstance(x, Node):
             return of_number(x)
         if x.operation != "symbol":
@@ -74,13 +74,13 @@ def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
 
     read = [x for node in program.nodes for x in node.operands] + list(program.results.values())
     for x in read:
-        outside(x)  # so that all constants stand before the first operation
+        outside(x)  # so that all constants precede the first operation
     order, runs = _in_runs(program)
     made = {node: first + len(constants) + k for k, node in enumerate(order)}
 
     def place(x: Scalar) -> int:
-        found = outside(x)
-        return made[x] if found is None and isinstance(x, Node) else int(found or 0)
+        index = outside(x)
+        return made[x] if index is None and isinstance(x, Node) else int(index or 0)
 
     operands = [[place(x) for x in (*node.operands, *node.operands)[:2]] for node in order]
     results = np.full(program.size, -1, dtype=np.int32)
@@ -96,7 +96,7 @@ def record_tape(program: Program, given: Mapping[str, Array]) -> TapeRecord:
 
 
 def _in_runs(program: Program) -> tuple[list[Node], list[tuple[int, int]]]:
-    """Operations in an order with few changes of kind: always the kind of which most can be done next."""
+    """Operations in an order with few changes of kind: next comes the kind with the most executable ones."""
     codes = {name: code for code, name in enumerate(_native.Tape.operations())}
     waiting = {
         node: sum(isinstance(x, Node) and x.operation != "symbol" for x in node.operands) for node in program.nodes
@@ -113,7 +113,7 @@ def _in_runs(program: Program) -> tuple[list[Node], list[tuple[int, int]]]:
     while any(ready.values()):
         kind = max(ready, key=lambda name: len(ready[name]))
         start, group = len(order), ready[kind]
-        while group:  # what becomes ready of the same kind comes at once
+        while group:  # operations of the same kind that become executable follow immediately
             node = group.pop(0)
             order.append(node)
             for reader in readers[node]:

@@ -1,4 +1,4 @@
-"""The laws of torque terms and their memory, carried out on symbols."""
+"""Symbolic evaluation of the laws of torque terms and their hysteresis states."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["carried_out", "is_inertia", "law_value", "rotor_matrix", "updated", 
 
 
 def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Scalar:
-    """Value of an expression on scalars.
+    """Symbolic value of an expression for given scalars.
 
     Raises:
         ModelError: The expression has a function that generated code does not know.
@@ -32,9 +32,9 @@ def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Sc
         return values[0] * values[1]
     if head not in KNOWN:
         raise ModelError(
-            f"The function {head!r} of a torque term has no form in generated code.",
+            f"The function {head!r} of a torque term cannot be generated.",
             possible=", ".join(sorted(KNOWN)),
-            remedy="give it a row in armid.codegen.graph.FUNCTIONS and in each language.",
+            remedy="add it to armid.codegen.graph.FUNCTIONS and to each language.",
         )
     return call(head, *values)
 
@@ -43,12 +43,12 @@ KNOWN = frozenset({"add", "mul", "pow", "sign", "tanh", "abs", "exp", "sin", "co
 
 
 def uses(model: DynamicsModel, name: str) -> bool:
-    """Tell whether a law of the model reads `load` or `state`."""
+    """True if a law of the model reads the symbol `load` or `state`."""
     return any(name in symbols(law.expression) for _, law in model.laws)
 
 
 def is_inertia(law: Law) -> bool:
-    """Tell whether a law is in proportion to the acceleration, so that it belongs to the mass matrix."""
+    """True if a law is proportional to the acceleration, so that it belongs to the mass matrix."""
     return derivative(law.expression, "ddq") != number(0.0)
 
 
@@ -56,9 +56,9 @@ def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scal
     """Value of a law, without its parameter and weight.
 
     Args:
-        model: Whose law it is.
+        model: Model of the law.
         law: The law.
-        inputs: Joint by joint `q`, `dq`, `ddq` and `load`, and `state` node by node, as far as they are read.
+        inputs: The needed ones of `q`, `dq`, `ddq` and `load` by joint, and `state` by hysteresis node.
     """
     return carried_out(law.expression, _environment(model, law, inputs))
 
@@ -66,7 +66,7 @@ def law_value(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scal
 def rotor_matrix(
     model: DynamicsModel, theta: Mapping[int, Scalar], q: Sequence[Scalar]
 ) -> dict[tuple[int, int], Scalar]:
-    """Return what laws in proportion to the acceleration add to the mass matrix, for parameters by column."""
+    """Part of the mass matrix due to laws proportional to the acceleration, for parameters by column."""
     zero: list[Scalar] = [0.0] * model.n
     inputs = {"q": q, "dq": zero, "ddq": zero}
     matrix: dict[tuple[int, int], Scalar] = {}
@@ -82,12 +82,12 @@ def rotor_matrix(
 
 
 def updated(node: MemoryNode, q: Sequence[Scalar], state: Scalar) -> Scalar:
-    """The next state of a memory node, from the last one and the new positions."""
+    """Next state of a hysteresis node, from its last state and the new positions."""
     return carried_out(node.memory.update, {"q": combined(node.coordinate, q), "state": state})
 
 
 def combined(coordinate: Coordinate, values: Sequence[Scalar]) -> Scalar:
-    """Σ w_j x_j."""
+    """Weighted sum Σ w_j x_j."""
     total: Scalar = 0.0
     for j, weight in coordinate:
         total = total + weight * values[j]
@@ -95,10 +95,10 @@ def combined(coordinate: Coordinate, values: Sequence[Scalar]) -> Scalar:
 
 
 def _environment(model: DynamicsModel, law: Law, inputs: Mapping[str, Sequence[Scalar]]) -> dict[str, Scalar]:
-    """Values of the symbols of a law."""
+    """Values of the symbols in a law."""
     wanted = symbols(law.expression) | symbols(derivative(law.expression, "ddq"))
     values = {name: combined(law.coordinate, inputs[name]) for name in wanted if name in inputs and name != "state"}
     if "state" in wanted and "state" in inputs:
-        own = [node.coordinate == law.coordinate and node.memory == law.memory for node in model.nodes]
-        values["state"] = inputs["state"][own.index(True)]
+        matches = [node.coordinate == law.coordinate and node.memory == law.memory for node in model.nodes]
+        values["state"] = inputs["state"][matches.index(True)]
     return values

@@ -1,4 +1,4 @@
-"""A program as lines of text in some notation: shared results get names, the rest is written where it is read."""
+"""Program as lines of text in the notation of a language: shared results become variables, others are inlined."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from armid.codegen.program import Program
 __all__ = ["Notation", "body", "matrix_rows"]
 
 LONGEST = 7
-"""Operations in one statement: about a line of text."""
+"""Largest number of operations in a statement: about a line of text."""
 
 INFIX = {"add": (" + ", 1), "sub": (" - ", 1), "mul": (" * ", 2), "div": (" / ", 2)}
-"""How an operation is written, and how strongly it binds."""
+"""Infix operators and their precedence."""
 
 NEGATIVE, ATOM = 3, 4
 
 
 @dataclass(frozen=True, slots=True)
 class Notation:
-    """Syntax of a language.
+    """Notation of a language.
 
     Attributes:
         element: An element of an input, from its name and index from 0.
         functions: Patterns of functions, `{}` for each argument.
-        declare: Pattern of a statement that gives a value a name.
+        declare: Pattern of a statement that assigns a value to a variable.
         variables: Names of the parameters.
     """
 
@@ -45,21 +45,21 @@ class Notation:
 
 @dataclass(frozen=True, slots=True)
 class _Text:
-    """An expression as it is written, how strongly its weakest operation binds, and how many there are."""
+    """Text of an expression, the lowest precedence in it, and its number of operations."""
 
     text: str
     binding: int = ATOM
     size: int = 0
 
     def inside(self, binding: int) -> str:
-        """In brackets where it binds less than what it stands in."""
+        """Text of the expression, in brackets if its precedence is lower than required."""
         return self.text if self.binding >= binding else f"({self.text})"
 
 
 def body(program: Program, notation: Notation) -> tuple[list[str], dict[int, str]]:
-    """Statements of a program, and what is written for each element of the result.
+    """Statements of a program, and the expression of each element of the result.
 
-    Elements of inputs are read first and only once, so that a result may be put where an input was.
+    Elements of inputs are read once and first, so that the output may overwrite an input.
     """
     symbols = {x for node in program.nodes for x in node.operands if isinstance(x, Node) and x.operation == "symbol"}
     symbols |= {x for x in program.results.values() if isinstance(x, Node) and x.operation == "symbol"}
@@ -113,5 +113,5 @@ def _write(node: Node, written: Mapping[Node, _Text], notation: Notation) -> _Te
     if node.operation not in INFIX:
         return _Text(notation.functions[node.operation].format(*(x.text for x in operands)), ATOM, size)
     sign, binding = INFIX[node.operation]
-    # The right operand in brackets even where a sum of sums would do without: the order of operations stays.
+    # The right operand is bracketed even in a sum of sums, to keep the order of operations.
     return _Text(f"{operands[0].inside(binding)}{sign}{operands[1].inside(binding + 1)}", binding, size)

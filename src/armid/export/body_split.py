@@ -1,4 +1,4 @@
-"""Place of a link's identified inertia, when the description has several bodies for it.
+"""Distribution of a link's identified inertia among several bodies of the description.
 
 Fixed and locked joints are no freedom of the arm, so that what they carry is one link of it. In the file the bodies
 are still apart: the heaviest of them takes the difference to what was identified, and the others keep what the
@@ -24,10 +24,10 @@ __all__ = ["carried_by", "carriers", "placed", "share_out"]
 
 
 def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, pose: Array) -> tuple[int, Array, bool]:
-    """The link of an arm that a body of its description belongs to, and the body's frame in it.
+    """Link of an arm that a body of its description belongs to, and the body's frame in it.
 
     Args:
-        raw: The arm as the description says it, its locked joints still joints.
+        raw: The arm of the description, with its locked joints as joints.
         locked: Their positions [rad or m].
         robot: The arm with these joints held still.
         joint: Index in `raw` of the joint that moves the body; -1 for the base.
@@ -47,27 +47,27 @@ def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, po
 def share_out(
     links: Sequence[InertialParameters], bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[dict[str, InertialParameters], tuple[Finding, ...]]:
-    """New inertias for the bodies of a file, so that together they are the links.
+    """New inertias of the bodies of a file, whose sums are those of the links.
 
     Args:
         links: Identified inertia of each link, in its frame.
         bodies: The file's bodies that move.
-        lumped: Give all of a link to the body that carries, and nothing to those that it carries.
+        lumped: Give all inertia of a link to its main body, and none to the attached bodies.
 
     Returns:
-        Inertia by body, in the body's own frame, for those that change; and what was done.
+        Inertia by body, in the body's own frame, for those that change; and findings about the changes.
     """
     changed: dict[str, InertialParameters] = {}
     findings: list[Finding] = []
     for i, link in enumerate(links):
-        own = [_solid(body) for body in bodies if body.link == i]
-        if not own:
+        link_bodies = [_solid(body) for body in bodies if body.link == i]
+        if not link_bodies:
             continue
-        carrier = _carrier(own)
-        others = [body for body in own if body is not carrier]
+        carrier = _carrier(link_bodies)
+        others = [body for body in link_bodies if body is not carrier]
         heavy = [body for body in others if body.nominal is not None and body.nominal.vector.any()]
-        given, found = as_carried(link, carrier.name, heavy, lumped=lumped)
-        findings += found
+        given, link_findings = as_carried(link, carrier.name, heavy, lumped=lumped)
+        findings += link_findings
         taken = (moved(body, each).vector for body, each in zip(heavy, given, strict=True))
         rest = link.vector - sum(taken, np.zeros(10))
         changed[carrier.name] = _seen_from_body(carrier, InertialParameters.from_vector(rest))
@@ -80,42 +80,42 @@ def share_out(
 
 
 def _solid(body: Body) -> Body:
-    """A body that a program would make from meshes; one on a locked joint needs some mass to be taken."""
+    """Body without the inertia that programs compute from meshes; on a locked joint it gets a negligible mass."""
     if body.is_guessed and body.is_welded:
         return replace(body, nominal=SPECK)
     return body
 
 
 def carried_by(bodies: Sequence[Body], links: int) -> Array:
-    """Return the load on the carrying body of each link, as described and in the link's frame, (links, 10)."""
+    """Described inertia (links, 10) of the bodies attached to each link's main body, in the link's frame."""
     result = np.zeros((links, 10))
     for i in range(links):
-        own = [body for body in bodies if body.link == i]
-        for body in own:
-            if body is not _carrier(own) and body.nominal is not None:
+        link_bodies = [body for body in bodies if body.link == i]
+        for body in link_bodies:
+            if body is not _carrier(link_bodies) and body.nominal is not None:
                 result[i] += moved(body, body.nominal).vector
     return result
 
 
 def carriers(bodies: Sequence[Body]) -> list[Body]:
-    """The bodies that take what was identified, one for each link that has any."""
+    """Main bodies, which take the identified inertia: one for each link with bodies."""
     return [_carrier([body for body in bodies if body.link == i]) for i in sorted({body.link for body in bodies})]
 
 
-def _carrier(own: Sequence[Body]) -> Body:
-    """The heaviest body by the description, before those on locked joints, and the link's own among equals.
+def _carrier(bodies: Sequence[Body]) -> Body:
+    """Main body of a link: the heaviest in the description, without those on locked joints; the first of equals.
 
-    The difference is a share of the whole link: a light body could not take it and still be a body.
+    The difference is a share of the whole link, which would make a light body physically inconsistent.
     """
 
     def mass(body: Body) -> float:
         return 0.0 if body.nominal is None else body.nominal.mass
 
-    return max(own, key=lambda body: (not body.is_welded and mass(body) > 0.0, mass(body), body is own[0]))
+    return max(bodies, key=lambda body: (not body.is_welded and mass(body) > 0.0, mass(body), body is bodies[0]))
 
 
 def _seen_from_body(body: Body, inertial: InertialParameters) -> InertialParameters:
-    """An inertia in the link's frame seen from a body's own."""
+    """Inertia in a body's own frame, from that in the link's frame."""
     if (body.placement == np.eye(4)).all():
         return inertial
     R, p = body.placement[:3, :3], body.placement[:3, 3]
@@ -127,5 +127,5 @@ def _emptied(name: str, carrier: str) -> Finding:
         "mesh-mass-removed",
         "info",
         name,
-        f"other programs would make its inertia from meshes; it is written as nothing, and {carrier} has the link",
+        f"other programs compute its inertia from meshes; it is written without inertia, and {carrier} has the link",
     )

@@ -1,4 +1,4 @@
-"""Inertia of the bodies that a link carries: the description's, unless that leaves no possible body to carry them."""
+"""Inertias of the bodies attached to a link's main body: the description's, changed only if necessary."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from armid.values import Array
 __all__ = ["SPECK", "as_carried", "is_possible", "is_thin", "moved"]
 
 POSSIBLE = 1e-10
-"""Smallest eigenvalue of a pseudo-inertia over its largest that a body needs: more than programs lose in reading."""
+"""Least ratio of smallest to largest eigenvalue of a body's pseudo-inertia; above the rounding errors of readers."""
 
 SPECK = InertialParameters.from_com(1e-6, np.zeros(3), 1e-10 * np.eye(3))
-"""A milligram, a centimetre across: nothing beside a link, and enough for MuJoCo to let it move."""
+"""Body of a milligram and a centimetre: negligible for a link, but enough for MuJoCo to accept it as moving."""
 
 LEFT = 0.5
-"""Share of the largest possible size that scaled bodies get, so that what carries them has as much room again."""
+"""Share of the largest possible scale that scaled bodies get; it leaves the same margin to the main body."""
 
 FLATTEST = 1e-3
-"""Smallest second moment over the largest of a body whose tensor had to be corrected."""
+"""Ratio of smallest to largest second moment of a body whose tensor was corrected."""
 
 THINNEST = 1e-3
 """Its smallest radius of gyration about a plane through the centre of mass [m]."""
 
 
 def is_possible(body: InertialParameters) -> bool:
-    """Tell whether a distribution of positive mass has these parameters, with some room for rounding."""
+    """True if a distribution of positive mass has these parameters, with a margin for rounding."""
     eigenvalues = np.linalg.eigvalsh(body.pseudo_inertia)
     return bool(eigenvalues[0] > POSSIBLE * eigenvalues[-1])
 
 
 def is_thin(body: Body, written: InertialParameters) -> bool:
-    """Tell whether a body has no extent in the description, as a mass without inertia, and is so written."""
+    """True if a body is a point mass in the description, that is, has no inertia, and is written as such."""
     nominal = body.nominal
     if nominal is None or nominal.mass <= 0.0 or is_possible(nominal) or not nominal.is_consistent():
         return False
@@ -46,32 +46,32 @@ def is_thin(body: Body, written: InertialParameters) -> bool:
 
 
 def moved(body: Body, inertial: InertialParameters) -> InertialParameters:
-    """The inertia of a body seen from its link's frame."""
+    """Inertia of a body in its link's frame."""
     return inertial.seen_from(body.placement[:3, :3], body.placement[:3, 3])
 
 
 def as_carried(
     link: InertialParameters, carrier: str, bodies: Sequence[Body], *, lumped: bool = False
 ) -> tuple[list[InertialParameters], list[Finding]]:
-    """Inertia of each body that a link carries, in its own frame, and what to say of it.
+    """Inertia of each body attached to a link's main body, in its own frame, and findings.
 
     Nothing was identified of these bodies alone, so that they stay as described, even if no real body is like that,
     as long as the rest of the link is possible. Otherwise impossible ones are corrected and made smaller, and where
     that does not suffice, all are scaled. A link that no real body has keeps what it carries as it is.
 
     Args:
-        link: Identified inertia of the link with all it carries, in the link's frame.
-        carrier: Name of the body that takes the rest.
-        bodies: Those that it carries.
-        lumped: Leave nothing to them.
+        link: Identified inertia of the link with all its bodies, in the link's frame.
+        carrier: Name of the main body, which takes the remaining inertia.
+        bodies: Bodies attached to it.
+        lumped: Give these bodies no inertia.
     """
     described = [body.nominal or InertialParameters.zero() for body in bodies]
     if not bodies:
         return [], []
     names, one = ", ".join(body.name for body in bodies), len(bodies) == 1
     if lumped:
-        written = f"{names} {'is' if one else 'are'} written without mass, as --lumped asks"
-        what = f"{written}; {carrier} has all of the identified link"
+        written = f"{names} {'is' if one else 'are'} written without mass because of --lumped"
+        what = f"{written}; {carrier} has the whole identified link"
         empty = [SPECK if body.is_welded else InertialParameters.zero() for body in bodies]
         return empty, [Finding("carried-lumped", "info", carrier, what)]
     wrong = [k for k, each in enumerate(described) if not each.is_consistent()]
@@ -95,13 +95,13 @@ def as_carried(
 def _rest(
     link: InertialParameters, bodies: Sequence[Body], inertials: Sequence[InertialParameters]
 ) -> InertialParameters:
-    """Return what is left of a link without some bodies, in the link's frame."""
-    own = (moved(body, each).vector for body, each in zip(bodies, inertials, strict=True))
-    return InertialParameters.from_vector(link.vector - sum(own, np.zeros(10)))
+    """Inertia of a link without some of its bodies, in the link's frame."""
+    attached = (moved(body, each).vector for body, each in zip(bodies, inertials, strict=True))
+    return InertialParameters.from_vector(link.vector - sum(attached, np.zeros(10)))
 
 
 def _factor(room: InertialParameters, bodies: Sequence[Body], inertials: Sequence[InertialParameters]) -> float:
-    """Factor on some bodies that leaves a possible body of the room that they are taken from, one at most."""
+    """Factor for some bodies, at most 1, with which the rest of the link is physically consistent."""
     together = sum((moved(body, each).vector for body, each in zip(bodies, inertials, strict=True)), np.zeros(10))
     # P - s C stays positive as long as s is less than the inverse of the largest eigenvalue of P⁻¹ C.
     L = np.linalg.cholesky(room.pseudo_inertia)
@@ -115,7 +115,7 @@ def _scaled(inertial: InertialParameters, factor: float) -> InertialParameters:
 
 
 def _corrected(inertial: InertialParameters) -> InertialParameters:
-    """The same mass and centre of mass with the nearest possible tensor; nothing where the mass is not positive."""
+    """Same mass and centre of mass with the nearest consistent tensor; zero if the mass is not positive."""
     if inertial.mass <= 0.0:
         return InertialParameters.zero()
     J, com = _about(inertial)
@@ -132,19 +132,19 @@ def _about(inertial: InertialParameters) -> tuple[Array, Array]:
 
 
 def _thin(bodies: Sequence[Body]) -> list[Finding]:
-    """A word on carried bodies that have a mass and no extent."""
+    """Findings about attached bodies that are point masses."""
     names = [body.name for body in bodies if body.nominal is not None and is_thin(body, body.nominal)]
     if not names:
         return []
-    what = "no inertia in the description, and nothing was identified of it alone; left as it is"
+    what = "the description gives no inertia and it was not identified separately; it stays unchanged"
     return [Finding("links-as-described", "info", name, what) for name in names]
 
 
 def _impossible(bodies: Sequence[Body], wrong: Sequence[int]) -> Finding:
     names = ", ".join(bodies[k].name for k in wrong)
     what = (
-        f"the inertia that the description gives {names} is not physically consistent; it was not identified by "
-        "itself and stays as it is, so that simulators that refuse the description refuse the file, too"
+        f"the inertia that the description gives {names} is not physically consistent; it was not identified "
+        "separately and stays unchanged, so simulators that reject the description also reject the file"
     )
     return Finding("carried-impossible", "info", "", what)
 
@@ -153,8 +153,8 @@ def _corrected_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int
     names = ", ".join(bodies[k].name for k in wrong)
     scaled = "" if factor == 1.0 else f", and mass and inertia times {factor:.3g}"
     what = (
-        f"the inertia that the description gives {names} is not physically consistent, and neither would be what it "
-        f"leaves of the identified link for {carrier}: written with the nearest consistent inertia{scaled}; "
+        f"the inertia that the description gives {names} is not physically consistent, and neither would be the "
+        f"rest of the identified link for {carrier}: written with the nearest consistent inertia{scaled}; "
         "the torque of the arm is that of the estimate"
     )
     return Finding("carried-corrected", "warning", carrier, what, _cure(names, carrier))
@@ -169,7 +169,7 @@ def _scaled_finding(carrier: str, bodies: Sequence[Body], wrong: Sequence[int], 
         else ""
     )
     what = (
-        f"with {names} as described, what is left of the identified link for {carrier} would not be physically "
+        f"with {names} as described, the rest of the identified link for {carrier} would not be physically "
         f"consistent; they were scaled by {factor:.3g}{also}"
         "; the torque of the arm is that of the estimate"
     )

@@ -1,4 +1,4 @@
-"""A run's model as source code: compared with the model on random states, and only then written."""
+"""Export of a run's model as source code, compared with the model on random states before it is written."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from armid.values import Array, replace_file
 __all__ = ["CodeExported", "code_record", "export_code"]
 
 AGREEMENT = 1e-10
-"""Largest difference from the model over the largest entry: sums in another order differ by 1e-15 or so."""
+"""Largest relative difference from the model; sums in another order differ by about 1e-15."""
 
 STATES = 64
-"""Random states on which code and model are compared."""
+"""Number of random states on which code and model are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,8 @@ class CodeExported:
     Attributes:
         files: The files.
         language: Their language.
-        operations: For each function how many operations of each kind a call takes.
-        checks: How far each function is from the model, over its largest entry.
+        operations: Number of operations of each kind in a call, by function.
+        checks: Difference of each function from the model, relative to its largest entry.
     """
 
     files: tuple[Path, ...]
@@ -52,10 +52,10 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
         run: The run.
         to: Language, a row of `armid.codegen.LANGUAGES`.
         out: The folder; `code` in the run's folder if left out.
-        name: What the code is called; the arm's name if left out.
+        name: Name of the code; by default the arm's name.
 
     Raises:
-        OutputError: No such language, code that is not the model, or files that cannot be written.
+        OutputError: The language is unknown, the code differs from the model, or files cannot be written.
     """
     base = run.estimate.base
     values = base.values_of(torque_parameters(base, run.estimate.fit))
@@ -64,7 +64,7 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
     wrong = [check for check in checks if not check.ok]
     if wrong:
         raise OutputError(
-            f"The code would not be the model: {wrong[0].name} differs by {wrong[0].value:.1e}.",
+            f"The code would differ from the model: {wrong[0].name} by {wrong[0].value:.1e}.",
             remedy="this is a fault of armid; nothing was written.",
         )
     operations = {program.name: dict(program.operations) for program in make_programs(run.model, base)}
@@ -82,7 +82,7 @@ def code_record(exported: CodeExported) -> dict[str, Any]:
 
 
 def _heading(run: Run) -> tuple[str, ...]:
-    """Tell where the numbers come from."""
+    """Lines about the origin of the numbers, for the head of the code."""
     estimate = run.estimate
     per_recording = any("[" in name for name in estimate.fit.names)
     return (
@@ -90,12 +90,12 @@ def _heading(run: Run) -> tuple[str, ...]:
         f"Estimated by {estimate.method} from {len(run.trained_on)} recording(s):",
         *(f"  sha256 {digest}" for digest in run.trained_on),
         f"Terms: {', '.join(term.name for term in estimate.terms)}.",
-        *(["Friction was estimated for each recording by itself; its mean stands here."] if per_recording else []),
+        *(["Friction was estimated separately for each recording; this is its mean."] if per_recording else []),
     )
 
 
 def _compared(model: DynamicsModel, base: BaseParameters, values: Array) -> list[Check]:
-    """Each function beside the model, on random states, with any past where the model has a memory."""
+    """Checks of each function against the model on random states, with random hysteresis states if it has any."""
     rng = np.random.default_rng(0)
     q, dq, ddq = (bound * rng.uniform(-1.0, 1.0, (STATES, model.n)) for bound in (3.0, 2.0, 4.0))
     motion = model.remember(Motion.of_states(q, dq, ddq))
@@ -117,21 +117,21 @@ def _compared(model: DynamicsModel, base: BaseParameters, values: Array) -> list
     scale["friction"] = scale["inverse_dynamics"]  # a difference of two torques, as exact as these
     checks: list[Check] = []
     for program in make_programs(model, base, list(expected)):
-        found = program.evaluate({name: x for name, x in inputs.items() if x is not None})
-        error = float(np.abs(found - expected[program.name]).max(initial=0.0)) / (scale[program.name] or 1.0)
+        value = program.evaluate({name: x for name, x in inputs.items() if x is not None})
+        error = float(np.abs(value - expected[program.name]).max(initial=0.0)) / (scale[program.name] or 1.0)
         checks.append(Check(f"{program.name} from the model", error, AGREEMENT, error <= AGREEMENT))
     return checks
 
 
 def _rotor_torque(model: DynamicsModel, theta: Array, q: Array, ddq: Array) -> Array:
-    """Torque of what the mass matrix has beyond the links."""
+    """Torque of the rotor inertias in the mass matrix."""
     rotors = theta.copy()
     rotors[model.inertial_columns] = 0.0
     return np.einsum("nij,nj->ni", model.mass_matrix(q, rotors), ddq)
 
 
 def _written(files: Mapping[str, str], folder: Path) -> tuple[Path, ...]:
-    """All files, or none that was not there before.
+    """Writes all files; if one fails, removes those that did not exist before.
 
     Raises:
         OutputError: The folder cannot be written.

@@ -1,4 +1,4 @@
-"""Other programs' word on a written file: what they read from it, and the torque that follows."""
+"""Checks of a written file with other programs: parameters that they read, and their torque."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ SOURCE = "the written file"
 def pinocchio_witness(
     make: Callable[[Any], Any], content: Content, q: Array, dq: Array, ddq: Array, *, reads: Sequence[str]
 ) -> Witness:
-    """Pinocchio's inverse dynamics of a model that it makes itself, locked joints held where they are.
+    """Inverse dynamics of the file by Pinocchio, with locked joints held at their positions.
 
     Args:
-        make: Gives the model, from the module.
+        make: Makes the model, given the module.
         content: What was written.
         q: Positions (N, n) [rad or m].
         dq: Velocities.
@@ -62,7 +62,7 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
     """MuJoCo's inverse dynamics of the rigid bodies, without contacts, limits, springs and friction.
 
     Args:
-        text: The file, without what needs meshes.
+        text: The file, without elements that need meshes.
         content: What was written.
         q: Positions (N, n) [rad or m].
         dq: Velocities.
@@ -107,21 +107,21 @@ def mujoco_witness(text: str, content: Content, q: Array, dq: Array, ddq: Array,
 
 @contextmanager
 def _without_log(mj: Any) -> Generator[None]:
-    """Keep MuJoCo from writing what it warns of into a file in the working folder."""
+    """Keeps MuJoCo from writing its warnings into a file in the working folder."""
     before = mj.get_mju_user_warning()
-    mj.set_mju_user_warning(_unheard)
+    mj.set_mju_user_warning(_ignore_warning)
     try:
         yield
     finally:
         mj.set_mju_user_warning(before)
 
 
-def _unheard(_: str) -> None:
-    """A warning that is not written down."""
+def _ignore_warning(_: str) -> None:
+    """Ignores a warning."""
 
 
 def _set(model: Any, position: Array, name: str, value: float) -> None:
-    """Put a joint of one degree of freedom at a position; endless ones are stored as cosine and sine."""
+    """Sets the position of a joint with one degree of freedom; unlimited ones are stored as cosine and sine."""
     joint = model.joints[model.getJointId(name)]
     if joint.nv != 1:
         return

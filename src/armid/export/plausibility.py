@@ -1,4 +1,4 @@
-"""Bodies that a file is not to have without being asked for, and those that stand far from the description."""
+"""Checks for bodies that are inconsistent, not identified, or far from the description."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ NAMED = 4
 
 
 def unphysical_names(content: Content, placeless: Collection[int], bodies: Sequence[Body]) -> list[str]:
-    """Names of links, bodies and joints that cannot be, unless the description has them so."""
+    """Names of physically inconsistent links, bodies and joints, except those unchanged in the description."""
     links = {link.name: link.inertial for k, link in enumerate(content.robot.links) if k not in placeless}
     changed = content.bodies or {}
     thin = {each.name for each in bodies if each.name in changed and is_thin(each, changed[each.name])}
-    own = {name: body for name, body in changed.items() if name not in thin}
-    written: Mapping[str, InertialParameters | None] = {**links, **own}
+    new_bodies = {name: body for name, body in changed.items() if name not in thin}
+    written: Mapping[str, InertialParameters | None] = {**links, **new_bodies}
     names = [name for name, body in written.items() if body is None or not (is_possible(body) or _is_nothing(body))]
     empty = [name for name, body in links.items() if body is None or _is_nothing(body)]
     negative = [
@@ -46,14 +46,14 @@ def unphysical_names(content: Content, placeless: Collection[int], bodies: Seque
 
 
 def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple[Finding, ...]:
-    """Refuse links, bodies and joints that cannot be, unless that is allowed.
+    """Check that no inconsistent links, bodies and joints would be written, unless that is allowed.
 
     Raises:
         OutputError: There are such, and they may not be written.
     """
     if not names:
         return ()
-    what = f"not physically consistent: {', '.join(names)}; no body of positive density has what was identified"
+    what = f"not physically consistent: {', '.join(names)}; no body of positive density has these parameters"
     if allowed:
         return (Finding("unphysical", "warning", "", what),)
     again = 'identify again with method = "physical".'
@@ -66,15 +66,15 @@ def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple
 
 
 def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, allowed: bool) -> tuple[Finding, ...]:
-    """Refuse links whose mass neither torque nor the description tells, unless that is allowed.
+    """Check for links whose mass neither torque nor the description determines, unless they are allowed.
 
-    Where the description gives a mass, the estimate is held near it, and nothing is said.
+    Links with a mass in the description are accepted, because the prior keeps their estimate near it.
 
     Args:
         run: The run.
         theta: Standard parameters (p,) that would be written.
-        placeless: Links that the file has no body for.
-        allowed: Whether they may be written all the same.
+        placeless: Links without a body in the file.
+        allowed: True to write them with a finding.
 
     Raises:
         OutputError: There are such links, and they may not be written.
@@ -94,30 +94,30 @@ def refuse_unidentified(run: Run, theta: Array, placeless: Collection[int], *, a
     ]
     if not guessed:
         return ()
-    what = f"no torque tells the mass of {', '.join(guessed)}, and the description gives none"
+    what = f"torques do not determine the mass of {', '.join(guessed)}, and the description gives none"
     if not allowed:
         raise OutputError(
-            f"{what[0].upper()}{what[1:]}: they are some of many values that fit.",
+            f"{what[0].upper()}{what[1:]}: these are arbitrary among many values that fit.",
             possible="--allow-unidentified writes them; torque in free motion is right, masses are not",
-            remedy="give these links a mass in the description, rough ones will do, and identify again: what torque "
-            "does not tell then stays near the description.",
+            remedy="give these links rough masses in the description and identify again: values that torque "
+            "does not determine then stay near the description.",
         )
     return (
-        Finding("unidentified", "warning", "", f"{what}; what stands in the file is one of many values that fit"),
+        Finding("unidentified", "warning", "", f"{what}; the values in the file are arbitrary among many that fit"),
     )
 
 
 def far_bodies(
     run: Run, content: Content, bodies: Sequence[Body] | None, kind: str, shared: Sequence[Finding] = ()
 ) -> list[Finding]:
-    """Finding on bodies of the file whose mass or centre of mass has nothing to do with the description's.
+    """Finding on bodies of the file whose mass or centre of mass is far from the description's.
 
     Args:
         run: The run.
-        content: What is written.
-        bodies: The description's bodies to look at; `None` for whole links.
-        kind: What the standard parameters are.
-        shared: What was done to share links out among bodies.
+        content: Content of the file.
+        bodies: Bodies of the description to compare; `None` for whole links.
+        kind: Kind of the standard parameters.
+        shared: Findings about the distribution of links among bodies.
     """
     written = content.bodies or {}
     if bodies is None:
@@ -125,28 +125,28 @@ def far_bodies(
         pairs = [(i, new.name, new.inertial, old.inertial) for i, (new, old) in every]
     else:
         pairs = [(each.link, each.name, written[each.name], each.nominal) for each in bodies if each.name in written]
-    known = [(i, name, new, old) for i, name, new, old in pairs if new is not None and old is not None]
-    if not known:
+    compared = [(i, name, new, old) for i, name, new, old in pairs if new is not None and old is not None]
+    if not compared:
         return []
-    names = [name for _, name, _, _ in known]
+    names = [name for _, name, _, _ in compared]
     found, described = (
-        np.array(each) for each in zip(*((new.mass, old.mass) for *_, new, old in known), strict=True)
+        np.array(each) for each in zip(*((new.mass, old.mass) for *_, new, old in compared), strict=True)
     )
     masses = far_masses(names, found, described)
-    away = [text for link, name, new, old in known if (text := _far_com(run.robot, link, name, new, old))]
+    away = [text for link, name, new, old in compared if (text := _far_com(run.robot, link, name, new, old))]
     if not masses and not away:
         return []
-    said = "; ".join([*([masses] if masses else []), *away[:NAMED], *(["and more"] if len(away) > NAMED else [])])
-    what = f"{said} in the file: torques do not tell such a body apart from others. Torque is the same"
+    evidence = "; ".join([*([masses] if masses else []), *away[:NAMED], *(["and more"] if len(away) > NAMED else [])])
+    what = f"{evidence} in the file: torques do not determine such a body separately. The torque is the same"
     ways = (
         ["--nearest writes the bodies nearest to the description with the same torque"] if kind == "estimated" else []
     )
-    kept = run.estimate.fit.standard
-    if kept is None or kept.prior.kind != "log-det":
+    standard = run.estimate.fit.standard
+    if standard is None or standard.prior.kind != "log-det":
         near = 'physical = { prior = "log-det" } in [estimation] of a study'
         ways.append(f"identify with {near}, which keeps near the description")
     carrying = {each.channel for each in shared if each.code == "difference-taken"}
-    rest = [name for name in names if name in carrying and f"{name} " in said]
+    rest = [name for name in names if name in carrying and f"{name} " in evidence]
     if rest:
         ways.append(f"--lumped writes the whole link as one body for {', '.join(rest)}")
     ways = ways or ["give the description masses nearer to the real ones where they are known, and identify again"]
@@ -155,7 +155,7 @@ def far_bodies(
 
 
 def _far_com(robot: Robot, link: int, name: str, new: InertialParameters, old: InertialParameters) -> str:
-    """A centre of mass that lies outside of any body like the described one, in words; empty where it does not."""
+    """Text about a centre of mass far outside the described body; empty if it is inside."""
     if new.mass <= 0.0 or old.mass <= 0.0:
         return ""
     spread = float(np.sqrt(max(np.trace(old.pseudo_inertia[:3, :3]), 0.0) / old.mass))

@@ -1,4 +1,4 @@
-"""The side file: the whole model, with what a robot description has no place for."""
+"""Sidecar file: the whole model as JSON, including values that a robot description cannot store."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from armid.values import Array
 __all__ = ["KIND", "side_record"]
 
 KIND = "armid-model 1"
-"""What the file says it is; the number goes up when a key changes its meaning."""
+"""Kind and format number of the file; the number increases when a key changes its meaning."""
 
 
 def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str, kind: str) -> dict[str, Any]:
-    """The model of a run as JSON.
+    """Model of a run as a JSON record.
 
     Args:
         run: The run.
-        content: What was written.
+        content: Content of the written description.
         theta: Standard parameters (p,) that were written.
         data: The written file.
         name: Its name.
-        kind: What the parameters are: `estimated`, `nearest` or `unphysical`.
+        kind: Kind of the parameters: `estimated`, `nearest` or `unphysical`.
     """
     model, estimate = run.model, run.estimate
     return {
@@ -51,7 +51,7 @@ def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str
 
 
 def _parameters(run: Run, content: Content, theta: Array) -> list[dict[str, Any]]:
-    """Standard parameters, each with its law where it has one, and whether the file has it too."""
+    """Standard parameters with their laws; `in_file` tells if the description stores them, too."""
     model = run.model
     laws = dict(zip(model.law_columns.tolist(), model.laws, strict=True))
     result: list[dict[str, Any]] = []
@@ -77,7 +77,7 @@ def _parameters(run: Run, content: Content, theta: Array) -> list[dict[str, Any]
 
 
 def _base_parameters(estimate: Estimate) -> list[dict[str, Any]]:
-    """Base values with what each stands for."""
+    """Base parameters with their values and formulas."""
     base = estimate.base
     values, formulas = collapse(base.names, estimate.fit), base_formulas(base, "text")
     return [

@@ -1,4 +1,4 @@
-"""The description behind a run: found again, known by its digest, read as bytes."""
+"""Description and validation recordings of a run, located again and verified by their digests."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Unseen:
     """Recordings that a run was validated on.
 
     Attributes:
-        recordings: Those that are still there.
-        missing: Why others are not.
+        recordings: Those that can be read.
+        missing: Messages about the others.
     """
 
     recordings: tuple[tuple[RecordingChoice, Recording], ...]
@@ -37,14 +37,14 @@ class Unseen:
 
 
 def find_source(run: Run, description: Path | str | None = None) -> DescriptionSource:
-    """The description that a run was made from.
+    """Description that a run was identified with.
 
     Args:
         run: The run.
-        description: Where it lies now, if it was moved.
+        description: Its present path, if it was moved.
 
     Raises:
-        OutputError: It is not there any more, or has changed.
+        OutputError: The file does not exist, or has changed.
     """
     study = _record(run)
     choice = parse_robot(study["robot"])
@@ -53,56 +53,56 @@ def find_source(run: Run, description: Path | str | None = None) -> DescriptionS
     if name in builtin_arms():
         return DescriptionSource(name, "dh", b"", held_of(name, **selected))
     places = [Path(description)] if description is not None else []
-    places += [_from_here(study) / name, Path(run.robot.source)] if description is None else []
+    places += [_relative_folder(study) / name, Path(run.robot.source)] if description is None else []
     path = next((place for place in places if place.is_file()), None)
     if path is None:
         raise OutputError(
-            f"The description {places[0]} that the run was made from is not there any more.",
-            remedy="say where it is with --description FILE.",
+            f"The description {places[0]} of the run does not exist any more.",
+            remedy="give its present path with --description FILE.",
         )
-    found = load_robot(path, gravity=choice.gravity, **selected)
-    if found.sha256 != run.robot.sha256:
+    robot = load_robot(path, gravity=choice.gravity, **selected)
+    if robot.sha256 != run.robot.sha256:
         raise OutputError(
-            f"{path} is not the description that the run was made from: it has changed (sha256 "
-            f"{found.sha256[:12]}…, then {run.robot.sha256[:12]}…).",
-            remedy="say where the same text is with --description FILE, or identify again.",
+            f"{path} is not the description that the run was identified with: it has changed (sha256 "
+            f"{robot.sha256[:12]}…, then {run.robot.sha256[:12]}…).",
+            remedy="give the unchanged file with --description FILE, or identify again.",
         )
     return _read(path, held_of(path, **selected))
 
 
 def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
-    """The recordings that validated a run, read again.
+    """Validation recordings of a run, read again.
 
     Args:
         run: The run.
-        data: Folder in which they are looked for first, by their path in the study or by their name.
+        data: Folder that is searched first, for their paths in the study or their names.
     """
     study = _record(run)
     digests = [entry.rpartition(" ") for entry in run.estimate.made_from]
     known = [sha256 for role, _, sha256 in digests if role in ("train", "validate")]
-    found: list[tuple[RecordingChoice, Recording]] = []
+    recordings: list[tuple[RecordingChoice, Recording]] = []
     missing: list[str] = []
     for each, sha256 in zip(study["recordings"], known, strict=True):
         if each["role"] != "validate":
             continue
         try:
             choice = RecordingChoice(each["path"], each["role"], LogFormat(**each["reading"]), tuple(each["part"]))
-            recording = read_recording_of(run, choice, sha256, _from_here(study), data)
+            recording = read_recording_of(run, choice, sha256, _relative_folder(study), data)
         except ArmidError as error:
             missing.append(error.problem)
         else:
-            found.append((choice, recording))
-    return Unseen(tuple(found), tuple(missing))
+            recordings.append((choice, recording))
+    return Unseen(tuple(recordings), tuple(missing))
 
 
-def _from_here(study: Mapping[str, Any]) -> Path:
-    """The study's folder, seen from the working folder where it lies below."""
+def _relative_folder(study: Mapping[str, Any]) -> Path:
+    """Folder of the study, relative to the working folder if it lies below."""
     folder, here = Path(str(study["folder"])), Path.cwd()
     return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
 
 def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
-    """A description's bytes as they can be edited."""
+    """Description with its text prepared for editing."""
     data, files = path.read_bytes(), (str(path),)
     if path.suffix.lower() == ".toml":
         return DescriptionSource(str(path), "dh", data, locked, files)
@@ -119,12 +119,12 @@ def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
     if root_tag(data.decode()) != "mujoco":
         return DescriptionSource(str(path), "urdf", data, locked, files)
     whole, files = mjcf.whole(path, data)
-    included = (Finding("includes-inlined", "info", "", "files that it includes were put in place"),)
+    included = (Finding("includes-inlined", "info", "", "the contents of included files were inserted"),)
     return DescriptionSource(str(path), "mjcf", whole, locked, files, included if whole != data else ())
 
 
 def _record(run: Run) -> dict[str, Any]:
-    """`study.json`."""
+    """Record `study.json` of the run."""
     path = Path(run.folder) / "study.json"
     try:
         return json.loads(path.read_text(encoding="utf-8"))

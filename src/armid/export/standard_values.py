@@ -26,13 +26,13 @@ from armid.values import Array
 __all__ = ["distance_to_description", "values_to_write"]
 
 EPSILONS = (1e-6, 1e-8)
-"""Smallest eigenvalues asked of the bodies, in turn: a speck of dust, and where that is too much, less."""
+"""Required smallest eigenvalues of the pseudo-inertias, tried in turn from a speck of dust downwards."""
 
 LIGHTEST = 0.01
-"""Share of the mean mass of links that a lighter one is measured by: a description of nothing is no measure."""
+"""Least mass that serves as the scale for a link, as a share of the mean link mass."""
 
 SAME = 1e-9
-"""Largest change of a base value, over the largest, that written values may make: rounding of the regrouping."""
+"""Largest tolerated change of a base parameter relative to the largest, due to rounding of the regrouping."""
 
 
 def values_to_write(
@@ -47,11 +47,11 @@ def values_to_write(
 
     Args:
         run: The run.
-        placeless: Links that the file has no body for, such as those between two joints of one body.
-        carried: Inertial parameters (n, 10) of what the file's bodies carry, which should fit into the links; `None`
+        placeless: Links without a body in the file, such as those between two joints of one body.
+        carried: Inertial parameters (n, 10) of attached bodies in the file, which should fit into the links; `None`
             where there is nothing of the kind.
-        nearest: Take the bodies nearest to the description in any case.
-        allow_unphysical: Where no real bodies have the base values, take those next to the description.
+        nearest: Always take the bodies nearest to the description.
+        allow_unphysical: If no consistent bodies have the base values, take inconsistent ones near the description.
 
     Returns:
         The parameters; `estimated`, `nearest` or `unphysical`; what was done.
@@ -74,24 +74,24 @@ def values_to_write(
         usable = _fits(np.delete(links, sorted(placeless), axis=0))
     anchor = theta if standard.nominal is None else standard.nominal
     every = _all_with(standard, collapse(base.names, fit), base.kept, empty)
-    # Where what is carried does not fit into any bodies with these base values, it will have to be scaled.
+    # Attached bodies that do not fit into any bodies with these base values are scaled later.
     for room in [carried, np.zeros_like(carried)] if carried.any() else [carried]:
         if theta is not None and usable and not room.any():
             return theta, "estimated", ()
-        found = _search(standard, every, anchor, empty, room)
-        if found is not None:
-            return found, "nearest", (_said(run, standard, theta, found, nearest),)
+        consistent = _search(standard, every, anchor, empty, room)
+        if consistent is not None:
+            return consistent, "nearest", (_choice_finding(run, standard, theta, consistent, nearest),)
     if theta is not None and not theta[empty].any():
-        # Links of no real body are told by whoever writes them.
+        # The writer reports inconsistent links.
         return theta, "estimated", (_none_nearer(),) if nearest else ()
     if allow_unphysical and anchor is not None:
         particular, basis = every
         change = np.linalg.lstsq(basis, anchor - particular, rcond=None)[0]
         return particular + basis @ change, "unphysical", (_unphysical(run),)
     raise OutputError(
-        f"No physically consistent links have exactly the base parameters that {run.estimate.method} found; "
+        f"No physically consistent links have exactly the base parameters that {run.estimate.method} estimated; "
         "nothing was written.",
-        possible="armid certify tells how far the nearest consistent ones are",
+        possible="armid certify gives the distance to the nearest consistent ones",
         remedy='identify again with method = "physical".' if theta is None else "give the file a body for each link.",
     )
 
@@ -99,7 +99,7 @@ def values_to_write(
 def _all_with(
     standard: StandardParameters, values: Array, kept: NDArray[np.intp], empty: NDArray[np.intp]
 ) -> tuple[Array, Array]:
-    """All standard parameters that have the base values, as particular (p,) and basis (p, z).
+    """All standard parameters with the base values, as a particular solution (p,) and a basis (p, z).
 
     Kept columns have the identity in the regrouping, so the other parameters are free and the kept ones follow. Those
     that must be zero come as conditions on them.
@@ -126,15 +126,15 @@ def _search(
     empty: NDArray[np.intp],
     room: Array,
 ) -> Array | None:
-    """Consistent parameters with exactly the base values, whose links have room for something; `None` without any."""
+    """Consistent parameters with exactly the base values, whose links can contain `room`; else `None`."""
     values = standard.regrouping @ every[0]
     for epsilon in EPSILONS:
         try:
-            found = _nearest(standard, *every, anchor, empty, epsilon, room)
+            candidate = _nearest(standard, *every, anchor, empty, epsilon, room)
         except EstimationError:
             continue
-        if np.abs(standard.regrouping @ found - values).max() <= SAME * np.abs(values).max():
-            return found
+        if np.abs(standard.regrouping @ candidate - values).max() <= SAME * np.abs(values).max():
+            return candidate
     return None
 
 
@@ -147,7 +147,7 @@ def _nearest(
     epsilon: float,
     room: Array,
 ) -> Array:
-    """The consistent parameters with these base values that lie nearest to the anchor."""
+    """Consistent parameters with these base values that are nearest to the anchor."""
     if np.abs(particular[empty]).max(initial=0.0) > SAME * np.abs(particular).max():
         raise EstimationError(
             "Links without a body cannot be empty with these base values.",
@@ -183,7 +183,7 @@ def _nearest(
 
 
 def _in_even_steps(measure: Array, particular: Array, basis: Array, anchor: Array) -> tuple[Array, Array, Array]:
-    """The same parameters counted from those next to the anchor, in steps that the measure finds equally long.
+    """Same parameters relative to those nearest to the anchor, in a basis that is orthonormal in the measure.
 
     Light links make steps a ten-thousandth as long as others, and a solver lose its digits.
 
@@ -216,7 +216,7 @@ def _relative_change(standard: StandardParameters, anchor: Array, there: list[ND
 
 
 def _thick(vector: Array, least: float) -> Array:
-    """Inertial parameters moved so far inside the cone that they can be a measure; a ball where there are none."""
+    """Inertial parameters moved inside the cone, so that they can serve as a scale; a ball if all are zero."""
     J = pseudo_inertia(vector)
     mass = float(J[3, 3])
     if mass < least:
@@ -227,13 +227,13 @@ def _thick(vector: Array, least: float) -> Array:
     return vector_from_pseudo_inertia(J)
 
 
-def _fits(left: Array) -> bool:
-    """Tell whether the links (n, 10) without what they carry are possible bodies."""
-    return all(is_possible(InertialParameters.from_vector(each)) for each in left)
+def _fits(remaining: Array) -> bool:
+    """True if the links (n, 10) without their attached bodies are physically consistent."""
+    return all(is_possible(InertialParameters.from_vector(each)) for each in remaining)
 
 
 def distance_to_description(run: Run, theta: Array) -> float:
-    """Tell how far links are from those of the description: what `--nearest` makes least.
+    """Distance of the links from those of the description, which `--nearest` minimises.
 
     It is the root of the sum over links of ‖J₀^(-1/2) (J - J₀) J₀^(-1/2)‖², with the pseudo-inertias J of the values
     and J₀ of the description: masses, first moments and inertias together, each relative to the described link.
@@ -252,15 +252,17 @@ def distance_to_description(run: Run, theta: Array) -> float:
     return float(np.linalg.norm(rows @ (theta - standard.nominal)))
 
 
-def _said(run: Run, standard: StandardParameters, theta: Array | None, found: Array, nearest: bool) -> Finding:
+def _choice_finding(
+    run: Run, standard: StandardParameters, theta: Array | None, found: Array, nearest: bool
+) -> Finding:
     why = (
         "--nearest was asked for"
         if nearest
         else "the file has other bodies than the estimate"
         if theta is not None
-        else f"{run.estimate.method} estimates base parameters only, which leave open how links share their mass"
+        else f"{run.estimate.method} estimates only base parameters, which do not determine how links share mass"
     )
-    what = "written are the physically consistent links with exactly its base parameters that"
+    what = "the file has the physically consistent links with exactly its base parameters that"
     if standard.nominal is not None:
         before = f" (of the estimate {distance_to_description(run, theta):.3g})" if theta is not None else ""
         what = (
@@ -277,7 +279,7 @@ def _said(run: Run, standard: StandardParameters, theta: Array | None, found: Ar
 
 def _none_nearer() -> Finding:
     what = "no physically consistent links nearer to the description were found that have these base parameters"
-    return Finding("nearest-not-found", "warning", "", f"{what}; written are those of the estimate")
+    return Finding("nearest-not-found", "warning", "", f"{what}; the file has those of the estimate")
 
 
 def _unphysical(run: Run) -> Finding:

@@ -1,4 +1,4 @@
-"""Input and output of an exporter: an arm with identified bodies, and what its joints have beside."""
+"""Input and output types of exporters: identified inertias, joint parameters, descriptions, written files."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ __all__ = [
 ]
 
 PLACED = ("viscous", "coulomb", "rotor-inertia")
-"""Terms for whose parameter some format has a place."""
+"""Terms whose parameters some format can store."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DescriptionSource:
-    """The description that a run was made from.
+    """Description that a run was identified with.
 
     Attributes:
-        path: Where it lies; of a built-in arm its name.
+        path: Its path; the name of a built-in arm.
         format: `urdf`, `mjcf` or `dh`.
-        data: Its text; xacro is expanded and included files are put in place.
+        data: Its text, with xacro expanded and included files inserted.
         locked: Joints held still, with positions [rad or m].
         files: Files that the text came from.
-        findings: What was done to get this text.
+        findings: Changes that were made to get this text.
     """
 
     path: str
@@ -54,15 +54,15 @@ class DescriptionSource:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Body:
-    """A body of a description, as far as it moves with a link of the arm.
+    """Body of a description that moves with a link of the arm.
 
     Attributes:
         name: Its name in the file.
         link: Index of the link that it is part of.
         placement: Its frame in the link's frame, shape (4, 4).
-        nominal: What the file says of its inertia, in its own frame; `None` where it says nothing.
-        is_welded: Whether it stands on a locked joint rather than on fixed ones.
-        is_guessed: Whether other programs would make its inertia from meshes.
+        nominal: Its inertia in the file, in its own frame; `None` if the file gives none.
+        is_welded: True if it is attached by a locked joint, false if by fixed joints.
+        is_guessed: True if other programs compute its inertia from meshes.
     """
 
     name: str
@@ -75,13 +75,13 @@ class Body:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Content:
-    """Content to be written.
+    """Content of a file to be written.
 
     Attributes:
         robot: The arm, each link with its identified inertia.
-        joints: For each joint the parameters that a format may have a place for, by the name of their term.
-        source: The description to edit; `None` for a file of its own.
-        bodies: The description's bodies with the inertia that each is to have, in its own frame.
+        joints: Parameters of each joint that a format may store, by the name of their term.
+        source: The description to edit; `None` for a new file.
+        bodies: New inertia of each body of the description, in its own frame.
     """
 
     robot: Robot
@@ -97,11 +97,11 @@ class Content:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WrittenDescription:
-    """A file's content.
+    """Description as an exporter wrote it.
 
     Attributes:
         data: Its bytes.
-        findings: What the format could not hold.
+        findings: Values that the format cannot store.
     """
 
     data: bytes
@@ -110,15 +110,15 @@ class WrittenDescription:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Witness:
-    """Content that a program reads from a written file.
+    """Model that another program reads from a written file.
 
     Attributes:
         name: The program.
-        torque: Torque of its rigid bodies along the states it was given, shape (N, n) [N·m or N]; `None` where the
-            program does not take the file.
-        joints: Parameters that it found beside, by joint and term.
-        reason: Why it does not take the file.
-        is_absent: Whether there is no such program here.
+        torque: Torque of its rigid bodies along the states it was given, shape (N, n) [N·m or N]; `None` if the
+            program rejects the file.
+        joints: Parameters of the joints that it read, by joint and term.
+        reason: Reason why it rejects the file.
+        is_absent: True if the program is not installed.
     """
 
     name: str
@@ -129,20 +129,20 @@ class Witness:
 
 
 def text_of(*numbers: float) -> str:
-    """Numbers that read back as they are: up to seventeen digits."""
+    """Text of numbers that reads back exactly, with up to seventeen digits."""
     return " ".join(repr(float(x) + 0.0) for x in numbers)
 
 
 def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it (3, 3), as formats want them.
+    """Mass, centre of mass and inertia about it (3, 3), the form that formats store.
 
     Raises:
-        OutputError: A body without mass, but with a moment or an inertia: no centre of mass stands for that.
+        OutputError: The body has no mass, but a first moment or an inertia; it has no centre of mass.
     """
     if body.mass == 0.0:
         if body.vector.any():
             raise OutputError(
-                f"{name} has no mass, but an inertia; a file cannot say this.",
+                f"{name} has zero mass but a nonzero first moment or inertia, which a file cannot store.",
                 remedy='identify with method = "physical".',
             )
         return 0.0, np.zeros(3), np.zeros((3, 3))
@@ -152,20 +152,20 @@ def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
 def rpy_of(rotation: Array) -> tuple[float, float, float]:
     """Roll, pitch and yaw [rad] with Rz(yaw) Ry(pitch) Rx(roll) = R (3, 3)."""
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
-    # Near a pitch of 90° the yaw is any; what it leaves is well determined whatever it is.
+    # Near a pitch of 90° the yaw is arbitrary, but roll and pitch are well determined for any yaw.
     rest = rotation_z(-yaw) @ rotation
     return math.atan2(-rest[1, 2], rest[1, 1]), math.atan2(-rest[2, 0], rest[0, 0]), yaw
 
 
 def unique_names(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
-    """The names, those that occur twice or are taken with a number behind."""
+    """Names made unique: duplicates and names in `taken` get a number appended."""
     used = set(taken)
     result: list[str] = []
     for name in names:
-        wanted, k = name, 1
-        while wanted in used:
+        candidate, k = name, 1
+        while candidate in used:
             k += 1
-            wanted = f"{name}_{k}"
-        used.add(wanted)
-        result.append(wanted)
+            candidate = f"{name}_{k}"
+        used.add(candidate)
+        result.append(candidate)
     return result

@@ -1,4 +1,4 @@
-"""Check of a written file: read back, it must say the same: torque in other programs and on unseen motion."""
+"""Verification of a written file: its torque when read back, in other programs and on held-out motion."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ from armid.values import Array
 __all__ = ["Prediction", "Verified", "verify"]
 
 STATES = 50
-"""Random states that torque is compared on: more than an arm has parameters, and a matter of milliseconds."""
+"""Number of random states for comparing torque: more than an arm has parameters, and fast."""
 
 SPEED, ACCELERATION = 2.0, 4.0
-"""Their bounds [rad/s or m/s, rad/s² or m/s²]: gravity, centrifugal and inertial torques are of one size."""
+"""Bounds of their velocity and acceleration [rad/s or m/s, rad/s² or m/s²], for torques of similar size."""
 
 REACH = np.pi
 """Bound of the positions of a joint without limits [rad or m]."""
 
 TORQUE = 1e-9
-"""Largest difference over the largest torque: programs that turn tensors to their principal axes lose 1e-13, numbers
-with seventeen digits nothing."""
+"""Largest difference relative to the largest torque. Programs that turn tensors to their principal axes lose 1e-13;
+numbers with seventeen digits are exact."""
 
 PREDICTED = 1e-6
-"""Largest difference of predictions on unseen motion, over the torque."""
+"""Largest relative difference of predictions on held-out motion."""
 
 ROUNDED = 1e-3
-"""The same where angles of the description were rounded: bodies on locked joints then turn by up to 1e-4 rad."""
+"""The same if angles of the description were rounded; bodies on locked joints then turn by up to 1e-4 rad."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Prediction:
-    """Error on one recording of unseen motion, per joint (n,) [N·m or N].
+    """RMS torque error on one held-out recording, per joint (n,) [N·m or N].
 
     Attributes:
         path: The recording.
-        estimate: Of the run's estimate.
-        file: Of what the file says.
+        estimate: Error of the run's estimate.
+        file: Error of the model in the file.
     """
 
     path: str
@@ -61,12 +61,12 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Verified:
-    """Result of reading back.
+    """Result of the verification.
 
     Attributes:
-        checks: Conditions that hold.
-        predictions: Errors on unseen motion.
-        findings: What could not be checked, and what follows from the format.
+        checks: Passed checks.
+        predictions: Torque errors on held-out motion.
+        findings: Checks that were not possible, and consequences of the format.
     """
 
     checks: tuple[Check, ...]
@@ -84,16 +84,16 @@ def verify(
     *,
     unphysical: bool = False,
 ) -> Verified:
-    """Read a file back and compare.
+    """Read a file back and compare its model with the identified one.
 
     Args:
         exporter: Its format.
         written: The file.
-        content: What should be in it.
+        content: Content that it should have.
         run: The run.
         theta: Standard parameters (p,) that were written.
-        unseen: Recordings that validated the run.
-        unphysical: Whether it is known that no real body has what is in it, which programs may refuse.
+        unseen: Validation recordings of the run.
+        unphysical: True if its values are known to be physically inconsistent; programs may then reject it.
 
     Raises:
         OutputError: The file does not say what was identified.
@@ -103,19 +103,21 @@ def verify(
     checks, findings = _torques(exporter, written, content, robot, unphysical)
     findings += [Finding("unseen-missing", "info", "", text) for text in unseen.missing]
     snapped = _in_order(_held(rounded(raw)[0], content), content.robot)
-    predictions, found = _predictions(run, snapped, theta, unseen)
-    checks += found
+    predictions, prediction_checks = _predictions(run, snapped, theta, unseen)
+    checks += prediction_checks
     findings += _rounding(content, robot)
     if not np.allclose(raw.gravity, content.robot.gravity):
-        own, said = (", ".join(f"{x:g}" for x in gravity) for gravity in (content.robot.gravity, raw.gravity))
+        of_run, of_file = (", ".join(f"{x:g}" for x in gravity) for gravity in (content.robot.gravity, raw.gravity))
         what = (
-            f"the run has the gravity ({own}) in the base frame; a simulator that loads the file will have ({said})"
+            f"the run has gravity ({of_run}) in the base frame; a simulator that loads the file will have ({of_file})"
         )
-        findings.append(Finding("gravity-differs", "info", "", what, "mount the arm there as it was mounted"))
+        findings.append(
+            Finding("gravity-differs", "info", "", what, "mount the arm in the simulator as the real one")
+        )
     for check in checks:
         if not check.ok:
             raise OutputError(
-                f"The written file does not say what was identified: {check.name} differs by {check.value:.2g} "
+                f"The written file differs from the identified model: {check.name} by {check.value:.2g} "
                 f"of the torque, more than {check.bound:g}. Nothing was written.",
                 remedy="look for settings of the description that change inertias, or write another format.",
             )
@@ -123,13 +125,13 @@ def verify(
 
 
 def _held(raw: Robot, content: Content) -> Robot:
-    """A file's arm with its joints held still, under the run's gravity."""
+    """Arm of a file with its locked joints held still, under the run's gravity."""
     held = {name: value for name, value in content.locked.items() if name in raw.joint_names}
     return raw.lock(held).with_gravity(content.robot.gravity)
 
 
 def _in_order(robot: Robot, like: Robot) -> Robot:
-    """The same arm with its joints in the order of another."""
+    """Same arm with its joints in the order of another arm."""
     if robot.joint_names == like.joint_names:
         return robot
     if sorted(robot.joint_names) != sorted(like.joint_names):
@@ -147,12 +149,12 @@ def _in_order(robot: Robot, like: Robot) -> Robot:
 def _torques(
     exporter: Exporter, written: WrittenDescription, content: Content, robot: Robot, unphysical: bool
 ) -> tuple[list[Check], list[Finding]]:
-    """Torque of the rigid bodies and what stands beside it, as several programs read them."""
+    """Checks of the rigid-body torque and the joint parameters that several programs read."""
     q, dq, ddq = _states(content.robot)
-    wanted = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
-    largest = float(np.abs(wanted).max()) or 1.0
-    own = _inverse_dynamics(robot, _inertial(robot), q, dq, ddq)
-    checks = [_check("rigid-body torque read by armid", own, wanted, largest)]
+    expected = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
+    largest = float(np.abs(expected).max()) or 1.0
+    torque = _inverse_dynamics(robot, _inertial(robot), q, dq, ddq)
+    checks = [_check("rigid-body torque read by armid", torque, expected, largest)]
     findings: list[Finding] = []
     for witness in exporter.witnesses(written.data, content, q, dq, ddq):
         if witness.torque is None:
@@ -160,7 +162,7 @@ def _torques(
                 _refuse_broken(exporter, content, witness)
             findings.append(Finding("not-checked", "info", witness.name, witness.reason))
         else:
-            checks.append(_check(f"rigid-body torque in {witness.name}", witness.torque, wanted, largest))
+            checks.append(_check(f"rigid-body torque in {witness.name}", witness.torque, expected, largest))
         for joint, values in witness.joints.items():
             for term, value in content.joints.get(joint, {}).items():
                 if term in values:
@@ -171,18 +173,18 @@ def _torques(
 
 
 def _refuse_broken(exporter: Exporter, content: Content, witness: Witness) -> None:
-    """Refuse a file that a program does not take, unless it does not take the description either."""
+    """Raises an error if a program rejects the file but accepts the description."""
     q = np.zeros((1, content.robot.n))
     before = [] if content.source is None else exporter.witnesses(content.source.data, content, q, q, q)
     if not any(each.name == witness.name and each.torque is None for each in before):
         raise OutputError(
-            f"{witness.name} does not take the file that would be written: {witness.reason} Nothing was written.",
+            f"{witness.name} rejects the file that would be written: {witness.reason} Nothing was written.",
             remedy="write another format.",
         )
 
 
-def _check(name: str, found: Array, wanted: Array, largest: float) -> Check:
-    error = float(np.abs(found - wanted).max()) / largest
+def _check(name: str, actual: Array, expected: Array, largest: float) -> Check:
+    error = float(np.abs(actual - expected).max()) / largest
     return Check(name, error, TORQUE, error <= TORQUE)
 
 
@@ -200,8 +202,8 @@ def _states(robot: Robot) -> tuple[Array, Array, Array]:
 
 def _inertial(robot: Robot) -> Array:
     """Inertial parameters (n, 10)."""
-    found = robot.inertial_vector
-    return np.zeros((robot.n, 10)) if found is None else found
+    vector = robot.inertial_vector
+    return np.zeros((robot.n, 10)) if vector is None else vector
 
 
 def _inverse_dynamics(robot: Robot, inertial: Array, q: Array, dq: Array, ddq: Array) -> Array:
@@ -209,7 +211,7 @@ def _inverse_dynamics(robot: Robot, inertial: Array, q: Array, dq: Array, ddq: A
 
 
 def _rounding(content: Content, robot: Robot) -> list[Finding]:
-    """Return what the description's rounded angles make of the torque, where the run has taken them as exact."""
+    """Finding about the effect of the description's rounded angles on torque, if the run took them as exact."""
     q, dq, ddq = _states(content.robot)
     exact = _inverse_dynamics(content.robot, _inertial(content.robot), q, dq, ddq)
     as_written = _inverse_dynamics(robot, _inertial(content.robot), q, dq, ddq)
@@ -221,9 +223,9 @@ def _rounding(content: Content, robot: Robot) -> list[Finding]:
 
 
 def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[list[Prediction], list[Check]]:
-    """Errors on unseen motion: of the estimate, and of what the file says."""
-    said = theta.copy()
-    said[run.model.inertial_columns] = _inertial(robot).ravel()
+    """Torque errors on held-out motion of the estimate and of the file, and their checks."""
+    from_file = theta.copy()
+    from_file[run.model.inertial_columns] = _inertial(robot).ravel()
     model = DynamicsModel(robot, run.model.terms, run.model.load_parameters)
     estimated = torque_parameters(run.estimate.base, run.estimate.fit)
     bound = ROUNDED if any(f.code == "description-rounded" for f in run.robot.findings) else PREDICTED
@@ -232,7 +234,9 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
     for choice, recording in unseen.recordings:
         (processed,) = process_each([(choice, recording)], run.processing, run.robot)
         observations, band = processed.observations, processed.observations.band
-        both = [(compare(run.model, estimated, o, band), compare(model, said, o, band)) for o in observations.runs]
+        both = [
+            (compare(run.model, estimated, o, band), compare(model, from_file, o, band)) for o in observations.runs
+        ]
         mask = np.concatenate([a.mask for a, _ in both])
         mine = np.concatenate([a.predicted for a, _ in both])
         theirs = np.concatenate([b.predicted for _, b in both])
@@ -244,25 +248,25 @@ def _predictions(run: Run, robot: Robot, theta: Array, unseen: Unseen) -> tuple[
 
 
 def _rms(values: Array, mask: Array | np.ndarray) -> Array:
-    """Root mean square of each column where its mask holds; zero where it never does."""
+    """Root mean square of each column over its masked rows; zero without such rows."""
     counted = np.where(mask, values, 0.0)
     return np.sqrt(np.sum(counted**2, axis=0) / np.maximum(np.sum(mask, axis=0), 1))
 
 
 def places_of(model: DynamicsModel, theta: Array) -> dict[str, dict[str, float]]:
-    """Parameters of single joints that a format may have a place for, by joint and term."""
-    found: dict[str, dict[str, float]] = {name: {} for name in model.robot.joint_names}
+    """Parameters of single joints that a format may store, by joint and term."""
+    stored: dict[str, dict[str, float]] = {name: {} for name in model.robot.joint_names}
     for column, (term, law) in zip(model.law_columns, model.laws, strict=True):
         if term in PLACED and law.coordinate == ((law.joint, 1.0),):
-            found[model.robot.joint_names[law.joint]][term] = float(theta[column])
-    return found
+            stored[model.robot.joint_names[law.joint]][term] = float(theta[column])
+    return stored
 
 
 def without_place(model: DynamicsModel, places: Sequence[str]) -> Mapping[str, list[str]]:
-    """Names of parameters that a format has no place for, by term."""
-    found: dict[str, list[str]] = {}
+    """Names of parameters that a format cannot store, by term."""
+    not_stored: dict[str, list[str]] = {}
     names = [parameter.name for parameter in model.parameters]
     for column, (term, law) in zip(model.law_columns, model.laws, strict=True):
         if term not in places or law.coordinate != ((law.joint, 1.0),):
-            found.setdefault(term, []).append(names[column])
-    return found
+            not_stored.setdefault(term, []).append(names[column])
+    return not_stored

@@ -1,4 +1,4 @@
-"""A run's model as a robot description: put together, checked, and only then written."""
+"""Export of a run's model as a robot description, verified before it is written."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class Exported:
 
     Attributes:
         path: The robot description.
-        side: The whole model, beside it.
+        side: Sidecar file with the whole model.
         format: Its format.
-        edited: Path of the description that was edited; empty for a file of its own.
-        standard: What the parameters are: `estimated`, `nearest` or `unphysical`.
-        checks: What reading the file back showed.
-        predictions: Errors on unseen motion.
-        findings: What was done, and what the format cannot say.
+        edited: Path of the description that was edited; empty for a new file.
+        standard: Kind of the parameters: `estimated`, `nearest` or `unphysical`.
+        checks: Checks of the file read back.
+        predictions: Torque errors on held-out motion.
+        findings: Changes that were made, and values that the format cannot store.
     """
 
     path: Path
@@ -68,26 +68,26 @@ def export_run(
     allow_unphysical: bool = False,
     allow_unidentified: bool = False,
 ) -> Exported:
-    """Write a run's model as a robot description, and the whole model beside it.
+    """Write a run's model as a robot description, and a sidecar file with the whole model.
 
-    A description of the same format is edited: the numbers that were identified are replaced and every other byte
-    stays. Otherwise the file is one of its own, with bodies without shape.
+    A description of the same format is edited: identified numbers are replaced, all other bytes stay. Otherwise a new
+    file is written, whose bodies have no shapes.
 
     Args:
         run: The run.
         to: Format: `urdf`, `mjcf` or `sdf`.
         out: The file; in the run's folder if left out.
-        description: Where the run's description lies now, if it was moved.
-        data: Where the run's recordings lie now, if they were moved.
-        limits: Limits by joint and kind (`velocity`, `effort`, `position` with a lower and an upper one), for a file
-            of its own where the description has none; names may be patterns.
-        nearest: Share mass between the links as the description does, as far as the base values leave it open.
-        lumped: Give all of a link to the body that carries the others, and write those without mass.
-        allow_unphysical: Write links that no real body has, too.
-        allow_unidentified: Write links whose mass neither torque nor the description tells, too.
+        description: Present path of the run's description, if it was moved.
+        data: Present folder of the run's recordings, if they were moved.
+        limits: Limits by joint and kind (`velocity`, `effort`, `position` with a lower and an upper one), for a new
+            file if the description has none; names may be patterns.
+        nearest: Share mass between the links as the description does, where base parameters do not determine it.
+        lumped: Give all mass of a link to its main body, and write the bodies attached to it without mass.
+        allow_unphysical: Also write physically inconsistent links.
+        allow_unidentified: Also write links whose mass neither torque nor the description determines.
 
     Raises:
-        OutputError: The file cannot be written, or would not say what was identified; nothing is left behind.
+        OutputError: The file cannot be written, or would differ from the identified model; nothing is written.
     """
     exporter = _exporter(to)
     source = find_source(run, description)
@@ -112,13 +112,13 @@ def export_run(
     record = side_record(run, content, theta, written.data, path.name, kind)
     side = _write_both(path, written.data, to_json(record) + "\n")
     far = far_bodies(run, content, None if lumped or bodies is None else carriers(bodies), kind, shared)
-    findings = (*findings, *far, *written.findings, *_not_placed(run, exporter, side.name), *verified.findings)
+    findings = (*findings, *far, *written.findings, *_sidecar_only(run, exporter, side.name), *verified.findings)
     edited = "" if bodies is None else source.path
     return Exported(path, side, to, edited, kind, verified.checks, verified.predictions, findings)
 
 
 def _exporter(to: str) -> Exporter:
-    """The writer of a format."""
+    """Exporter of a format."""
     if to not in EXPORTERS:
         raise OutputError(
             f"Unknown format {to!r}.",
@@ -138,7 +138,7 @@ def _content(
     *,
     lumped: bool,
 ) -> tuple[Content, tuple[Finding, ...]]:
-    """Return what is to be written, and how it was shared out among the bodies of a description."""
+    """Content to be written, and findings about the distribution of inertia among the description's bodies."""
     robot = _identified(run, theta)
     joints = {
         name: {term: value for term, value in values.items() if term in exporter.PLACES}
@@ -173,20 +173,22 @@ def _default(run: Run, source: DescriptionSource, exporter: Exporter) -> Path:
 
 
 def _refuse_source(path: Path, source: DescriptionSource) -> None:
-    """Refuse to write over the description."""
+    """Check that the output does not overwrite the description."""
     if any(path.exists() and path.samefile(part) for part in source.files):
-        raise OutputError(f"{path} is the description itself, or a part of it.", remedy="name another with --out.")
+        raise OutputError(
+            f"{path} is the description itself, or a part of it.", remedy="name another file with --out."
+        )
 
 
 def _refuse_options(
     source: DescriptionSource, limits: Mapping[tuple[str, str], Any] | None, bodies: object, *, lumped: bool
 ) -> None:
-    """Refuse limits for a description that is edited, and lumped bodies for a file of its own."""
+    """Check options: limits apply only to new files, lumped bodies only to edited descriptions."""
     if limits and bodies is not None:
         raise OutputError(f"{source.path} is edited and keeps its limits.", remedy="correct them in the description.")
     if lumped and bodies is None:
         raise OutputError(
-            "A file of its own has one body for each link; there is nothing for --lumped to do.",
+            "A new file has one body for each link, so --lumped has no effect.",
             remedy="leave --lumped out.",
         )
 
@@ -196,7 +198,7 @@ def _bodies(exporter: Exporter, source: DescriptionSource, robot: Robot) -> list
 
 
 def _identified(run: Run, theta: Array) -> Robot:
-    """The arm with the identified inertia on its links."""
+    """Arm with the identified inertias of its links."""
     vectors = theta[run.model.inertial_columns].reshape(-1, 10)
     links = [
         Link(link.name, InertialParameters.from_vector(vector))
@@ -205,11 +207,11 @@ def _identified(run: Run, theta: Array) -> Robot:
     return replace(run.robot, links=tuple(links))
 
 
-def _not_placed(run: Run, exporter: Exporter, side: str) -> list[Finding]:
-    """Return what stands in the file beside the description alone."""
+def _sidecar_only(run: Run, exporter: Exporter, side: str) -> list[Finding]:
+    """Findings about values that only the sidecar file stores."""
     findings: list[Finding] = []
     for term, names in without_place(run.model, exporter.PLACES).items():
-        what = f"the format has no place for {', '.join(names)}; {side} has them"
+        what = f"the format cannot store {', '.join(names)}; {side} has them"
         severe = term == "rotor-inertia"
         findings.append(Finding("no-place", "warning" if severe else "info", term, what))
     if any("[" in name for name in run.estimate.fit.names):
@@ -218,13 +220,13 @@ def _not_placed(run: Run, exporter: Exporter, side: str) -> list[Finding]:
     for use in run.estimate.terms:
         if use.name == "coulomb" and use.shapes.get("width"):
             width = use.shapes["width"]
-            what = f"the model smooths Coulomb friction over {width} rad/s (m/s); the file has its magnitude alone"
+            what = f"the model smooths Coulomb friction over {width} rad/s (m/s); the file has only its magnitude"
             findings.append(Finding("no-place", "info", use.name, what))
     return findings
 
 
 def _write_both(path: Path, data: bytes, record: str) -> Path:
-    """Both files, or neither; where the second lies."""
+    """Writes both files or neither; returns the path of the sidecar file."""
     side = path.with_name(f"{path.name}{SIDE}")
     before = side.read_bytes() if side.is_file() else None
     replace_file(side, record)

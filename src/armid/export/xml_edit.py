@@ -1,4 +1,4 @@
-"""XML that is edited in place: what no edit touches stays as it is, byte for byte.
+"""Editing of XML in place: bytes outside the edits stay unchanged.
 
 A parser tells where elements are, and nothing is ever written out again from what it understood. So comments, order,
 quotes, blanks and line ends of the text survive, whatever they look like.
@@ -18,21 +18,21 @@ __all__ = ["Document", "XmlNode", "element_text"]
 ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 TAG_END = re.compile(rb"\s*(/?)>")
 STEP = "  "
-"""Indentation of a document that has none to copy."""
+"""Indentation for a document without indentation to copy."""
 
 
 @dataclass(eq=False, slots=True)
 class XmlNode:
-    """An element and where it stands.
+    """Element of a document with its position.
 
     Attributes:
         tag: As written, with its prefix.
-        values: Attributes, decoded.
+        values: Decoded attributes.
         start: Offset of its first byte.
         named: Offset behind the tag's name.
         spans: For each attribute the offsets of its blanks, of its value's first byte and of the byte behind it.
         inner: Offset behind the start tag.
-        closing: Offset of the end tag; `inner` where there is none.
+        closing: Offset of the end tag; `inner` if there is none.
         end: Offset behind the element.
         children: Elements in it.
     """
@@ -49,26 +49,26 @@ class XmlNode:
 
     @property
     def is_empty(self) -> bool:
-        """Tell whether it has no end tag."""
+        """True if it has no end tag."""
         return self.closing == self.end
 
     def find(self, tag: str) -> XmlNode | None:
-        """The first child of that name."""
+        """First child with a tag."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def every(self, tag: str) -> list[XmlNode]:
-        """All children of that name."""
+        """All children with a tag."""
         return [child for child in self.children if child.tag == tag]
 
     def walk(self) -> Iterator[XmlNode]:
-        """This element and all below it, in the order of the text."""
+        """This element and all its descendants, in the order of the text."""
         yield self
         for child in self.children:
             yield from child.walk()
 
 
 class Document:
-    """A text with edits that are collected, then made at once.
+    """XML text with edits, which are collected and then applied together.
 
     Args:
         data: Well-formed XML in UTF-8, without document type.
@@ -81,10 +81,10 @@ class Document:
         self._edits: list[tuple[int, int, int, bytes]] = []
 
     def set(self, node: XmlNode, name: str, value: str) -> None:
-        """Give an attribute a value; a new one comes behind those there are."""
+        """Set the value of an attribute; a new attribute is appended."""
         if name in node.spans:
             _, start, end = node.spans[name]
-            # Both kinds of quotes are escaped: which one stands around the value does not matter.
+            # Both kinds of quotes are escaped, so the value may be enclosed in either.
             self.replace(start, end, escape(value, {'"': "&quot;", "'": "&apos;"}))
             return
         behind = max((end + 1 for _, _, end in node.spans.values()), default=node.named)
@@ -97,7 +97,7 @@ class Document:
             self.replace(start, end + 1, "")
 
     def first(self, node: XmlNode, lines: Sequence[str]) -> None:
-        """Put lines in front of everything in an element."""
+        """Insert lines at the beginning of an element."""
         if node.is_empty or not node.children:
             self.last(node, lines)
             return
@@ -105,7 +105,7 @@ class Document:
         self.replace(node.inner, node.inner, "".join(lead + line for line in lines))
 
     def last(self, node: XmlNode, lines: Sequence[str]) -> None:
-        """Put lines behind the last element in an element."""
+        """Insert lines after the last child of an element."""
         if node.children:
             lead = self._lead(node.children[-1])
             behind = node.children[-1].end
@@ -122,11 +122,11 @@ class Document:
             self.replace(node.inner, node.inner, text + ("" if broken else own))
 
     def replace(self, start: int, end: int, text: str) -> None:
-        """Put a text in place of some bytes."""
+        """Replace a range of bytes by a text."""
         self._edits.append((start, end, len(self._edits), text.encode()))
 
     def edited(self) -> bytes:
-        """The text with all edits made."""
+        """Text with all edits applied."""
         parts: list[bytes] = []
         reached = 0
         for start, end, _, text in sorted(self._edits, key=lambda edit: (edit[0], edit[2])):
@@ -136,19 +136,19 @@ class Document:
         return b"".join([*parts, self.data[reached:]])
 
     def _lead(self, node: XmlNode) -> str:
-        """Line end and indentation before an element; nothing where it shares its line with something before."""
+        """Line end and indentation before an element; empty if other text precedes it on its line."""
         line = self.data.rfind(b"\n", 0, node.start) + 1
         before = self.data[line : node.start]
         return self.newline + before.decode() if line and not before.strip() else ""
 
 
 def element_text(tag: str, attributes: Mapping[str, str]) -> str:
-    """An element without content."""
+    """Text of an element without content."""
     return f"<{tag} {' '.join(f'{key}={quoteattr(value)}' for key, value in attributes.items())}/>"
 
 
 def _parse(data: bytes) -> XmlNode:
-    """The root element."""
+    """Root element of a document."""
     parser = expat.ParserCreate("utf-8")
     parser.ordered_attributes = False
     open_: list[XmlNode] = []
@@ -161,7 +161,7 @@ def _parse(data: bytes) -> XmlNode:
 
     def finish(tag: str) -> None:
         node = open_.pop()
-        if data[node.inner - 2 : node.inner] == b"/>":  # what the parser tells here is past the tag
+        if data[node.inner - 2 : node.inner] == b"/>":  # the parser's position is already past the tag
             node.closing = node.end = node.inner
             return
         node.closing = parser.CurrentByteIndex
@@ -173,12 +173,12 @@ def _parse(data: bytes) -> XmlNode:
 
 
 def _start_tag(data: bytes, start: int, tag: str, values: dict[str, Any]) -> XmlNode:
-    """An element from its start tag; its end is not known yet."""
+    """Element from its start tag; its end is set later."""
     named = at = start + 1 + len(tag.encode())
     spans: dict[str, tuple[int, int, int]] = {}
-    while (found := ATTRIBUTE.match(data, at)) is not None:
-        spans[found[1].decode()] = (found.start(), found.start(2) + 1, found.end(2) - 1)
-        at = found.end()
+    while (match := ATTRIBUTE.match(data, at)) is not None:
+        spans[match[1].decode()] = (match.start(), match.start(2) + 1, match.end(2) - 1)
+        at = match.end()
     close = TAG_END.match(data, at)
-    assert close is not None, "the parser has seen a start tag here"
+    assert close is not None, "the parser found a start tag here"
     return XmlNode(tag, values, start, named, spans, close.end())

@@ -359,7 +359,7 @@ def test_a_program_that_takes_the_description_must_take_the_file(tmp_path: Path,
         return found if data == URDF.encode() else [Witness("pinocchio", None, {}, "it stumbles."), *found[1:]]
 
     monkeypatch.setattr(urdf, "witnesses", stumbles)
-    with pytest.raises(OutputError, match="pinocchio does not take the file that would be written: it stumbles"):
+    with pytest.raises(OutputError, match="pinocchio rejects the file that would be written: it stumbles"):
         export_run(run, "urdf")
     monkeypatch.setattr(urdf, "witnesses", lambda *_: [Witness("mujoco", None, {}, "not there", is_absent=True)])
     assert codes(export_run(run, "urdf"))["not-checked"] == "mujoco: not there"

@@ -93,7 +93,7 @@ def test_lumped_gives_the_whole_link_to_the_body_that_carries(tmp_path):
     wanted = run.estimate.fit.standard.values[run.model.inertial_columns].reshape(2, 10)
     assert again.inertial_vector[:2] == pytest.approx(wanted, abs=2e-6)
     assert 0.0 < again.links[2].inertial.mass < 1e-5  # on a joint that simulators let move
-    with pytest.raises(OutputError, match="nothing for --lumped"):
+    with pytest.raises(OutputError, match="so --lumped has no effect"):
         export_run(run, "mjcf", tmp_path / "out.xml", lumped=True)
 
 

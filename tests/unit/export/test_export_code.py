@@ -62,7 +62,7 @@ def test_an_unknown_language_is_refused(run: Run, tmp_path: Path):
 
 def test_code_that_is_not_the_model_is_not_written(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(code, "AGREEMENT", 0.0)
-    with pytest.raises(OutputError, match="would not be the model"):
+    with pytest.raises(OutputError, match="would differ from the model"):
         export_code(run, "c", tmp_path / "code")
     assert not (tmp_path / "code").exists()
 

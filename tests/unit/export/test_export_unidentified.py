@@ -46,7 +46,7 @@ def test_links_that_nothing_tells_are_refused_and_named(tmp_path, to):
         OutputError, match=r"No torque tells the mass of link_1 \(.* kg\), and the description"
     ) as caught:
         export_run(run, to, tmp_path / "out")
-    assert "--allow-unidentified" in caught.value.possible and "rough ones" in caught.value.remedy
+    assert "--allow-unidentified" in caught.value.possible and "rough masses" in caught.value.remedy
     assert not (tmp_path / "out").exists()
     exported = export_run(run, to, tmp_path / "out", allow_unidentified=True)
     assert [f.severity for f in exported.findings if f.code == "unidentified"] == ["warning"]

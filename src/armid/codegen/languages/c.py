@@ -1,4 +1,4 @@
-"""C99: a header and a source file, without allocation, recursion, state or loops but those that write zeros."""
+"""C99: a header and a source file without allocation, recursion and global state; loops only write zeros."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _header(source: FunctionSource) -> str:
 
 
 def _code(source: FunctionSource) -> str:
-    lines = [f"/* See {source.name}.h. Straight lines of operations: no allocation, no recursion, no state. */"]
+    lines = [f"/* See {source.name}.h. No branches, no allocation, no recursion, no state. */"]
     lines += [f'#include "{source.name}.h"', "", "#include <math.h>", ""]
     used = {node.operation for program in source.programs.values() for node in program.nodes}
     helpers = [line for operation, line in HELPERS.items() if operation in used]
@@ -99,7 +99,7 @@ def _argument(source: FunctionSource, argument: Argument, program: Program) -> s
 
 
 def _note(source: FunctionSource, program: Program) -> list[str]:
-    """Return what a function gives."""
+    """Lines that describe the result of a function."""
     lines = [f"{program.summary}."]
     if len(program.shape) == 2:
         rows, columns = program.shape
@@ -112,7 +112,7 @@ def _note(source: FunctionSource, program: Program) -> list[str]:
 
 
 def _wrapped(start: str, names: tuple[str, ...] | list[str]) -> list[str]:
-    """Names in lines of a dozen."""
+    """Names in lines of twelve."""
     return [f"{start if k == 0 else '  '}{' '.join(names[k : k + 12])}" for k in range(0, len(names), 12)]
 
 

@@ -1,4 +1,4 @@
-"""C++17: a header with a class on arrays of fixed size, around the C code that comes with it."""
+"""C++17: a header with a class on arrays of fixed size, which calls the generated C code."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["write"]
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """`NAME.hpp` beside `NAME.h` and `NAME.c`."""
+    """Files `NAME.hpp`, `NAME.h` and `NAME.c`."""
     return {**c.write(source), f"{source.name}.hpp": _header(source)}
 
 
@@ -41,7 +41,7 @@ def _header(source: FunctionSource) -> str:
 
 
 def _memory(source: FunctionSource) -> list[str]:
-    """A class for what the model remembers."""
+    """Class of the hysteresis state."""
     return [
         "",
         "// What the model remembers of the motion: made where the motion begins, updated once at every sample.",
@@ -81,7 +81,7 @@ def _method(source: FunctionSource, program: Program) -> list[str]:
 
 
 def _matrix(program: Program) -> str:
-    """`BaseRegressor` for `base_regressor`."""
+    """Name of a type, for instance `BaseRegressor` for `base_regressor`."""
     return "".join(word.capitalize() for word in program.name.split("_"))
 
 

@@ -1,4 +1,4 @@
-"""Julia: one module; each function fills what it is given, and has a twin that makes its result."""
+"""Julia: one module; each function exists in two forms, one fills a given array, the other returns a new one."""
 
 from __future__ import annotations
 

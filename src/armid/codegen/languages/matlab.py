@@ -1,4 +1,4 @@
-"""MATLAB and GNU Octave: a package folder with one function a file, and the four functions of the thesis."""
+"""MATLAB and GNU Octave: a package folder with one function per file, and the functions of the thesis."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FUNCTIONS = {
 
 
 def write(source: FunctionSource) -> dict[str, str]:
-    """`+NAME/FUNCTION.m` for each function and the parameters, and `func_Y.m` and its like beside the folder."""
+    """`+NAME/FUNCTION.m` for each function and the parameters, and `func_Y.m` and others next to the folder."""
     variables = [p.variable for p in source.parameters]
     files = {f"+{source.name}/parameters.m": _parameters(source)}
     for program in source.programs.values():
@@ -63,5 +63,5 @@ def _function(program: Program, variables: Sequence[str], notes: Sequence[str]) 
 def _columns(source: FunctionSource, program: Program) -> list[str]:
     """Names of a regressor's columns."""
     names = {"regressor": source.columns, "base_regressor": tuple(p.name for p in source.parameters)}
-    found = names.get(program.name, ())
-    return [f"  {' '.join(found[k : k + 12])}" for k in range(0, len(found), 12)]
+    columns = names.get(program.name, ())
+    return [f"  {' '.join(columns[k : k + 12])}" for k in range(0, len(columns), 12)]

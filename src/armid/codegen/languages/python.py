@@ -1,4 +1,4 @@
-"""Python: one module that needs nothing but `math`."""
+"""Python: one module that imports only `math`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Catalogue of the formats that a run's model is written in: one module a format, one line here."""
+"""Catalogue of export formats: one module and one line for each."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ __all__ = ["EXPORTERS", "Exporter"]
 
 
 class Exporter(Protocol):
-    """Offer of the module of a format."""
+    """Interface of the module of a format."""
 
     SUFFIX: str
-    """Ending of the file's name, with the dot."""
+    """Suffix of the file's name, with the dot."""
 
     PLACES: Sequence[str]
-    """Terms for whose parameter the format has a place."""
+    """Terms whose parameters the format can store."""
 
     EDITS: bool
-    """Whether a description of this format is edited in place."""
+    """True if a description of this format is edited in place."""
 
     @staticmethod
     def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-        """Bodies of a description that move, a link's own body before those that it carries.
+        """Moving bodies of a description, the main body of a link before the bodies attached to it.
 
         Args:
             source: The description.
@@ -38,17 +38,17 @@ class Exporter(Protocol):
 
     @staticmethod
     def write(content: Content) -> WrittenDescription:
-        """The file: the description edited where there is one, else a file of its own."""
+        """File with the content: the edited description if there is one, else a new file."""
         ...
 
     @staticmethod
     def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-        """The arm that a written file says, its angles as they stand there, its locked joints still joints."""
+        """Arm of a written file, with its angles unrounded and its locked joints as joints."""
         ...
 
     @staticmethod
     def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-        """Return what other programs make of a written file: torque of its rigid bodies along states (N, n)."""
+        """Models that other programs read from a written file, with rigid-body torque at states (N, n)."""
         ...
 
 
@@ -57,4 +57,4 @@ EXPORTERS: Mapping[str, Exporter] = {
     "mjcf": mjcf,
     "sdf": sdf,
 }
-"""Formats by the name that `armid export --to` knows them by."""
+"""Formats by their name in `armid export --to`."""

@@ -50,17 +50,17 @@ ATTRIBUTES = {"viscous": "damping", "coulomb": "frictionloss", "rotor-inertia": 
 FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 TURNED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 KEPT = ("compiler", "option", "default", "worldbody", "size")
-"""Sections of a document that its rigid bodies follow from."""
+"""Sections of a document that define its rigid bodies."""
 SHAPES = ("mesh", "hfield", "sdf", "skin")
 
 
 def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, tuple[str, ...]]:
-    """A description with the files that it includes put in place, every other byte as it is.
+    """Description with the contents of included files inserted; all other bytes stay unchanged.
 
     Args:
-        path: Where it lies.
+        path: Its path.
         data: Its text.
-        folder: Where included files are sought; beside it if left out.
+        folder: Folder of included files; by default that of the description.
 
     Returns:
         The text, and the files that it came from.
@@ -75,26 +75,26 @@ def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, t
         if node.tag == "include":
             other = folder / node.values.get("file", "")
             try:
-                text, more = whole(other, other.read_bytes(), folder)
+                text, included_files = whole(other, other.read_bytes(), folder)
             except OSError as error:
                 raise RobotError(
                     f"{path} includes {other}, which cannot be read ({error}).",
-                    remedy="put the file where the include says.",
+                    remedy="put the file at that path.",
                 ) from error
-            files += more
+            files += included_files
             inside = Document(text)
-            own = inside.root
-            document.replace(node.start, node.end, inside.data[own.inner : own.closing].decode())
+            root = inside.root
+            document.replace(node.start, node.end, inside.data[root.inner : root.closing].decode())
     return document.edited(), tuple(files)
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-    """Bodies of an MJCF that move, parents before children."""
+    """Moving bodies of an MJCF, parents before children."""
     plain = _plain(source.data, source.locked)
     model = _model(plain)
     frames = {f.name: f for f in model.frames if f.type.name == "BODY"}
     guessed = {finding.channel for finding in plain.findings if finding.code == "inertial-missing"}
-    # Of a body with several joints only the last body of the plain form is one of the file.
+    # The plain form splits a body with several joints; only the last part is a body of the file.
     there = {name for node, name in _names(Document(source.data).root).items() if node.tag == "body"}
     found: list[Body] = []
     for element in ET.fromstring(plain.text).iter("body"):
@@ -111,7 +111,7 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
 
 
 def write(content: Content) -> WrittenDescription:
-    """The description with its inertials and joint values replaced, or an MJCF of bodies without shape."""
+    """Description with inertials and joint values replaced, or a new MJCF without shapes."""
     if content.source is None:
         return _fresh(content)
     document = Document(content.source.data)
@@ -127,12 +127,12 @@ def write(content: Content) -> WrittenDescription:
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """The arm of an MJCF."""
+    """Arm of an MJCF."""
     return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Return what Pinocchio, from the plain form, and MuJoCo read from it."""
+    """Models that Pinocchio, from the plain form, and MuJoCo read from it."""
     plain = _plain(data, content.locked)
     return [
         pinocchio_witness(lambda _: _model(plain), content, q, dq, ddq, reads=()),
@@ -141,13 +141,13 @@ def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) ->
 
 
 def _plain(data: bytes, locked: Mapping[str, float]) -> Plain:
-    """The description in plain form."""
+    """Description in plain form."""
     root = flatten(parse_xml(data.decode(), "the description"), "the description")
     return plain_mjcf(root, "the description", locked)
 
 
 def _model(plain: Plain) -> Any:
-    """Pinocchio's model of a plain form."""
+    """Pinocchio model of a plain form."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plain.xml"
         path.write_text(plain.text, encoding="utf-8")
@@ -155,7 +155,7 @@ def _model(plain: Plain) -> Any:
 
 
 def _nominal(element: ET.Element) -> InertialParameters | None:
-    """Return what a body of the plain form says of its inertia, in its own frame: of it alone a model is made."""
+    """Inertia of a body of the plain form in its own frame, from a model of this body alone."""
     said = [child for child in element if child.tag in ("inertial", "geom")]
     if not said:
         return None
@@ -214,12 +214,12 @@ def _relative_files(document: Document) -> tuple[Finding, ...]:
     names = [n.values["file"] for n in document.root.walk() if n.tag in (*SHAPES, "texture") and "file" in n.values]
     if not names:
         return ()
-    what = f"{len(names)} files, such as {names[0]}, are named from where the description lies"
-    return (Finding("relative-meshes", "info", "", what, "put the written file beside it"),)
+    what = f"{len(names)} files, such as {names[0]}, have paths relative to the description"
+    return (Finding("relative-meshes", "info", "", what, "put the written file into the same folder"),)
 
 
 def _without_meshes(data: bytes) -> str:
-    """The file without what needs other files, and without all that acts on the bodies from outside.
+    """File without elements that need other files or act on the bodies from outside.
 
     A body with an inertial needs no geoms. Geoms of the others stay as far as they are no meshes, since their mass
     counts.
@@ -243,7 +243,7 @@ def _without_meshes(data: bytes) -> str:
 
 
 def _fresh(content: Content) -> WrittenDescription:
-    """An MJCF of its own: bodies with inertia and no shape."""
+    """New MJCF of bodies with inertia and without shapes."""
     robot = content.robot
     names = unique_names([link.name for link in robot.links])
 

@@ -1,4 +1,4 @@
-"""SDF 1.8: links, joints and their dynamics, in a file of its own with bodies without shape.
+"""SDF 1.8: new files of links, joints and their dynamics, without shapes.
 
 Every pose is relative to what carries it. There is no place for rotor inertia. Gravity belongs to the world, not to
 the model. The arm stands on the world by a fixed joint.
@@ -37,19 +37,19 @@ EDITS: bool = False
 
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 TAGS = {"viscous": "damping", "coulomb": "friction"}
-NOT_READ = "no program at hand reads SDF; the file was read back by armid alone"
+NOT_READ = "no installed program reads SDF; only armid read the file back"
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-    """None: descriptions in SDF are not read."""
+    """Empty, because descriptions in SDF are not read."""
     del source, raw, robot
     return []
 
 
 def write(content: Content) -> WrittenDescription:
-    """A model of its own."""
+    """New SDF model."""
     robot = content.robot
-    # Links, joints and frames share one space of names.
+    # Links, joints and frames share one namespace.
     base, tip, *links = unique_names(
         ["base_link", robot.tip.name, *(link.name for link in robot.links)], robot.joint_names
     )
@@ -79,7 +79,7 @@ def write(content: Content) -> WrittenDescription:
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """The arm of a file that `write` has made.
+    """Arm of a file written by `write`.
 
     Raises:
         OutputError: Something else stands in it.
@@ -102,15 +102,15 @@ def read(data: bytes, locked: Mapping[str, float]) -> Robot:
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Return what a reading of the text gives; Pinocchio and MuJoCo read no SDF."""
+    """Joint parameters parsed from the text, because Pinocchio and MuJoCo do not read SDF."""
     del content, q, dq, ddq
-    found: dict[str, dict[str, float]] = {}
+    parsed: dict[str, dict[str, float]] = {}
     for joint in ET.fromstring(data).iter("joint"):
         dynamics = joint.find("axis/dynamics")
         if dynamics is not None:
             given = {term: dynamics.findtext(tag) for term, tag in TAGS.items()}
-            found[joint.get("name", "")] = {term: float(text) for term, text in given.items() if text is not None}
-    return [Witness("sdf", None, found, NOT_READ, is_absent=True)]
+            parsed[joint.get("name", "")] = {term: float(text) for term, text in given.items() if text is not None}
+    return [Witness("sdf", None, parsed, NOT_READ, is_absent=True)]
 
 
 def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, float]) -> list[str]:
@@ -122,7 +122,7 @@ def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, flo
         "effort": joint.effort_limit,
         "velocity": joint.velocity_limit,
     }
-    said = "".join(f"<{key}>{text_of(x)}</{key}>" for key, x in limits.items() if math.isfinite(x))
+    limit = "".join(f"<{key}>{text_of(x)}</{key}>" for key, x in limits.items() if math.isfinite(x))
     friction = "".join(f"<{TAGS[term]}>{text_of(x)}</{TAGS[term]}>" for term, x in values.items() if term in TAGS)
     return [
         f'    <joint name={quoteattr(joint.name)} type="{kind}">',
@@ -130,7 +130,7 @@ def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, flo
         f"      <parent>{escape(parent)}</parent><child>{escape(child)}</child>",
         "      <axis>",
         f"        <xyz>{text_of(*joint.axis)}</xyz>",
-        *([f"        <limit>{said}</limit>"] if said else []),
+        *([f"        <limit>{limit}</limit>"] if limit else []),
         *([f"        <dynamics>{friction}</dynamics>"] if friction else []),
         "      </axis>",
         "    </joint>",

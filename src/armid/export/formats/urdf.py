@@ -47,7 +47,7 @@ LIMITS = ("effort", "velocity")
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
-    """Links of a URDF that move, parents before children."""
+    """Moving links of a URDF, parents before children."""
     root = ET.fromstring(source.data)
     links = {link.get("name", ""): link for link in root.findall("link")}
     below: dict[str, list[ET.Element]] = {}
@@ -63,16 +63,16 @@ def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:
             if link >= 0:
                 found.append(Body(name, link, placement, _nominal(links[name]), welded))
         for joint in below.get(name, []):
-            own = joint.get("name", "")
-            if own in raw.joint_names:
-                waiting.append((_named(joint, "child"), raw.joint_index(own), np.eye(4)))
-            else:  # fixed, or locked with several freedoms
+            name_of_joint = joint.get("name", "")
+            if name_of_joint in raw.joint_names:
+                waiting.append((_named(joint, "child"), raw.joint_index(name_of_joint), np.eye(4)))
+            else:  # fixed, or locked with several degrees of freedom
                 waiting.append((_named(joint, "child"), moved_by, pose @ _pose(joint.find("origin"))))
     return found
 
 
 def write(content: Content) -> WrittenDescription:
-    """The description with its inertials and friction replaced, or a URDF of bodies without shape."""
+    """Description with inertials and friction replaced, or a new URDF without shapes."""
     if content.source is None:
         return _fresh(content)
     document = Document(content.source.data)
@@ -89,12 +89,12 @@ def write(content: Content) -> WrittenDescription:
 
 
 def read(data: bytes, locked: Mapping[str, float]) -> Robot:
-    """The arm of a URDF."""
+    """Arm of a URDF."""
     return reader.read(data.decode(), source="the written file", locked=locked, tip=None)
 
 
 def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) -> list[Witness]:
-    """Return what Pinocchio and MuJoCo read from it."""
+    """Models that Pinocchio and MuJoCo read from it."""
     root = ET.fromstring(data)
     for link in root.iter("link"):
         for drawn in [*link.findall("visual"), *link.findall("collision")]:
@@ -102,8 +102,8 @@ def witnesses(data: bytes, content: Content, q: Array, dq: Array, ddq: Array) ->
     for joint in root.findall("joint"):
         if joint.find("limit") is None and joint.get("type") in ("revolute", "prismatic"):
             ET.SubElement(joint, "limit", {"effort": "0", "velocity": "0"})
-    for own in root.findall("mujoco"):
-        root.remove(own)
+    for extension in root.findall("mujoco"):
+        root.remove(extension)
     text = ET.tostring(root, encoding="unicode")
     return [
         pinocchio_witness(lambda pin: pin.buildModelFromXML(text), content, q, dq, ddq, reads=PLACES),
@@ -117,19 +117,19 @@ def _named(joint: ET.Element, end: str) -> str:
 
 
 def _numbers(text: str | None) -> list[float]:
-    """Three numbers, zeros where nothing stands."""
+    """Three numbers; zeros for an empty text."""
     return [float(word) for word in text.split()] if text and text.strip() else [0.0, 0.0, 0.0]
 
 
 def _pose(origin: ET.Element | None) -> Array:
-    """Transform of an origin."""
+    """Transform of an origin element."""
     if origin is None:
         return np.eye(4)
     return homogeneous(rpy_rotation(_numbers(origin.get("rpy"))), _numbers(origin.get("xyz")))
 
 
 def _nominal(link: ET.Element) -> InertialParameters | None:
-    """Return what a link says of its inertia, in its own frame."""
+    """Inertia of a link in its own frame."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -145,7 +145,7 @@ def _nominal(link: ET.Element) -> InertialParameters | None:
 
 
 def _edit_inertial(document: Document, link: XmlNode, body: InertialParameters) -> None:
-    """Give a link its inertia; what stands of an `<inertial>` stays where it is."""
+    """Sets the inertia of a link; existing elements of `<inertial>` keep their position."""
     mass, com, about = com_form(body, f"link {link.values.get('name')!r}")
     inertial = link.find("inertial")
     if inertial is None:
@@ -172,7 +172,7 @@ def _edit_inertial(document: Document, link: XmlNode, body: InertialParameters) 
 
 
 def _edit_dynamics(document: Document, joint: XmlNode, friction: Mapping[str, str]) -> None:
-    """Give a joint its damping and friction."""
+    """Sets damping and friction of a joint."""
     dynamics = joint.find("dynamics")
     if dynamics is None:
         document.last(joint, [element_text("dynamics", friction)])
@@ -190,17 +190,17 @@ def _inertial_element(mass: float, com: Array, about: Array) -> str:
 
 
 def _relative_meshes(document: Document) -> tuple[Finding, ...]:
-    """A word on meshes that are sought from where the file lies."""
+    """Finding about meshes with paths relative to the file."""
     names = [node.values.get("filename", "") for node in document.root.walk() if node.tag == "mesh"]
     relative = [name for name in names if name and "://" not in name and not name.startswith("/")]
     if not relative:
         return ()
-    what = f"{len(relative)} meshes, such as {relative[0]}, are named from where the description lies"
-    return (Finding("relative-meshes", "info", "", what, "put the written file beside it"),)
+    what = f"{len(relative)} meshes, such as {relative[0]}, have paths relative to the description"
+    return (Finding("relative-meshes", "info", "", what, "put the written file into the same folder"),)
 
 
 def _fresh(content: Content) -> WrittenDescription:
-    """A URDF of its own: links with inertia and no shape."""
+    """New URDF of links with inertia and without shapes."""
     robot = content.robot
     _refuse_unlimited(robot)
     names = unique_names([link.name for link in robot.links])
@@ -253,7 +253,7 @@ def _joint_lines(joint: Joint, parent: str, child: str, values: Mapping[str, flo
 
 
 def _has_stops(joint: Joint) -> bool:
-    """Tell whether the format asks for limits: a revolute or a prismatic joint."""
+    """True if the format requires limits: a revolute or a prismatic joint."""
     return joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
 
 
@@ -262,14 +262,14 @@ def _has_limits(joint: Joint) -> bool:
 
 
 def _missing(joint: Joint) -> list[str]:
-    """Limits that the format asks for and that are not known, as options that give them."""
-    said = {"velocity": math.isfinite(joint.velocity_limit), "effort": math.isfinite(joint.effort_limit)}
-    said["position"] = not joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
-    return [f"{joint.name}.{kind}={EXAMPLES[kind]}" for kind, known in said.items() if not known]
+    """Required limits that are not known, as options that give them."""
+    known_limits = {"velocity": math.isfinite(joint.velocity_limit), "effort": math.isfinite(joint.effort_limit)}
+    known_limits["position"] = not joint.is_prismatic or bool(np.isfinite(joint.position_limits).all())
+    return [f"{joint.name}.{kind}={EXAMPLES[kind]}" for kind, known in known_limits.items() if not known]
 
 
 EXAMPLES = {"velocity": "2", "effort": "100", "position": "-0.5:0.5"}
-"""Limits as an option may give them."""
+"""Example values of limits for an option."""
 
 
 def _example(joints: Sequence[Joint]) -> str:
@@ -277,7 +277,7 @@ def _example(joints: Sequence[Joint]) -> str:
 
 
 def _refuse_unlimited(robot: Robot) -> None:
-    """Refuse joints with stops of which a limit is not known.
+    """Check that all limits required by the format are known.
 
     Raises:
         OutputError: Such joints; the message has an option to paste.
@@ -286,10 +286,10 @@ def _refuse_unlimited(robot: Robot) -> None:
     if without:
         names = ", ".join(joint.name for joint in without)
         raise OutputError(
-            f"A URDF needs limits of effort and velocity of each joint with stops; the description has not all of "
-            f"{names}.",
+            f"A URDF needs limits of effort and velocity for each joint with position limits; the description "
+            f"lacks some of {names}.",
             possible="mjcf and sdf need none",
-            remedy=f"give what is missing, with numbers of the arm: {_example(without)}",
+            remedy=f"give the missing limits of the arm: {_example(without)}",
         )
 
 
