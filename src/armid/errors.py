@@ -64,15 +64,15 @@ class StudyError(ArmidError):
 
 
 class EstimationError(ArmidError):
-    """Data from which the asked estimate does not follow."""
+    """Data that do not determine the requested estimate."""
 
 
 class UnsolvedError(EstimationError):
-    """A search that ended without an answer that passes its checks."""
+    """A search that ended without a solution that passes its checks."""
 
 
 class LabError(ArmidError):
-    """An arm, a controller or sensors that cannot be simulated, or a simulation that ran away."""
+    """An arm, a controller or sensors that cannot be simulated, or a simulation that diverged."""
 
 
 class OutputError(ArmidError):
@@ -97,14 +97,14 @@ class MissingExtraError(ArmidError):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something noticed on the way that the reader of a result should know.
+    """Observation that the reader of a result should know.
 
     Attributes:
         code: Short stable name, for instance `description-rounded`.
         severity: `error` stops the work, `warning` questions the result, `info` explains it.
         channel: Joint, link, column or file that it concerns; empty when it concerns all.
-        evidence: What was seen, with numbers.
-        remedy: What to do about it; empty when nothing needs doing.
+        evidence: Observation, with numbers.
+        remedy: Action to take; empty if none is needed.
     """
 
     code: str
@@ -115,11 +115,11 @@ class Finding:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """A guess at what was meant, as a remedy; empty where nothing known is close.
+    """Remedy with the known name that is closest to a given one; empty if none is close.
 
     Args:
-        name: What was asked for.
-        known: What there is.
+        name: Given name.
+        known: Known names.
     """
     from difflib import get_close_matches
 

@@ -1,7 +1,6 @@
-"""Display of values: they say what their table holds, and here it becomes HTML or a few lines of text.
+"""Display of values in notebooks and at prompts: a summary table as HTML or a few lines of text.
 
-Any value takes part by deriving from `Displayed` and giving a `summary`. Text is escaped; nothing is fetched or
-executed.
+A value derives from `Displayed` and implements `summary`. Text is escaped; nothing is fetched or executed.
 """
 
 from __future__ import annotations
@@ -18,13 +17,13 @@ from numpy.typing import NDArray
 __all__ = ["Displayed", "Summary", "html_of", "names_apart", "percent", "plural", "spans", "text_of"]
 
 MOST_ROWS = 200
-"""Rows that are shown; a notebook becomes slow with more, and nobody reads them."""
+"""Largest number of rows of an HTML table; with more a notebook becomes slow."""
 
 FEW_ROWS = 6
-"""Rows of the text that a prompt shows: with title, titles of columns and notes ten lines at most."""
+"""Rows of the text at a prompt: with title, titles of columns and notes ten lines at most."""
 
 WIDEST = 28
-"""Characters of a cell of that text; longer ones are cut."""
+"""Largest number of characters of a cell of that text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +31,10 @@ class Summary:
     """Summary of a value.
 
     Attributes:
-        title: What it is, one line.
+        title: Title, one line.
         columns: Titles of the columns.
         rows: Cells, one text a column.
-        note: What is to be known beside; empty where nothing is.
+        note: Remark below the table; may be empty.
     """
 
     title: str
@@ -45,9 +44,9 @@ class Summary:
 
 
 class Displayed:
-    """A value that a notebook shows as a table, and a prompt as the first lines of it.
+    """Value that a notebook shows as a table, and a prompt as the first lines of it.
 
-    A dataclass of this kind is declared with `repr=False`, so that it keeps the text from here.
+    A dataclass of this kind is declared with `repr=False`, so that it inherits `__repr__`.
     """
 
     __slots__ = ()
@@ -64,7 +63,7 @@ class Displayed:
 
 
 def names_apart(paths: Iterable[str]) -> dict[str, str]:
-    """Names of files by their paths, with as many of their folders as it takes to tell them apart."""
+    """Distinct names of files by their paths: the shortest ends of the paths that differ."""
     parts = {path: PurePath(path).parts for path in paths}
 
     def name(path: str) -> str:
@@ -77,10 +76,10 @@ def names_apart(paths: Iterable[str]) -> dict[str, str]:
 
 
 def spans(*channels: NDArray[np.float64]) -> tuple[tuple[str, ...], ...]:
-    """From where to where each joint goes, a row a joint and a cell a quantity.
+    """Range of each quantity of each joint as text, one row a joint.
 
     Args:
-        channels: Quantities, each of shape (N, n); what is not finite is passed over.
+        channels: Quantities, each of shape (N, n); values that are not finite are ignored.
     """
 
     def span(values: NDArray[np.float64]) -> str:
@@ -91,7 +90,7 @@ def spans(*channels: NDArray[np.float64]) -> tuple[tuple[str, ...], ...]:
 
 
 def html_of(summary: Summary) -> str:
-    """A summary as a table in HTML, without style but that numbers stand to the right."""
+    """Summary as an HTML table, with right-aligned numbers and no other style."""
 
     def line(tag: str, cells: tuple[str, ...]) -> str:
         inside = "".join(
@@ -109,7 +108,7 @@ def html_of(summary: Summary) -> str:
 
 
 def text_of(kind: str, summary: Summary) -> str:
-    """A summary in at most ten lines of text.
+    """Summary in at most ten lines of text.
 
     Args:
         kind: Name of the value's type.
@@ -131,7 +130,7 @@ def text_of(kind: str, summary: Summary) -> str:
 
 
 def percent(value: float) -> str:
-    """A share in percent with two digits that say something: `0.034 %`, `5.1 %`, `510 %`."""
+    """Percentage with two significant digits: `0.034 %`, `5.1 %`, `510 %`."""
     return f"{value:.2g} %" if not 99.5 <= value < float("inf") else f"{value:.0f} %"
 
 

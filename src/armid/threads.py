@@ -1,4 +1,4 @@
-"""Limits of BLAS to one thread: an arm's matrices are small, and threads would wait for one another."""
+"""Limit of BLAS to one thread, since an arm's matrices are small and threads would wait for each other."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["ONE_THREAD", "one_blas_thread", "prefer_one_thread"]
 ONE_THREAD: dict[str, str] = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
-"""Variables by which a process says how many threads its BLAS may have; read when NumPy is loaded."""
+"""Environment variables that limit the threads of BLAS; read when NumPy is loaded."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -26,13 +26,13 @@ _inside = local()
 
 
 def prefer_one_thread() -> None:
-    """Sets the variables for this process before NumPy is loaded; what its caller has set stays."""
+    """Sets the variables for this process before NumPy is loaded; existing values stay."""
     for name, count in ONE_THREAD.items():
         os.environ.setdefault(name, count)
 
 
 def one_blas_thread(stage: Callable[P, R]) -> Callable[P, R]:
-    """Decorator that runs a stage with one BLAS thread and restores the caller's number afterwards."""
+    """Decorator that runs a function with one BLAS thread and restores the caller's number afterwards."""
 
     @wraps(stage)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:

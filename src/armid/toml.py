@@ -1,4 +1,4 @@
-"""Values as TOML: a line for a key, tables and arrays of tables, plain values on one line each."""
+"""Writing of TOML: tables, arrays of tables, and values on one line each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["to_toml", "toml_line"]
 def to_toml(record: Mapping[str, Any]) -> str:
     """TOML of tables by name; a list of tables becomes an array of tables.
 
-    What is null or empty is left out; an empty text is not: as the name of a channel it leaves that one out.
+    Null and empty values are left out, except an empty text, which removes a channel where it is its name.
     """
     parts: list[str] = []
     for name, table in record.items():

@@ -1,8 +1,8 @@
-"""Ground rules of armid's values: checked read-only arrays, files written whole or not at all.
+"""Values: checked read-only arrays, saving and loading, files written whole or not at all.
 
 A value is a frozen dataclass whose fields are numbers, strings, arrays, other values, or tuples and dicts of
-these. `save` writes any of them to one file (a NumPy archive with a JSON header, never a pickle) and `load`
-gives it back; `replace_file` is what every writer of armid ends in.
+these. `save` writes any of them to one file (a NumPy archive with a JSON header, never a pickle), `load` reads it.
+All writers of armid use `replace_file`.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ T = TypeVar("T")
 
 
 def array(value: ArrayLike, shape: tuple[int | None, ...], name: str, *, finite: bool = True) -> Array:
-    """A read-only float64 copy of `value`, its shape and finiteness checked.
+    """Read-only float64 copy of `value`, with its shape and finiteness checked.
 
     Args:
         value: Anything NumPy reads as numbers.
         shape: Expected length of each axis; `None` accepts any.
-        name: What the array is, for the message.
-        finite: Refuse NaN and infinity.
+        name: Name of the array in messages.
+        finite: Whether to refuse NaN and infinity.
 
     Raises:
-        ArmidError: Not numeric, another shape, or not finite.
+        ArmidError: The value is not numeric, has another shape, or is not finite.
     """
     try:
         result = np.array(value, dtype=np.float64, order="C", copy=True)
@@ -59,7 +59,7 @@ def array(value: ArrayLike, shape: tuple[int | None, ...], name: str, *, finite:
 
 
 def replace_file(path: Path | str, content: bytes | str) -> Path:
-    """Write `content` to `path` whole or not at all, through a temporary file beside it.
+    """Writes `content` to `path` whole or not at all, through a temporary file in the same folder.
 
     Raises:
         OutputError: The folder cannot be made or written, or the disk is full; nothing is left behind.
@@ -97,7 +97,7 @@ def sha256_of_file(path: Path | str) -> str:
 
 
 def digest(*parts: ArrayLike | str) -> str:
-    """Hexadecimal sha256 over arrays and strings, for saying what a value was made from."""
+    """Hexadecimal sha256 over arrays and strings, which identifies the inputs of a value."""
     state = hashlib.sha256()
     for part in parts:
         state.update(part.encode() if isinstance(part, str) else np.ascontiguousarray(part).tobytes())
@@ -106,11 +106,11 @@ def digest(*parts: ArrayLike | str) -> str:
 
 
 def save(value: Any, path: Path | str) -> Path:
-    """Save a value to one file: an uncompressed `.npz` whose member `value.json` describes the rest.
+    """Saves a value to one file: an uncompressed `.npz` whose member `value.json` describes the rest.
 
     Args:
         value: A frozen dataclass of armid.
-        path: Where to; written whole or not at all.
+        path: Path of the file, written whole or not at all.
     """
     arrays: dict[str, NDArray[Any]] = {}
     header = {"type": type(value).__name__, "value": _pack(value, arrays)}
@@ -121,7 +121,7 @@ def save(value: Any, path: Path | str) -> Path:
 
 
 def load(kind: type[T], path: Path | str) -> T:
-    """Load a value saved by `save`.
+    """Loads a value saved by `save`.
 
     Raises:
         ArmidError: The file is not one of armid's, or holds another type.

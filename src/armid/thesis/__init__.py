@@ -1,1 +1,1 @@
-"""The study of the thesis [Halper2024] from end to end: one module a chapter, values out, nothing drawn."""
+"""Reproduction of the reference study [Halper2024]: one module a chapter computes values; `page` draws them."""

@@ -1,4 +1,4 @@
-"""Algorithm 3: from a recording to parameters, and how far these are from the truth that only a virtual arm has."""
+"""Algorithm 3: from a recording to parameters, and their error against the known truth of a virtual arm."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ REPETITIONS = 5
 """K of section 3.2.2; the thesis does not say its number."""
 
 TEST_RATE = 100.0
-"""Rows a second of the unseen motion [Hz]."""
+"""Sample rate of the held-out motion [Hz]."""
 
 NOISE = Sensors()
-"""Of recordings at 8 kHz; at another rate as much less as keeps the noise in a band."""
+"""Noise of recordings at 8 kHz; at another rate scaled to the same noise density."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,7 +42,7 @@ class Fitted:
     Attributes:
         model: The arm that was fitted.
         observations: The processed recording.
-        information: What it says.
+        information: Information of the recording.
         fit: The estimate.
     """
 
@@ -59,12 +59,12 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Distance of an estimate from the truth.
+    """Error of an estimate against the truth.
 
     Attributes:
-        relative: Of all base parameters: distance over the truth's length.
-        inertial: Of those without friction.
-        friction: Of friction.
+        relative: Norm of the error of all base parameters over the norm of the truth.
+        inertial: The same for base parameters without friction.
+        friction: The same for friction.
         unseen: Root mean square over all joints of predicted less true torque along Table A.2 [N·m].
         residual: Root mean square of the residual in the band [N·m].
     """
@@ -77,7 +77,7 @@ class Errors:
 
 
 def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
-    """The virtual arm along Table A.1 in 27 s, five times without a pause; its motion exact, its sensors noisy."""
+    """Noisy recording of the virtual arm along Table A.1 in 27 s, five times without a pause."""
     rng, rate = np.random.default_rng(seed), setting.extent.rate
     size = np.sqrt(rate / NOISE.rate) if noise else 0.0
     sensors = Sensors(size * NOISE.position, size * NOISE.torque, rate)
@@ -86,7 +86,7 @@ def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
 
 
 def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
-    """The mean of a recording's repetitions as a recording of one, with two ends."""
+    """Mean of a recording's repetitions, as a recording of a single one."""
     assert recording.time is not None and recording.effort is not None  # a virtual arm logs both
     samples = round(period / (recording.time[1] - recording.time[0]))
     q, effort = (x[: len(x) // samples * samples] for x in (recording.q, recording.effort))
@@ -105,7 +105,7 @@ def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
 def observed(
     setting: Setting, recording: Recording, processing: ProcessingOptions, period: float | None = PERIOD
 ) -> Observations:
-    """Steps 1 and 2 of Algorithm 3: the processed recording; a period of `None` has it not repeat."""
+    """Steps 1 and 2 of Algorithm 3: processing of a recording; `None` for a period means no repetitions."""
     reading = LogFormat() if period is None else LogFormat(period=period, start=0.0)
     choice = RecordingChoice("virtual", reading=reading)
     return joined_observations(process_each([(choice, recording)], processing, setting.hanging.dynamics.robot))
@@ -114,13 +114,13 @@ def observed(
 def estimate(
     model: ReferenceModel, observations: Observations, method: str = "ols", options: Mapping[str, Any] | None = None
 ) -> Fitted:
-    """Steps 3 and 4: an estimate by a method."""
+    """Steps 3 and 4 of Algorithm 3: estimate by a method."""
     information = accumulate_information(model.dynamics, model.base, observations)
     return Fitted(model, observations, information, _fit(model, observations, information, method, options))
 
 
 def by_method(fitted: Fitted, method: str, options: Mapping[str, Any] | None = None) -> Fitted:
-    """Another method on what has been processed already."""
+    """Estimate by another method from the same information."""
     fit = _fit(fitted.model, fitted.observations, fitted.information, method, options)
     return replace(fitted, fit=fit)
 
@@ -138,7 +138,7 @@ def _fit(
 
 
 def errors_of(setting: Setting, fitted: Fitted) -> Errors:
-    """The estimate against the truth, and its torque on unseen motion."""
+    """Errors of an estimate against the truth, and of its torque on held-out motion."""
     truth, values = setting.truth, fitted.fit.values
     friction = np.array([name.startswith("F") for name in setting.hanging.base.names])
     motion = setting.unseen.sample(TEST_RATE)

@@ -1,4 +1,4 @@
-"""Worth of the published results: sign of gravity, bodies, constraints, deviations, condition number."""
+"""Audit of the published results: sign of gravity, consistency, constraints, deviations, condition number."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from armid.values import Array
 __all__ = ["Audit", "Broken", "Carried", "Conditions", "Deviations", "PrintedCoefficients", "audit"]
 
 OUTLIER = "ZZR_6"
-"""The one deviation of Table 4.1 that stands apart from the others' pattern."""
+"""The one outlier among the deviations of Table 4.1."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -34,11 +34,11 @@ class Conditions:
 
     Attributes:
         period: Seconds, shape (k,).
-        hanging: As the arm hangs, shape (k,).
-        literal: Under the sign of gravity in print, shape (k,).
-        scaled: Of columns of unit length, as the arm hangs, shape (k,).
-        without_friction: Of the columns without friction, as the arm hangs, shape (k,).
-        every_column: Of all 84 columns in 20 s, which (3.54) names.
+        hanging: For the hanging arm, shape (k,).
+        literal: With the printed sign of gravity, shape (k,).
+        scaled: With columns of unit length, for the hanging arm, shape (k,).
+        without_friction: Without friction columns, for the hanging arm, shape (k,).
+        every_column: With all 84 columns in 20 s, which (3.54) names.
     """
 
     period: Array
@@ -51,7 +51,7 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Deviations:
-    """The printed standard deviations against the shape that Table A.1 gives them.
+    """Printed standard deviations compared with those that Table A.1 implies.
 
     Attributes:
         period: Seconds that the table is stretched to, shape (k,).
@@ -76,7 +76,7 @@ class Deviations:
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """A constraint of (3.52) or (3.53) that Table 4.2 breaks beyond rounding.
+    """Constraint of (3.52) or (3.53) that Table 4.2 violates beyond rounding.
 
     Attributes:
         constraint: Its number.
@@ -93,7 +93,7 @@ class Broken:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Carried:
-    """Table 4.2 as base parameters.
+    """Table 4.2 converted to base parameters.
 
     Attributes:
         values: Shape (57,).
@@ -108,7 +108,7 @@ class Carried:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PrintedCoefficients:
-    """A table of Fourier coefficients against (3.55).
+    """Table of Fourier coefficients checked against (3.55).
 
     Attributes:
         sums: Largest of |Σ b_l / l|, |Σ a_l|, |Σ l b_l| over the joints, (3.55c), shape (3,).
@@ -129,7 +129,7 @@ class PrintedCoefficients:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Audit:
-    """The published results.
+    """Audit of the published results.
 
     Attributes:
         base: The certificate of Table 4.1, its mass matrix along Table A.2 and at its worst.
@@ -157,7 +157,7 @@ class Audit:
 
 
 def audit(setting: Setting, estimates: Estimates) -> Audit:
-    """Look at Tables 4.1, 4.2, A.1 and A.2 with what is known of the arm."""
+    """Audits Tables 4.1, 4.2, A.1 and A.2 with the model of the arm."""
     model, robot = setting.hanging, setting.hanging.dynamics.robot
     thesis = published()
     values = {name: value for name, (value, _) in thesis.base.items()}
@@ -192,7 +192,7 @@ def audit(setting: Setting, estimates: Estimates) -> Audit:
 
 
 def _named(rows: Array) -> dict[str, float]:
-    """Table 4.2 by name."""
+    """Parameters of Table 4.2 by name."""
     names = (*PHYSICAL, "Fv", "Fs")
     return {f"{name}_{k + 1}": float(x) for k, row in enumerate(rows) for name, x in zip(names, row, strict=True)}
 

@@ -33,13 +33,13 @@ __all__ = ["DesignTrial", "Designs", "designs"]
 HARMONICS = 10
 
 CHECKED = 50.0
-"""Poses a second at which bodies are looked at [Hz]: the fastest joint turns by 3° from one to the next."""
+"""Rate at which collisions are checked [Hz]: the fastest joint turns by 3° from one pose to the next."""
 
 MOVING = replace(CORRECTED, slow=0.05)
-"""Rows below this velocity [rad/s] may be of a joint that sticks, whose friction no law of the velocity knows."""
+"""Velocity below which a joint may stick [rad/s]; static friction is no function of the velocity."""
 
 NEAR = 2
-"""Links so many joints apart come near each other by construction: capsules of the wrist overlap where it bends."""
+"""Distance in joints up to which links may overlap by construction: capsules of a bent wrist do."""
 
 CONTROLLER = Controller(model_scale=1.05, friction=0.9)
 """Inverse dynamics of a model that is 5 % too heavy, nine tenths of the friction fed forward: no controller knows
@@ -48,7 +48,7 @@ more of an arm that is still to be identified."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DesignTrial:
-    """A trajectory, tested.
+    """Tested trajectory.
 
     Attributes:
         name: `Table A.1` or the number of its start.
@@ -76,13 +76,13 @@ class DesignTrial:
 
     @property
     def feasible(self) -> bool:
-        """Tell whether nothing spoke against it."""
+        """True if the trajectory keeps all limits."""
         return not self.doubts
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Designs:
-    """Algorithm 2.
+    """Result of Algorithm 2.
 
     Attributes:
         unknowns: Coefficients of (3.55), 2 · 7 · L.
@@ -102,7 +102,7 @@ class Designs:
 
     @property
     def best(self) -> DesignTrial:
-        """The trajectory that is kept; Table A.1 in 27 s where no design was feasible."""
+        """The best feasible trajectory; Table A.1 in 27 s if there is none."""
         return self.trials[self.kept] if self.kept >= 0 else self.published[-1]
 
 
@@ -153,7 +153,7 @@ def _condition(setting: Setting, plan: Excitation) -> float:
 
 
 def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTrial:
-    """A trajectory in closed loop, and what Algorithm 3 makes of its recording."""
+    """Simulates a trajectory in closed loop and applies Algorithm 3 to its recording."""
     extent = setting.extent
     truth = truth_of(setting.hanging.dynamics.robot)
     options = LabOptions(
@@ -186,7 +186,7 @@ def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTr
 
 
 def _shares(setting: Setting, done: Simulated) -> Array:
-    """Highest shares of the limits of position, velocity and torque, shape (3,)."""
+    """Largest shares of the limits of position, velocity and torque, shape (3,)."""
     joints = setting.hanging.dynamics.robot.joints
     limits = limits_of(setting.hanging.dynamics.robot)
     trace = done.trace.from_time(0.0)
@@ -198,7 +198,7 @@ def _shares(setting: Setting, done: Simulated) -> Array:
 
 
 def _clearance(setting: Setting, done: Simulated) -> float:
-    """Least distance between bodies of the arm along the simulated motion [m]; joint stops keep near ones apart."""
+    """Smallest distance between bodies of the arm along the simulated motion [m]; neighbours are not checked."""
     robot = setting.hanging.dynamics.robot
     found = collision_of(robot, limits_of(robot), np.zeros(robot.n), margin=0.0)
     links = np.array([shape.link for shape in found.shapes])[found.pairs]

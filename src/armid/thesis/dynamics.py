@@ -1,4 +1,4 @@
-"""Sections 2.2, 3.1.1 and 3.1.2: frames, the Lagrangian beside Newton and Euler, M, C, g, the sign of gravity."""
+"""Sections 2.2, 3.1.1 and 3.1.2: frames, Lagrangian and Newton-Euler dynamics, M, C, g, the sign of gravity."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STATE = (
     np.array([[0.3, -0.2, 0.1, 0.4, -0.5, 0.6, -0.7]]),
     np.array([[1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0]]),
 )
-"""The same moving [rad/s, rad/s²]."""
+"""Velocity and acceleration at this pose [rad/s, rad/s²]."""
 
 BALANCE_RATE, BALANCE_STEP = 100.0, 1e-4
 """Instants a second at which energy is balanced [Hz], and the half step of the difference that stands for its
@@ -33,7 +33,7 @@ derivative [s]: its square times the third derivative is 1e-6 W."""
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Kinematics:
-    """Section 3.1.1.
+    """Results of section 3.1.1.
 
     Attributes:
         poses: Random poses at which (3.1) was compared with the arm's own frames.
@@ -56,7 +56,7 @@ class Kinematics:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Dynamics:
-    """Sections 2.2 and 3.1.2.
+    """Results of sections 2.2 and 3.1.2.
 
     Attributes:
         states: Random states at which forms of the dynamics were compared.
@@ -86,7 +86,7 @@ class Dynamics:
 
 
 def kinematics(setting: Setting) -> Kinematics:
-    """Table 3.1 against the arm's description."""
+    """Compares Table 3.1 with the arm's description."""
     robot, frames = setting.hanging.dynamics.robot, make_frames(published())
     q = random_states(setting, seed=1).q
     R, p = frames.forward(q)
@@ -107,13 +107,13 @@ def kinematics(setting: Setting) -> Kinematics:
 
 
 def beta_columns(model: DynamicsModel) -> list[int]:
-    """Positions of the inertial parameters in the order of (3.8)."""
+    """Indices of the inertial parameters in the order of (3.8)."""
     names = [parameter.name for parameter in model.parameters]
     return [names.index(f"{symbol}_{link + 1}") for link in range(model.n) for symbol in BETA_ORDER]
 
 
 def dynamics(setting: Setting) -> Dynamics:
-    """The Lagrangian regressor against the kernel's, M, C and g, and what the printed sign does."""
+    """Compares the Lagrangian regressor with the kernel's, M, C and g, and the effect of the printed sign."""
     model, theta = setting.hanging.dynamics, setting.theta
     frames, states = make_frames(published()), random_states(setting, seed=2)
     gravity, order = np.array(HANGING), beta_columns(model)
@@ -149,7 +149,7 @@ def _torque_of_matrices(model: DynamicsModel, states: Motion, theta: Array) -> A
 
 
 def _friction(model: DynamicsModel, states: Motion, theta: Array) -> Array:
-    """F_v q̇ + F_s sgn(q̇), shape (N, 7)."""
+    """Friction torque F_v q̇ + F_s sgn(q̇), shape (N, 7)."""
     of = {p.name: value for p, value in zip(model.parameters, theta, strict=True)}
     viscous, coulomb = (np.array([of[f"{symbol}_{j + 1}"] for j in range(model.n)]) for symbol in ("FV", "FS"))
     return viscous * states.dq + coulomb * np.sign(states.dq)

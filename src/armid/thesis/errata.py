@@ -1,4 +1,4 @@
-"""Errata of the thesis, each with what is printed, what is right, and the number that shows it."""
+"""Errata of the thesis, each with the printed form, the correct form, and the number that shows it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NONE = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class Erratum:
-    """One of them.
+    """One erratum.
 
     Attributes:
         item: Its place in the thesis.
@@ -51,7 +51,7 @@ def errata(
     audit: Audit,
     estimates: Estimates,
 ) -> tuple[Erratum, ...]:
-    """All of them, in the order of the thesis."""
+    """All errata, in the order of the thesis."""
     return (
         *_of_theory(dynamics, estimates),
         *_of_model(dynamics, reduction, audit),
@@ -61,7 +61,7 @@ def errata(
 
 
 def _of_theory(dynamics: Dynamics, estimates: Estimates) -> tuple[Erratum, ...]:
-    """Chapter 2."""
+    """Errata of chapter 2."""
     fit = estimates.printed.fit
     squares = float(np.sum(fit.rows * fit.residual_rms**2))
     rows, b = int(fit.rows.sum()), len(fit.names)
@@ -102,7 +102,7 @@ def _of_theory(dynamics: Dynamics, estimates: Estimates) -> tuple[Erratum, ...]:
 
 
 def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[Erratum, ...]:
-    """Section 3.1 and the appendix."""
+    """Errata of section 3.1 and the appendix."""
     identity = next(each for each in reduction.identities if each.right)
     lines = {line.column: line for line in reduction.dependences}
     wrong_labels = sum(line.label != line.column for line in reduction.dependences)
@@ -153,7 +153,7 @@ def _of_model(dynamics: Dynamics, reduction: Reduction, audit: Audit) -> tuple[E
 
 
 def _of_method(setting: Setting, designs: Designs, steps: Steps, audit: Audit) -> tuple[Erratum, ...]:
-    """Sections 3.2 and 3.3."""
+    """Errata of sections 3.2 and 3.3."""
     by_key = {step.key: step.errors for step in steps.rows}
     sound = [
         value
@@ -188,7 +188,7 @@ def _of_method(setting: Setting, designs: Designs, steps: Steps, audit: Audit) -
 
 
 def _of_results(setting: Setting, audit: Audit) -> tuple[Erratum, ...]:
-    """Chapter 4 and the tables of the appendix."""
+    """Errata of chapter 4 and the tables of the appendix."""
     names = setting.hanging.base.names
     outlier = audit.deviations.outlier
     return (

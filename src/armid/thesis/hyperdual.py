@@ -39,7 +39,7 @@ class HyperDual:
         return bilinear(np.multiply, self, other)
 
     def times(self, factor: ArrayLike) -> HyperDual:
-        """The numbers times plain ones."""
+        """Product with real numbers."""
         return HyperDual(self.parts * np.asarray(factor))
 
     def at(self, *index: int) -> HyperDual:
@@ -54,12 +54,12 @@ def hyper_dual(value: ArrayLike, first: ArrayLike, second: ArrayLike) -> HyperDu
 
 
 def constant(value: ArrayLike) -> HyperDual:
-    """Numbers that depend on nothing."""
+    """Constants, whose derivatives are zero."""
     return hyper_dual(value, 0.0, 0.0)
 
 
 def bilinear(product: Callable[[Array, Array], Array], a: HyperDual, b: HyperDual) -> HyperDual:
-    """A product of two arrays, linear in each of them."""
+    """Bilinear product of two arrays."""
     x, y = a.parts, b.parts
     return HyperDual(
         np.stack(
@@ -86,7 +86,7 @@ def cosine(x: HyperDual) -> HyperDual:
 
 
 def stacked(numbers: list[HyperDual]) -> HyperDual:
-    """Numbers of one shape side by side, along a new last axis."""
+    """Stacks numbers of the same shape along a new last axis."""
     return HyperDual(np.stack([x.parts for x in numbers], axis=-1))
 
 

@@ -1,4 +1,4 @@
-"""The Lagrangian of the thesis, differentiated: its regressor apart from any recursion of Newton and Euler.
+"""Regressor by differentiation of the thesis's Lagrangian, independent of any Newton-Euler recursion.
 
 β of (2.33) follows link by link from the frames of Table 3.1 by (3.9), in hyper-dual numbers; the regressor is then
 
@@ -28,7 +28,7 @@ ANGLES = {"0": 0.0, "π": np.pi, "-π": -np.pi, "π/2": 0.5 * np.pi}
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frames:
-    """Table 3.1 in numbers, frame by frame, before the joint turns.
+    """Transforms of Table 3.1, frame by frame, at joint angle zero.
 
     Attributes:
         rotation: R_z(φ) R_x(θ), shape (7, 3, 3).
@@ -53,7 +53,7 @@ class Frames:
 
 
 def make_frames(thesis: Published) -> Frames:
-    """The rows of Table 3.1 as rotations and translations."""
+    """Rows of Table 3.1 as rotations and translations."""
 
     def length(symbol: str) -> float:
         return 0.0 if symbol == "0" else float(thesis.lengths[int(symbol.removeprefix("d_")) - 1])
@@ -128,7 +128,7 @@ def lagrangian_regressor(frames: Frames, motion: Motion, gravity: Array, *, prin
 
 
 def lagrangian_mass(frames: Frames, q: Array, parameters: Array) -> Array:
-    """M = ∂²L / ∂q̇ ∂q̇, shape (N, 7, 7), for parameters (7, 10) in the order of (3.8)."""
+    """Mass matrix M = ∂²L / ∂q̇ ∂q̇, shape (N, 7, 7), for parameters (7, 10) in the order of (3.8)."""
     n = q.shape[1]
     one, other = np.eye(n)[:, None, None, :], np.eye(n)[None, :, None, :]
     dq = hyper_dual(np.zeros_like(q), one, other)

@@ -1,4 +1,4 @@
-"""Prints of the thesis: its tables, its condition number, and its formulas as sums of columns and parameters."""
+"""Published data of the thesis: tables, condition number, and formulas as sums of columns and parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Published", "Sum", "Summand", "formula", "published", "weight"]
 
 @dataclass(frozen=True, slots=True)
 class Summand:
-    """A parameter or column in a sum, as in 2 (d_3 + d_4)² M_4.
+    """Summand with a parameter or column, as in 2 (d_3 + d_4)² M_4.
 
     Attributes:
         name: The parameter.
@@ -38,7 +38,7 @@ Sum = tuple[Summand, ...]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Published:
-    """The thesis in numbers [Halper2024].
+    """Published numbers of the thesis [Halper2024].
 
     Attributes:
         condition: Condition number of section 4.1.
@@ -61,12 +61,12 @@ class Published:
 
 
 def weight(summand: Summand, lengths: Array) -> float:
-    """The number that a summand's parameter is multiplied with."""
+    """Factor of a summand's parameter."""
     return summand.factor * float(sum(lengths[i - 1] for i in summand.lengths)) ** summand.power
 
 
 def formula(terms: Sum) -> str:
-    """A sum in text, `0` where it is empty."""
+    """Sum as text, `0` where it is empty."""
     if not terms:
         return "0"
     text = " ".join(_written(each, first=k == 0) for k, each in enumerate(terms))
@@ -84,7 +84,7 @@ def _written(each: Summand, *, first: bool) -> str:
 
 @cache
 def published() -> Published:
-    """The thesis's numbers, read once."""
+    """Reads the published numbers, once."""
     table: dict[str, Any] = json.loads((Path(__file__).parent / "published.json").read_text(encoding="utf-8"))
     return Published(
         float(table["condition"]),

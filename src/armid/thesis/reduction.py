@@ -29,12 +29,12 @@ GAP = 1e-10
 stand above 1e-2."""
 
 ALIKE = 1e-12
-"""Largest difference, over the largest entry, that is rounding."""
+"""Largest relative difference that counts as rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Dependence:
-    """A line of (A.1).
+    """Line of (A.1).
 
     Attributes:
         column: The column that is removed.
@@ -56,7 +56,7 @@ class Dependence:
 
 @dataclass(frozen=True, slots=True)
 class Grouping:
-    """A line of (3.39).
+    """Line of (3.39).
 
     Attributes:
         name: The base parameter.
@@ -71,7 +71,7 @@ class Grouping:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """An identity between β of one link and those before it.
+    """Identity between β of one link and those of the links before it.
 
     Attributes:
         number: Its number in the thesis.
@@ -90,7 +90,7 @@ class Identity:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reduction:
-    """Section 3.1.4.
+    """Results of section 3.1.4.
 
     Attributes:
         columns: Columns of Y.
@@ -118,7 +118,7 @@ class Reduction:
 
 
 def reduction(setting: Setting) -> Reduction:
-    """The base reduction, each printed line held against the regressor."""
+    """Checks each printed line of the base reduction against the regressor."""
     model, base = setting.hanging.dynamics, setting.hanging.base
     states = random_states(setting, seed=3)
     Y = model.regressor(states)

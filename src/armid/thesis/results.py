@@ -1,4 +1,4 @@
-"""Chapter 4: the tables of parameters in the thesis's form, and torque measured, predicted and between the two."""
+"""Chapter 4: parameter tables in the thesis's form; measured and predicted torque and their difference."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BAND = 0.1
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Table41:
-    """Base parameters as Table 4.1 has them.
+    """Base parameters in the form of Table 4.1.
 
     Attributes:
         values: Shape (57,).
@@ -39,7 +39,7 @@ class Table41:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pictures:
-    """Figures 4.2 and 4.3: one period.
+    """Data of figures 4.2 and 4.3 over one period.
 
     Attributes:
         time: Shape (N,) [s].
@@ -62,7 +62,7 @@ class Pictures:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Results:
-    """Chapter 4 on the virtual arm.
+    """Results of chapter 4 on the virtual arm.
 
     Attributes:
         names: π_b of (3.38).
@@ -90,7 +90,7 @@ class Results:
 
 
 def results(setting: Setting, estimates: Estimates) -> Results:
-    """Tables 4.1 and 4.2, Figures 4.2 and 4.3."""
+    """Computes Tables 4.1 and 4.2 and the data of Figures 4.2 and 4.3."""
     model = setting.hanging.dynamics
     return Results(
         setting.hanging.base.names,

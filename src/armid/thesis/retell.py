@@ -1,4 +1,4 @@
-"""The study of the thesis from end to end, and its numbers as one record."""
+"""Run of the whole reference study, and its numbers as one record."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from armid.thesis.steps import Steps, steps
 __all__ = ["Thesis", "retell", "thesis_record"]
 
 NEEDED = {"mujoco": "lab", "casadi": "nlp"}
-"""Packages that it needs, with their extras; asked for before a minute of work."""
+"""Required packages with their extras, checked before the work begins."""
 
 SHARES = {"model": (0.0, 0.03), "Algorithm 3": (0.03, 0.45), "Algorithm 2": (0.45, 0.96), "audit": (0.96, 1.0)}
-"""Where each chapter stands in the whole, as time goes."""
+"""Begin of each chapter as a share of the whole time."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Thesis:
-    """The study, chapter by chapter.
+    """Results of the study, chapter by chapter.
 
     Attributes:
         setting: Arm, truth and motions.
@@ -60,7 +60,7 @@ class Thesis:
 
 
 def retell(extent: Extent | None = None, *, progress: Tell | None = None) -> Thesis:
-    """Run the study.
+    """Runs the study.
 
     Args:
         extent: How much is run; all of it where not given.
@@ -93,16 +93,16 @@ def retell(extent: Extent | None = None, *, progress: Tell | None = None) -> The
 
 
 def _silent(chapter: str, share: float) -> None:
-    """Progress nobody asked for."""
+    """Callback that ignores progress."""
     del chapter, share
 
 
 SERIES = {"time", "measured", "base", "physical"}
-"""What of `Pictures` is a line of a figure and no number."""
+"""Fields of `Pictures` that are lines of a figure."""
 
 
 def thesis_record(thesis: Thesis) -> dict[str, Any]:
-    """Every number of the study but the lines of its figures, as `thesis.json` has them."""
+    """The contents of `thesis.json`: every number of the study except the lines of its figures."""
     return {
         field.name: _record(getattr(thesis, field.name))
         for field in dataclasses.fields(thesis)

@@ -1,4 +1,4 @@
-"""Ground of every chapter: the hanging arm, its model under both signs of gravity, and the virtual truth."""
+"""Common setting of all chapters: the hanging arm, its model under both signs of gravity, and the true parameters."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ __all__ = [
 ]
 
 HANGING, LITERAL = (0.0, 0.0, 9.81), (0.0, 0.0, -9.81)
-"""Gravity as an acceleration in the base of the hanging arm, and as the sign of the thesis's equations has it."""
+"""Gravity as an acceleration in the base of the hanging arm, and with the sign of the thesis's equations."""
 
 PERIOD, DESIGNED = 27.0, 20.0
-"""Seconds that the arm took for Table A.1, and that it was designed for."""
+"""Duration of Table A.1 on the arm, and in its design [s]."""
 
 Tell = Callable[[str, float], None]
-"""Told the name of the chapter and the share of it that is done."""
+"""Callback with the name of the chapter and its finished share."""
 
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Extent of a run.
+    """Extent of a study run.
 
     Attributes:
         seeds: Seeds of the noise over which medians are taken.
@@ -73,18 +73,18 @@ class Extent:
 QUICK = Extent(
     seeds=2, starts=1, stages=3, rate=1000.0, lab_rate=500.0, physics_rate=2000.0, repetitions=1, searches=1, poses=50
 )
-"""Every chapter, each as short as it goes."""
+"""Smallest extent that has every chapter."""
 
 
 def extent_of(*, quick: bool = False, seeds: int | None = None, starts: int | None = None) -> Extent:
-    """An extent with some of its numbers given."""
+    """Extent with some of its numbers replaced."""
     extent = QUICK if quick else Extent()
     return replace(extent, seeds=seeds or extent.seeds, starts=starts or extent.starts)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReferenceModel:
-    """The arm under one gravity.
+    """Model of the arm under one gravity.
 
     Attributes:
         dynamics: Rigid bodies, viscous and Coulomb friction of width zero.
@@ -95,7 +95,7 @@ class ReferenceModel:
     base: BaseParameters
 
     def theta(self, values: Array) -> Array:
-        """Standard parameters (p,) with the torque of base parameters (b,): those that are not kept are zero."""
+        """Standard parameters (p,) that give the torque of base parameters (b,); those that are not kept are zero."""
         theta = np.zeros(len(self.dynamics.parameters))
         theta[self.base.kept] = values
         return theta
@@ -107,7 +107,7 @@ class ReferenceModel:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Setting:
-    """Ground of every chapter.
+    """Common setting of all chapters.
 
     Attributes:
         hanging: The arm as it hangs.
@@ -135,7 +135,7 @@ def _model(gravity: tuple[float, float, float]) -> ReferenceModel:
 
 
 def make_setting(extent: Extent) -> Setting:
-    """The arm, its truth and its motions."""
+    """Makes the arm, its true parameters and its motions."""
     hanging, literal = _model(HANGING), _model(LITERAL)
     theta = thesis_truth(hanging.dynamics)
     return Setting(
@@ -150,7 +150,7 @@ def make_setting(extent: Extent) -> Setting:
 
 
 def random_states(setting: Setting, seed: int) -> Motion:
-    """States within the joint limits, velocities to 2 rad/s, accelerations to 5 rad/s²."""
+    """Random states within the joint limits, velocities to 2 rad/s, accelerations to 5 rad/s²."""
     rng, joints = np.random.default_rng(seed), setting.hanging.dynamics.robot.joints
     low, high = np.array([joint.position_limits for joint in joints]).T
     shape = (setting.extent.poses, len(joints))

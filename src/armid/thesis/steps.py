@@ -1,4 +1,4 @@
-"""Section 3.2 step by step: Algorithm 3 as it is printed, and then with each correction switched on in turn."""
+"""Section 3.2 step by step: Algorithm 3 as printed, then with one correction after the other."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from armid.values import Array
 __all__ = ["Estimates", "Spread", "Step", "Steps", "steps"]
 
 CORRECTED = replace(THESIS, columns=True)
-"""The thesis's own processing with its torque filter on the regressor, too."""
+"""Processing of the thesis with the torque's filter on the regressor, too."""
 
 PADDED = replace(THESIS, edges="pad", average=False)
 OWN = ProcessingOptions(edges="periodic", average=True)
@@ -25,7 +25,7 @@ OWN = ProcessingOptions(edges="periodic", average=True)
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A row of the table.
+    """Row of the table.
 
     Attributes:
         group: What the rows around it have in common.
@@ -42,7 +42,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Spread:
-    """The same over several seeds of the noise.
+    """Row over several seeds of the noise.
 
     Attributes:
         seeds: How many.
@@ -62,7 +62,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Estimates:
-    """Estimates that later chapters look at.
+    """Estimates that later chapters use.
 
     Attributes:
         printed: Ordinary least squares of Algorithm 3 as it is printed, periodic edges.
@@ -83,7 +83,7 @@ class Estimates:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Steps:
-    """Section 3.2 on the virtual arm.
+    """Results of section 3.2 on the virtual arm.
 
     Attributes:
         rows: The table.
@@ -95,7 +95,7 @@ class Steps:
 
 
 def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estimates]:
-    """Run every step, and the main ones over several seeds."""
+    """Runs every step, and the main ones over several seeds."""
     tell(0.0)
     recording = recorded(setting, seed=1)
     rows = _Rows(setting)
@@ -114,14 +114,14 @@ def steps(setting: Setting, tell: Callable[[float], None]) -> tuple[Steps, Estim
 
 
 class _Rows:
-    """The table as it grows."""
+    """Builder of the table."""
 
     def __init__(self, setting: Setting) -> None:
         self.setting = setting
         self.found: list[Step] = []
 
     def take(self, group: str, key: str, title: str, fitted: Fitted) -> Fitted:
-        """A row, and the estimate it is about."""
+        """Adds a row for an estimate."""
         self.found.append(Step(group, key, title, errors_of(self.setting, fitted)))
         return fitted
 
@@ -134,7 +134,7 @@ class _Rows:
         processing: ProcessingOptions,
         method: str = "ols",
     ) -> Fitted:
-        """A row from a recording."""
+        """Adds a row for a recording."""
         period = None if processing.edges == "pad" else PERIOD
         observations = observed(self.setting, recording, processing, period)
         return self.take(group, key, title, estimate(self.setting.hanging, observations, method))
@@ -145,7 +145,7 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
 
 
 def _edges(rows: _Rows, recording: Recording) -> None:
-    """Return what the text is silent on: ends of the mean period."""
+    """Adds rows on a choice that the thesis does not state: the ends of the mean period."""
     mean, group = mean_of(recording), "one-sided filter"
     rows.run(group, "printed-padded", "as printed, ends padded, 100 rows a second", mean, PADDED)
     every = replace(PADDED, decimate=0.0)
@@ -164,7 +164,7 @@ def _cutoffs(rows: _Rows, recording: Recording) -> None:
 
 
 def _both_sides(rows: _Rows, recording: Recording, printed: Fitted) -> Fitted:
-    """The regressor's columns through the torque's filter."""
+    """Adds rows with the torque's filter on the regressor's columns."""
     group, mean = "columns filtered too", mean_of(recording)
     padded = replace(PADDED, columns=True)
     rows.run(group, "columns-padded", "ends padded", mean, padded)
@@ -175,7 +175,7 @@ def _both_sides(rows: _Rows, recording: Recording, printed: Fitted) -> Fitted:
 
 
 def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitted) -> Estimates:
-    """Rows left out, weights, gravity, bodies."""
+    """Adds rows on excluded rows, weights, gravity and consistent links."""
     setting, group = rows.setting, "one-sided filter, other remedies"
     rows.run(group, "printed-fast", "rows below 0.1 rad/s left out", recording, replace(THESIS, slow=0.1))
     rows.take(group, "printed-weighted", "each joint weighted", by_method(printed, "wls"))
@@ -198,7 +198,7 @@ def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitte
 
 
 def _spread(setting: Setting, tell: Callable[[float], None]) -> Spread:
-    """The main rows and the sign of gravity, seed by seed."""
+    """Rows of the main steps and of the sign of gravity, seed by seed."""
     seeds = setting.extent.seeds
     errors, ratios = np.zeros((2, seeds, 2)), np.zeros((2, seeds))
     for k in range(seeds):
