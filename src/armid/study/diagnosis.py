@@ -142,8 +142,7 @@ def diagnose_recording(
     gravity = gravity_finding(robot)
     noted += [] if gravity is None else [gravity]
     if raw.effort is None:
-        remedy = 'find out what its columns are called, and name them: columns = { effort = "tau{}" }'
-        noted.append(Finding("channel-dead", "error", "effort", "There is no effort in the recording.", remedy))
+        noted.append(_no_effort(raw))
     log, how, recording = raw, understood(raw, reading), None
     for _ in range(TRIES):
         try:
@@ -157,12 +156,22 @@ def diagnose_recording(
             log, how = around
         else:
             recording = read.recording
-            noted += [*read.findings, *_sticking(recording, processing)]
+            told = [each for each in read.findings if each.code != "effort-possible"]  # said with the error
+            noted += [*told, *_sticking(recording, processing)]
             break
     evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, EXPLAINS, processing.saturation)
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
         return _of_currents(evidence)
     return examine(_reconsidered(evidence))
+
+
+def _no_effort(raw: Recording) -> Finding:
+    """Error of a log without effort, with the columns that may hold it."""
+    possible = next((each for each in raw.findings if each.code == "effort-possible"), None)
+    evidence = "There is no effort in the recording." + ("" if possible is None else f" {possible.evidence}")
+    remedy = "" if possible is None else possible.remedy
+    remedy = remedy or "log the torque or motor current of each joint, or find out what its columns are called"
+    return Finding("channel-dead", "error", "effort", evidence, remedy)
 
 
 def _sticking(recording: Recording, processing: ProcessingOptions) -> list[Finding]:

@@ -10,6 +10,7 @@ import pytest
 from armid.errors import RecordingError
 from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.names import clock_of, column_unit, named
+from armid.measurement.columns.unread import effort_possible
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
 from armid.measurement.robot_convention import to_robot_convention, understood
@@ -386,3 +387,34 @@ def test_the_reading_of_a_study_knows_what_was_guessed(tmp_path):
     raw = load_recording(path, LogFormat(), arm())
     assert understood(raw, LogFormat(rate=None)).columns["q"] == tuple(each("{}_pos", of=JOINTS))
     assert raw.columns["effort"] == tuple(each("{}_tau", of=JOINTS))
+
+
+GERMAN = ("_Winkel [deg]", "_Geschwindigkeit [deg/s]", "_Drehmoment [Nm]")
+
+
+def test_german_words_and_units_of_torque_beside_a_joints_name_are_read():
+    found = guess_columns(["Zeit [ms]", *(f"{j}{form}" for form in GERMAN for j in JOINTS)], ALL, wanted=JOINTS)
+    assert isinstance(found, Guess)
+    for quantity, form in zip(("q", "dq", "effort"), GERMAN, strict=True):
+        assert found.columns[quantity] == tuple(f"{j}{form}" for j in JOINTS)
+    q, load = [f"{j}_pos" for j in JOINTS], [f"{j}_Gelenklast [N·m]" for j in JOINTS]
+    assert guess_columns([*q, *load], ALL, wanted=JOINTS).columns["effort"] == tuple(load)
+    # A word that says torque goes before a unit alone, and other words still say that it is something else.
+    said = [f"{j}_torque [Nm]" for j in JOINTS]
+    assert guess_columns([*q, *load, *said], ALL, wanted=JOINTS).columns["effort"] == tuple(said)
+    assert "effort" not in guess_columns([*q, *(f"{j}_ext [Nm]" for j in JOINTS)], ALL, wanted=JOINTS).columns
+    assert "effort" not in guess_columns([*q, *(f"{j}_load [bar]" for j in JOINTS)], ALL, wanted=JOINTS).columns
+
+
+def test_where_effort_is_missing_the_columns_that_were_not_read_are_proposed():
+    chosen = {"time": ("t",), "q": ("q1", "q2", "q3"), "effort": ()}
+    names = ["t", "q1", "q2", "q3", "Elbow load", "turn load", "lift load", "mode"]
+    (said,) = effort_possible(names, chosen, LogFormat(), JOINTS)
+    assert "not read: Elbow load, turn load, lift load, mode" in said.evidence
+    assert tomllib.loads(said.remedy) == {"columns": {"effort": ["turn load", "lift load", "Elbow load"]}}
+    (numbered,) = effort_possible([*names[:4], "L10", "L9", "L8"], chosen, LogFormat(), ())
+    assert tomllib.loads(numbered.remedy)["columns"]["effort"] == ["L8", "L9", "L10"]
+    (none,) = effort_possible([*names[:4], "mode"], chosen, LogFormat(), JOINTS)
+    assert "mode" in none.evidence and none.remedy == ""
+    assert effort_possible(names[:4], chosen, LogFormat(), JOINTS) == ()
+    assert effort_possible(names, chosen, LogFormat(columns={"effort": ()}), JOINTS) == ()

@@ -16,6 +16,7 @@ from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns, shortened
 from armid.measurement.columns.units import factors, is_current, stated_units, unit_fields
+from armid.measurement.columns.unread import effort_possible
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
@@ -107,6 +108,7 @@ def select(
     findings = _findings(guess, guessed, chosen)
     if values is not None and _lacks_clock(chosen, reading):
         findings += _possible_clocks(present, chosen, values, reading)
+    findings += effort_possible(list(present), chosen, reading, _labels(reading, robot)[0])
     return Selection(**chosen, guessed=guessed, findings=findings)
 
 
@@ -190,13 +192,12 @@ def _guess(
     Raises:
         RecordingError: Several sets of columns are equally good.
     """
-    in_file = {joint: name for name, joint in reading.joint_map.items() if joint}
-    wanted, labels = ([], []) if robot is None else (robot.joint_names, robot.described_joints)
+    wanted, labels = _labels(reading, robot)
     guess = guess_columns(
         list(present),
         quantities,
-        wanted=[in_file.get(name, name) for name in wanted],
-        labels=[in_file.get(name, name) for name in labels],
+        wanted=wanted,
+        labels=labels,
         channels=len(chosen["q"]),
         matrices=matrices,
         values=values,
@@ -209,6 +210,13 @@ def _guess(
             remedy=naming(reading, {guess.quantity: guess.sets[0]}),
         )
     return guess
+
+
+def _labels(reading: LogFormat, robot: Robot | None) -> tuple[list[str], list[str]]:
+    """Names in the file of the arm's joints, and of all that its description has."""
+    in_file = {joint: name for name, joint in reading.joint_map.items() if joint}
+    wanted, labels = ([], []) if robot is None else (robot.joint_names, robot.described_joints)
+    return [in_file.get(name, name) for name in wanted], [in_file.get(name, name) for name in labels]
 
 
 def _as_reading(guess: Guess, reading: LogFormat, robot: Robot | None) -> dict[str, Any]:

@@ -55,11 +55,35 @@ SECONDS: Mapping[str, float] = {
 """Units of time [s]."""
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
-    "q": ("q", "pos", "position", "positions", "angle", "angles", "theta", "phi"),
-    "dq": ("dq", "qd", "qdot", "vel", "velocity", "velocities", "speed", "speeds", "omega", "dtheta"),
-    "ddq": ("ddq", "qdd", "qddot", "acc", "accel", "acceleration", "accelerations", "ddtheta"),
-    "effort": ("tau", "torque", "torques", "trq", "effort", "efforts", "moment", "moments"),
-    "current": ("i", "current", "currents", "cur", "curr"),
+    "q": ("q", "pos", "position", "positions", "angle", "angles", "theta", "phi", "winkel"),
+    "dq": (
+        "dq",
+        "qd",
+        "qdot",
+        "vel",
+        "velocity",
+        "velocities",
+        "speed",
+        "speeds",
+        "omega",
+        "dtheta",
+        "geschwindigkeit",
+    ),
+    "ddq": ("ddq", "qdd", "qddot", "acc", "accel", "acceleration", "accelerations", "ddtheta", "beschleunigung"),
+    "effort": (
+        "tau",
+        "torque",
+        "torques",
+        "trq",
+        "effort",
+        "efforts",
+        "moment",
+        "moments",
+        "drehmoment",
+        "drehmomente",
+        "momente",
+    ),
+    "current": ("i", "current", "currents", "cur", "curr", "strom"),
 }
 """Words that say which quantity a column holds."""
 
@@ -187,11 +211,13 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
     """
     text, unit = split_unit(column)
     found: list[ColumnName] = []
-    for channel, form in _channels(words(text), labels):
+    for channel, form in _channels(words(text), labels, by_unit=_is_torque(unit)):
         measured = unit_of(unit) if unit else next((UNITS[word] for word in form if word in ANGLES), None)
         if unit and measured is None:
             return []  # of something else
         quantity = _quantity(form)
+        by_unit = quantity is None and isinstance(channel, str) and channel != "" and _is_torque(unit)
+        quantity = "effort" if by_unit else quantity
         if quantity is None or OTHER & set(form) or (quantity == "current" and channel == ""):
             continue
         if measured is not None and not _fits(quantity, measured[0]):
@@ -199,9 +225,9 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
         if quantity == "effort" and measured is not None and measured[0] == "current":
             quantity = "current"
         role = 0 if MEASURED & set(form) else 2 if COMMANDED & set(form) else 1
-        found.append(
-            ColumnName(column, quantity, channel, tuple(form), (role, int(bool(MOTOR & set(form)))), measured)
-        )
+        # Where the unit alone says so, any name that says it goes first.
+        rank = (max(role, 1), 2) if by_unit else (role, int(bool(MOTOR & set(form))))
+        found.append(ColumnName(column, quantity, channel, tuple(form), rank, measured))
     return found
 
 
@@ -230,13 +256,24 @@ def split_time(column: str) -> tuple[str, str]:
     return (hit[1], hit[2]) if hit else (text, unit)
 
 
-def _channels(parts: Sequence[str], labels: Sequence[str]) -> list[tuple[str | int, list[str]]]:
-    """Possible positions of the channel in a name: the longest joint name, else each number, else none."""
+def _is_torque(unit: str) -> bool:
+    """Tell whether a unit is one of torque."""
+    return unit != "" and (unit_of(unit) or ("", 1.0))[0] == "torque"
+
+
+def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> list[tuple[str | int, list[str]]]:
+    """Possible positions of the channel in a name: the longest joint name, else each number, else none.
+
+    Args:
+        parts: Words of the name.
+        labels: What the joints are called.
+        by_unit: Whether the unit says the quantity, and no word has to.
+    """
     for label in labels:
         name = words(label)
         for k in range(len(parts) - len(name) + 1):
             form = [*parts[:k], "*", *parts[k + len(name) :]]
-            if list(parts[k : k + len(name)]) == name and _quantity(form):
+            if list(parts[k : k + len(name)]) == name and (by_unit or _quantity(form)):
                 return [(label, form)]
     numbers = [k for k, word in enumerate(parts) if word.isdigit()]
     if not numbers:

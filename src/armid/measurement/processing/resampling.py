@@ -177,7 +177,12 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]
     """
     name = recording.source or "The recording"
     if recording.effort is None:
-        raise RecordingError(f"{name} holds no effort.", remedy="name its columns under columns.effort.")
+        possible = next((each for each in recording.findings if each.code == "effort-possible"), None)
+        told = "" if possible is None else f" {possible.evidence}"
+        remedy = "" if possible is None else possible.remedy
+        raise RecordingError(
+            f"{name} holds no effort.{told}", remedy=remedy or "name its columns under columns.effort."
+        )
     counted = np.arange(recording.samples) / (recording.rate or 1.0)
     if not clock:
         time = np.arange(float(recording.samples))
