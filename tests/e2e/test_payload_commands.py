@@ -299,6 +299,19 @@ def test_what_is_built_on_a_failed_run_says_so(armid: Armid, tmp_path: Path):
     assert "earlier-run-failed" not in armid("payload", "run", "loaded.npz")[2]
 
 
+def test_noise_of_new_recordings_is_not_taken_for_a_change(armid: Armid, tmp_path: Path):
+    """A log of a lower rate has more noise in the band, which no parameter takes away; a changed tool still shows."""
+    warm, tool = recorded(5, friction=0.6), recorded(6, load=True)
+    for name, log in (("noisy", warm), ("both", tool)):
+        assert log.effort is not None
+        noise = 1.5 * np.random.default_rng(1).normal(size=log.effort.shape)
+        write_recording(replace(log, effort=log.effort + noise), tmp_path / f"{name}.npz")
+    code, _, err = armid("recalibrate", "run", tmp_path / "noisy.npz", "--out", tmp_path / "a")
+    assert code == 0 and "noisier-recordings" in err and "more-has-changed" not in err
+    code, _, err = armid("recalibrate", "run", tmp_path / "both.npz", "--out", tmp_path / "b")
+    assert code == 0 and "noisier-recordings" not in err and "more-has-changed" in err
+
+
 def test_a_changed_tool_is_noticed_and_recalibrated(armid: Armid, tmp_path: Path):
     code, out, err = armid("recalibrate", "run", "tool.npz", "--out", tmp_path / "friction")
     assert code == 0 and "more-has-changed" in err and "--tool" in err

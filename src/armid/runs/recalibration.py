@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import Estimate
 from armid.estimation.update.recalibration import ParameterChange, recalibrate_fit
-from armid.information.information import Information
+from armid.estimation.whitening import minimum_norm_solution
+from armid.information.information import Information, stack, total
 from armid.measurement.recording import Recording
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
 from armid.runs.run import Run
@@ -178,7 +180,20 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
     seen = np.isfinite(new)
     before = float(np.linalg.norm(new_recordings.run.estimate.fit.residual_rms[seen]))
     error = float(np.linalg.norm(new[seen]))
-    if changed != "all" and error > SAME_ERROR * before:
+    larger = changed != "all" and error > SAME_ERROR * before
+    least = _least_error(new_recordings.new, seen) if larger else 0.0
+    if larger and error <= SAME_ERROR * least:
+        found.append(
+            Finding(
+                "noisier-recordings",
+                "info",
+                "",
+                f"The torque error on the new recordings is {error:.3g}, the earlier run had {before:.3g}; with "
+                f"every parameter free, {least:.3g} would be left. Noise in the band is larger, as at a lower rate "
+                "or with fewer periods; it does not show that more has changed.",
+            )
+        )
+    elif larger:
         further = "--tool or --all" if changed == "friction" else "--all"
         found.append(
             Finding(
@@ -193,6 +208,15 @@ def _assumption_findings(new_recordings: NewRecordings, result: Result, changed:
     fit = result.estimate.fit
     further = (negative_finding(new_recordings.run.model, fit), few_blocks_finding(fit))
     return [*found, *(finding for finding in further if finding is not None)]
+
+
+def _least_error(new: Information, seen: NDArray[np.bool_]) -> float:
+    """Torque error that is left of new recordings by themselves with every parameter free, over some joints."""
+    whole = total(new)
+    values = minimum_norm_solution(*stack(whole))[0]
+    rows = np.maximum(whole.rows.sum(axis=0), 1)
+    squares = [np.sum((each.R[0, :, -1] - each.R[0, :, :-1] @ values[each.parameters]) ** 2) for each in whole.joints]
+    return float(np.sqrt(np.sum((np.array(squares) / rows)[seen])))
 
 
 def _regression_findings(
