@@ -160,7 +160,7 @@ def one_standard_error(errors: Array) -> int:
 
 
 def can_cross_validate(information: Information, count: int = FOLDS) -> bool:
-    """Tell whether recordings with parameters of their own are long enough to leave a part of each out.
+    """Checks whether recordings with parameters of their own are long enough to leave a part of each out.
 
     Args:
         information: Blocks in their order, separated by recording.
@@ -189,7 +189,7 @@ def _parts_of_each(information: Information, rows: Array, count: int) -> NDArray
 
 
 def _trains(information: Information, recording: NDArray[np.bool_], fold: NDArray[np.int64], parts: int) -> bool:
-    """Tell whether a recording has a part in every fold, and rows of each joint left without it."""
+    """Checks whether a recording has a part in every fold, and rows of each joint left without it."""
     if len(np.unique(fold[recording])) < parts:
         return False
     seen = information.rows[recording].any(axis=0)

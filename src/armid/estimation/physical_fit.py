@@ -183,7 +183,7 @@ class PhysicalFit:
         return fit, (*self.belief.findings, *self._findings(price, held, limited, moved))
 
     def _bounded(self) -> Array:
-        """Return what cannot be negative, shape (p,)."""
+        """Mask of the nonnegative parameters, shape (p,)."""
         bounded = self.standard.nonnegative.copy()
         for own in self.standard.inertial:
             bounded[own[[0, 4, 6, 9]]] = True  # mass and the moments of inertia about the axes

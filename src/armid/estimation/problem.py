@@ -48,7 +48,7 @@ class StandardParameters:
 
     @property
     def described(self) -> bool:
-        """Tell whether there are links and the description gives each a mass, so that a prior may lean on it."""
+        """Checks whether there are links and the description gives each a mass, so that a prior may lean on it."""
         masses = np.zeros(0) if self.nominal is None else self.nominal[self.inertial[:, 0]]
         return len(masses) > 0 and bool((masses > 0.0).all())
 

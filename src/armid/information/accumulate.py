@@ -57,7 +57,7 @@ def accumulate_information(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Information:
-    """Return what the observations say about the base parameters.
+    """Accumulates the information of observations on the base parameters.
 
     Factors are made by QR. Long unfiltered recordings first try the columns' products, twice as fast, and keep the
     result only where the condition number and the residual prove it as exact.
@@ -95,12 +95,12 @@ def accumulate_information(
 
 
 def _is_raw(run: ObservedRun, band: Band) -> bool:
-    """Tell whether the columns of this run go into the factors as they are."""
+    """Checks whether the columns of this run go into the factors as they are."""
     return band.is_open or not run.consecutive or not band.columns
 
 
 def _is_exact(information: Information) -> bool:
-    """Tell whether products of columns, instead of a QR, have cost no accuracy."""
+    """Checks whether products of columns, instead of a QR, have cost no accuracy."""
     whole = total(information)
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     residual = np.array([abs(joint.R[0, -1, -1]) for joint in whole.joints])

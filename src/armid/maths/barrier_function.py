@@ -178,7 +178,7 @@ class Barriers:
         self.constant = sum(term.weight * term.constant for term in problem.terms)
 
     def objective(self, x: Array) -> float:
-        """Return what is minimised, without the cones' barriers, at a point inside."""
+        """Objective without the barriers of the cones, at an interior point."""
         p = self.problem
         value = 0.5 * float(np.sum((p.A @ x - p.y) ** 2)) + float(p.cost @ x) + self.constant
         value += float(self.weights @ (self.costs @ x))
@@ -190,7 +190,7 @@ class Barriers:
         return value
 
     def inside(self, x: Array) -> bool:
-        """Tell whether x lies strictly inside."""
+        """Checks whether x lies strictly inside."""
         if not (np.isfinite(x).all() and (self.rows @ x + self.offsets > 0.0).all()):
             return False
         try:

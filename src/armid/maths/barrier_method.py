@@ -50,7 +50,7 @@ SMALL = 0.5
 """Largest squared decrement over the barrier's weight for which it bounds the distance from the minimum."""
 
 REMEDY = "look for a wrong sign or unit of torque or gravity: no body explains such data; or ask for another prior."
-"""What to do where a search fails."""
+"""Remedy where a search fails."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -122,7 +122,7 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def has_rigid_bodies(self) -> bool:
-        """Tell whether the inertial parameters of the links are among the parameters."""
+        """Checks whether the inertial parameters of the links are among the parameters."""
         return any(isinstance(term, RigidBody) for term in self.terms)
 
     @cached_property

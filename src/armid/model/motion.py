@@ -43,7 +43,7 @@ class Motion(Displayed):
             object.__setattr__(self, "memory", array(self.memory, (len(q), None), "memory"))
 
     def summary(self) -> Summary:
-        """Tell how far and how fast each joint goes."""
+        """Range of positions and speeds of each joint."""
         rows = tuple((str(j), *row) for j, row in enumerate(spans(self.q, self.dq, self.ddq), 1))
         seconds = float(np.ptp(self.time)) if self.samples else 0.0
         return Summary(f"{self.samples} samples over {seconds:.4g} s", ("joint", "q", "dq", "ddq"), rows, "SI units")

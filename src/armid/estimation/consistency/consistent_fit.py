@@ -206,7 +206,7 @@ class ConsistentProgram:
         return found
 
     def _contradiction(self) -> ContradictionError:
-        """Return what is said of requirements that leave no body."""
+        """Error that names the contradicting requirements."""
 
         def empty(asked: Requirements) -> bool:
             try:
@@ -227,7 +227,7 @@ class ConsistentProgram:
         return np.where(bounded, 0.0, values)
 
     def _holds(self, values: Array, feasible: Feasible) -> bool:
-        """Tell whether the bodies are physical and every other constraint holds, computed from the values."""
+        """Checks whether the bodies are physical and every other constraint holds, computed from the values."""
         least = smallest_eigenvalues(self.standard, values)
         estimated = (feasible.basis[self.standard.inertial] != 0.0).any(axis=(1, 2))
         x = feasible.unknowns(values)

@@ -159,7 +159,7 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
 
 
 def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Array, near: Array) -> NDArray[np.bool_]:
-    """Tell which parameters (p,) are masses that stand at a limit of their own.
+    """Mask (p,) of the masses at one of their limits.
 
     Args:
         standard: The standard parameters.

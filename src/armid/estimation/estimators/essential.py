@@ -165,7 +165,7 @@ def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> 
 
 
 def _finding(dropped: tuple[str, ...], count: int, rise: float, ratio: float) -> Finding:
-    """Return what was dropped, and the price."""
+    """Finding about the dropped parameters and the increase of the error."""
     names = f": {', '.join(dropped)}" if dropped else ""
     return Finding(
         "parameters-dropped",

@@ -50,7 +50,7 @@ LEAST_ERROR = 1e-4
 """Held-out variance over that of the residual below which no difference counts."""
 
 REMEDY = "look for a wrong sign of torque or gravity, a wrong unit, or a description of another arm."
-"""What to do about torques that no body explains."""
+"""Remedy for torques that no consistent body explains."""
 
 PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
 

@@ -255,7 +255,7 @@ def _working(weighted: Information, values: Array, kappa: Array) -> Information:
 
 
 def _finding(slight: NDArray[np.int64], rows: NDArray[np.int64], joints: tuple[str, ...]) -> Finding:
-    """Tell how many rows count less than half."""
+    """Number of rows with a weight below one half."""
     shares = ", ".join(
         f"{name} {count} of {of}" for name, count, of in zip(joints, slight.tolist(), rows.tolist(), strict=True)
     )
