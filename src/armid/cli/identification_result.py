@@ -104,7 +104,12 @@ def print_next(
     if result.validation.verdict == "fail" and inputs:
         steps.append((f"armid doctor {' '.join(map(shlex.quote, inputs))}", "faults of the recordings"))
     if result.estimate.fit.standard is None:
-        steps.append((f"armid export {run} --to c", "the model as source code; descriptions need --method physical"))
+        steps.append(
+            (
+                f"armid export {run} --to c",
+                "the model as source code; --to urdf where consistent bodies fit",
+            )
+        )
     else:
         format_name = "mjcf" if Path(result.study.robot.description).suffix == ".xml" else "urdf"
         steps.append((f"armid export {run} --to {format_name}", "the model as a robot description, or code: --to c"))

@@ -262,3 +262,10 @@ def test_a_model_that_loses_most_windows_fails_its_verdict(lost: int, verdict: s
     assert (judged.verdict, judged.checks[-1].ok) == (verdict, verdict == "pass")
     assert judged.checks[-1].value == lost / 51
     assert judged.checks[-1].name == "windows of 0.5 s lost under the recorded torque alone, as a share"
+
+
+def test_a_tolerance_that_is_never_left_is_said_to_last_longer_than_the_window():
+    none, held = np.zeros(3), np.array([0.5, 0.12, 0.5])
+    score = MotionScore("log.csv", none, none, held, none, None, 51, Losses(0), 0.5, 0.01)
+    table = motion_table(small_model().robot, [score], closed=False)
+    assert list(table.columns[4].cells) == ["> 0.50 s", "0.12 s", "> 0.50 s"]

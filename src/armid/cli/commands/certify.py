@@ -104,7 +104,8 @@ def _report(verdict: Verdict, motion: str | None) -> None:
         f"inertial parameters); one choice of link masses for them, kg: {_list(certificate.masses)}"
     )
     console.print(
-        f"  with no link above {verdict.heaviest:g} kg: distance {verdict.limited.distance:.4g}; masses, kg: "
+        f"  with no link above {verdict.heaviest:.3g} kg (10 kg, or twice the heaviest described link; --heaviest "
+        f"says another): distance {verdict.limited.distance:.4g}; masses, kg: "
         f"{_list(verdict.limited.masses)}"
     )
     definite = "positive definite" if verdict.pose.min_eigenvalue > 0.0 else "not positive definite everywhere"

@@ -51,7 +51,7 @@ def motion_table(robot: Robot, scores: Sequence[MotionScore], *, closed: bool) -
             _number(scale * _mean_square([score.rms[j] for score in scores]), unit),
             _number(scale * max(score.peak[j] for score in scores), unit),
             _number(scale * _mean_square([score.travelled[j] for score in scores]), unit),
-            f"{np.mean([score.held[j] for score in scores]):.2f} s",
+            _held_time(float(np.mean([score.held[j] for score in scores])), first.seconds),
             _number(scale * _mean_square(prior), unit) if prior else "-",
         )
     count = sum(score.windows for score in scores)
@@ -70,6 +70,11 @@ def _missing_nominal(scores: Sequence[MotionScore], count: int) -> str:
         return ", which has no inertias here"
     lost = sum(score.losses.nominal for score in scores)
     return f", whose simulation diverged in {lost} of the {count} windows, so its error is not given" if lost else ""
+
+
+def _held_time(held: float, longest: float) -> str:
+    """Time [s] within the tolerance; more than the window where it was never left."""
+    return f"> {longest:.2f} s" if held > 0.999 * longest else f"{held:.2f} s"
 
 
 def _mean_square(values: Sequence[float]) -> float:

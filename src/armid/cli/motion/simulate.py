@@ -126,8 +126,13 @@ def _report(done: WrittenSimulation, *, json: bool) -> None:
         }
         sys.stdout.write(to_json(record) + "\n")
         return
+    units = dict.fromkeys(joint.effort_unit for joint in truth.robot.joints)
+    peaks = ", ".join(f"{x:.1f}" for x in peak)
+    if len(units) > 1:
+        peaks = ", ".join(f"{x:.1f} {joint.effort_unit}" for x, joint in zip(peak, truth.robot.joints, strict=True))
+    told = peaks if len(units) > 1 else f"{peaks} {next(iter(units), '')}"
     written = [done.recording, done.truth, *([done.noise_free] if done.noise_free else [])]
     sys.stdout.write(
         f"{plural(recording.samples, 'row')} of {plural(truth.robot.n, 'joint')}; peak torque "
-        f"{', '.join(f'{x:.1f}' for x in peak)}\nwritten: {', '.join(map(str, written))}\n"
+        f"{told}\nwritten: {', '.join(map(str, written))}\n"
     )

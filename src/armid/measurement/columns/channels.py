@@ -103,7 +103,8 @@ def _by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
     raise RecordingError(
         f"{recording.source} has {recording.n} channels; {robot.name} has {robot.n} joints: "
         f"{', '.join(robot.joint_names)}{held}.",
-        remedy='lock the joints that were not recorded, or say whose the channels are: joints = ["…", …], '
+        remedy="name the part of the arm recorded (--tip or --only), lock the joints that were not (--lock), "
+        'or say whose the channels are: joints = ["…", …], '
         "with an empty name for a channel to leave out.",
     )
 

@@ -32,7 +32,7 @@ def show_consistency(page_data: PageData) -> Section | None:
         "eigenvalue": short(verdict.pose.min_eigenvalue),
         "unit": verdict.pose.unit,
         "positive": verdict.pose.min_eigenvalue > 0.0,
-        "heaviest": f"{verdict.heaviest:g}",
+        "heaviest": f"{verdict.heaviest:.3g}",
         "limited": short(verdict.limited.distance),
         "gap": short(certificate.gap, 2),
     }
@@ -60,7 +60,7 @@ def _bodies(page_data: PageData) -> Table:
         Column("joint", words=True),
         Column("mass, CAD/URDF", "kg"),
         Column("mass, nearest consistent", "kg"),
-        Column(f"mass, none above {verdict.heaviest:g} kg", "kg"),
+        Column(f"mass, none above {verdict.heaviest:.3g}", "kg"),
         Column("worst pose", unit),
     )
     note = (
