@@ -89,7 +89,7 @@ def test_children_too_large_for_the_link_are_scaled_and_it_is_said(tmp_path: Pat
     theta[model.inertial_columns] = light.ravel()
     exported = export_run(run_with(tmp_path / "run", source, model, theta, locked=LOCKED), "urdf")
     assert codes(exported)["children-scaled"].startswith(
-        "one: with plate as described, what is left of the identified link"
+        "one: with plate as described, the rest of the identified link"
     )
     again = load_robot(exported.path, locked=LOCKED).inertial_vector
     np.testing.assert_allclose(again, light, rtol=0, atol=1e-14)
@@ -125,7 +125,7 @@ def test_an_mjcf_keeps_its_text_and_gets_attributes(tmp_path: Path):
         r"<joint name=\"a\" axis=\"0 0 1\" damping='\S+' range=\"-90 90\" frictionloss=\"\S+\" arm", found
     )
     assert '<inertial pos="0.0 0.0 0.0" mass="0.0" diaginertia="0.0 0.0 0.0"/><geom mesh="shell"/></body>' in found
-    assert codes(exported)["mesh-mass-removed"].startswith("cover: other programs would make its inertia")
+    assert codes(exported)["mesh-mass-removed"].startswith("cover: other programs compute its inertia")
     assert "ball keeps what the description says" in codes(exported)["difference-taken"]
 
 
@@ -260,7 +260,7 @@ def test_a_description_that_has_changed_is_no_ground_to_write_on(tmp_path: Path)
     source = write(tmp_path, URDF)
     run = run_of(tmp_path / "run", source, locked=LOCKED)
     moved = source.rename(tmp_path / "moved.urdf")
-    with pytest.raises(OutputError, match=r"is not there any more(.|\n)*--description FILE"):
+    with pytest.raises(OutputError, match=r"does not exist any more(.|\n)*--description FILE"):
         export_run(run, "urdf")
     assert export_run(run, "urdf", description=moved).edited == str(moved)
     moved.write_text(URDF.replace("3.0", "3.1"))
@@ -272,7 +272,7 @@ def test_a_file_that_says_something_else_is_not_written(tmp_path: Path, monkeypa
     """The check is real: one digit lost in writing is enough."""
     run = run_of(tmp_path / "run", write(tmp_path, URDF), locked=LOCKED)
     monkeypatch.setattr(urdf, "text_of", lambda *numbers: " ".join(f"{x:.7g}" for x in numbers))
-    with pytest.raises(OutputError, match="does not say what was identified"):
+    with pytest.raises(OutputError, match="differs from the identified model"):
         export_run(run, "urdf")
     assert not (tmp_path / "run" / "odd.urdf").exists()
 

@@ -65,7 +65,7 @@ def test_limits_that_are_known_are_written(tmp_path):
 
 def test_joints_with_stops_ask_for_theirs(tmp_path):
     made = run(tmp_path, lift="velocity = 2", slide="")
-    with pytest.raises(OutputError, match="has not all of lift, slide") as caught:
+    with pytest.raises(OutputError, match="lacks some of lift, slide") as caught:
         export_run(made, "urdf", tmp_path / "out.urdf")
     assert not (tmp_path / "out.urdf").exists() and not list(tmp_path.glob("*.armid.json"))
     option = caught.value.remedy.partition("--limit ")[2]

@@ -43,7 +43,7 @@ def unseen(run, *links):
 def test_links_that_nothing_tells_are_refused_and_named(tmp_path, to):
     run = unseen(run_of(tmp_path / "run", table(tmp_path, 0, 0)), 1)
     with pytest.raises(
-        OutputError, match=r"No torque tells the mass of link_1 \(.* kg\), and the description"
+        OutputError, match=r"Torques do not determine the mass of link_1 \(.* kg\), and the description"
     ) as caught:
         export_run(run, to, tmp_path / "out")
     assert "--allow-unidentified" in caught.value.possible and "rough masses" in caught.value.remedy
