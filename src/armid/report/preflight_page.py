@@ -176,7 +176,7 @@ def show_approaches(designed: Designed) -> Section | None:
     )
     title = f"Closest approach of each of {len(rows)} pairs of links, the nearest first"
     table = Table("approaches", title, columns, rows, note, folded=len(rows) > MANY)
-    skipped = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped]
+    skipped = [each.account for each in report.skipped]
     return Section("Closest approaches", {"skipped": skipped}, (table,))
 
 

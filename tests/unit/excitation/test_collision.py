@@ -370,7 +370,7 @@ def test_the_start_that_is_found_has_room():
     with pytest.raises(ArmidError, match="which its torques can hold"):
         choose_start(cell, limits, lambda q: np.zeros(len(q), dtype=np.bool_))
     full = Shape("block", -1, "box", np.array([3.0, 3.0, 3.0]), homogeneous(np.eye(3), [0.0, 0.0, 1.0]))
-    with pytest.raises(ArmidError, match=r"In the start pose link_\d - block"):
+    with pytest.raises(ArmidError, match=r"bodies that are too close exclude 100 % \(link_\d - block 100 %"):
         choose_start(make_collision_model(upright, limits_of(upright), [floor(), full]), limits_of(upright))
 
 

@@ -96,6 +96,10 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         "bodies.", "--collision/--no-collision",
     ),
     "clearance": _option(float, 0.02, "Required distance between bodies, m."),
+    "ignore_pair": _option(
+        SEVERAL, None, "Two links or bodies that need not keep apart, also patterns; repeatable.", metavar="A,B"
+    ),
+    "srdf": _option(Path | None, None, "SRDF whose disabled pairs of links need not keep apart."),
     "floor": _option(
         float | None, None, "Height of a floor above the base, m. By default the plane through "
         "the base, if the arm stands on it."

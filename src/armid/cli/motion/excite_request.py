@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError
+from armid.excitation.collision.ignored_pairs import ignored_of_srdf, parse_ignored
 from armid.excitation.design.multistart import Progress
 from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
 from armid.excitation.fourier import Excitation
@@ -105,6 +106,10 @@ def design_constraints(options: Mapping[str, Any], robot: Robot) -> DesignConstr
         _workspace(options["tip_box"]),
         None if options["envelope"] is None else motion_of_file(options["envelope"], robot),
         not options["envelope_of_arm"],
+        (
+            *map(parse_ignored, options["ignore_pair"] or ()),
+            *(() if options["srdf"] is None else ignored_of_srdf(options["srdf"])),
+        ),
     )
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from armid.errors import ArmidError
 from armid.excitation.collision.coal import distances, too_close
 from armid.excitation.collision.convex_hulls import Hulls
 from armid.excitation.collision.distances import Clearance, CollisionBodies
+from armid.excitation.collision.ignored_pairs import IgnoredBodies, ignored_pairs
 from armid.excitation.collision.pairs import pairs_of_bodies
 from armid.excitation.collision.required_distances import (
     BY_CAPSULES,
@@ -49,6 +50,9 @@ TRIED = 300
 NEAR = 0.08
 """A pair takes part in the search if its distance in any of these poses is below the margin plus this [m]."""
 
+WIDE = 0.1
+"""Share of random poses that the capsules of a pair exclude above those that hulls do, if they are much too wide."""
+
 HALF_STEP, CERTIFICATE = 0.0005, 0.003
 """Half a step of the certificate's grid [s], and a bound [m]. Beyond the margin a search keeps the distance by which
 bodies can approach in this time at the velocity limits, at most the bound, so that the certificate need not shrink
@@ -63,16 +67,23 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class IgnoredPair:
-    """Pair of bodies that touch by construction and are not checked.
+    """Two bodies that are not looked at: they touch by construction, or were left out by hand.
 
     Attributes:
         pair: Their names.
-        share: Share of random poses in which the bodies overlap, 0 to 1; for the first link and the mount, in which
-            they are closer than the required distance.
+        share: Of some random poses in which the bodies themselves overlap, or, of the first link above what the arm
+            is mounted on, are closer than what is asked, 0 to 1; NaN where it was not counted.
+        reason: Who asked to leave the pair out; empty where its bodies touch by construction.
     """
 
     pair: str
     share: float
+    reason: str = ""
+
+    @property
+    def account(self) -> str:
+        """The pair, with its share of poses or who left it out."""
+        return f"{self.pair} ({self.reason or f'{100.0 * self.share:.0f} %'})"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -134,6 +145,7 @@ class CollisionModel:
         nearest: Smallest distance of each pair in many random poses, shape (m,) [m].
         touching: Share of these poses in which each pair is closer than the required distance, shape (m,).
         tried: Some of these poses, shape (k, n).
+        ignored: Pairs that were left out by hand, by number, with who asked for that.
     """
 
     robot: Robot
@@ -144,6 +156,7 @@ class CollisionModel:
     nearest: Array
     touching: Array
     tried: Array
+    ignored: Mapping[int, str] = field(default_factory=dict[int, str])
 
     def excess_distance(self, q: Array) -> Array:
         """Smallest excess over the required distances in poses (N, n), shape (N,) [m]; negative where too close."""
@@ -162,15 +175,35 @@ class CollisionModel:
         found = distances(self.shapes, self.pairs[which], forward_kinematics(self.robot, q))
         return np.asarray((found > self.required.margin[which]).all(axis=1))
 
+    @property
+    def margin(self) -> float:
+        """Distance that is asked of pairs that are not close by construction [m]."""
+        return float(self.required.margin.max(initial=0.0))
+
+    def too_close(self, q: Array) -> NDArray[np.bool_]:
+        """Tell which pairs are closer in poses (N, n) than they should keep, shape (N, m)."""
+        close = (self.distances(q) < self.required.margin) & self.required.of(BY_CAPSULES)
+        which = np.flatnonzero(self.required.of(MEASURED))
+        found = distances(self.shapes, self.pairs[which], forward_kinematics(self.robot, q))
+        close[:, which] = found <= self.required.margin[which]
+        return close
+
     def distances(self, q: Array) -> Array:
         """Distance of each pair in poses (N, n), shape (N, m) [m]."""
         return self.bodies.distances(forward_kinematics(self.robot, q))
 
-    def closer(self, which: NDArray[np.intp], margin: float) -> CollisionModel:
-        """Model in which some pairs, by rising indices, use convex hulls where these are tighter than capsules."""
+    def closer(self, which: NDArray[np.intp], margin: float, gain: float = -1.0) -> CollisionModel:
+        """The same with some of the pairs, rising, measured by hulls where these lie closer around the bodies.
+
+        Args:
+            which: The pairs.
+            margin: Distance below which bodies count as touching [m].
+            gain: Share of random poses that hulls must free.
+        """
         hulls, poses = Hulls(self.shapes, self.pairs[which], which), forward_kinematics(self.robot, self.tried)
         apart, before = hulls.distances(poses), self.bodies.distances(poses)[:, which]
         better = apart.sum(axis=0) > before.sum(axis=0) + ROUNDING
+        better &= self.touching[which] - (apart < margin).mean(axis=0) >= gain
         kept = np.union1d(self.bodies.hulls.at, which[better])
         touching, nearest = self.touching.copy(), self.nearest.copy()
         touching[which[better]] = (apart < margin).mean(axis=0)[better]
@@ -178,9 +211,19 @@ class CollisionModel:
         bodies = replace(self.bodies, hulls=Hulls(self.shapes, self.pairs[kept], kept))
         return replace(self, bodies=bodies, nearest=nearest, touching=touching)
 
+    def tightened(self) -> CollisionModel:
+        """The same with hulls for all pairs whose capsules are so wide that they exclude many poses."""
+        wide = np.flatnonzero(self.required.of(BY_CAPSULES) & (self.touching > WIDE))
+        return self.closer(np.setdiff1d(wide, self.bodies.hulls.at), self.margin, WIDE)
+
 
 def make_collision_model(
-    robot: Robot, limits: Limits, surroundings: Sequence[Shape] = (), *, margin: float = 0.02
+    robot: Robot,
+    limits: Limits,
+    surroundings: Sequence[Shape] = (),
+    *,
+    margin: float = 0.02,
+    ignored: Sequence[IgnoredBodies] = (),
 ) -> CollisionModel:
     """Collision model of an arm and its surroundings, with required distances from random poses.
 
@@ -189,6 +232,7 @@ def make_collision_model(
         limits: Limits of its joints.
         surroundings: Bodies that do not move.
         margin: Distance that bodies keep [m].
+        ignored: Pairs that are not checked.
 
     Raises:
         ArmidError: The description has no shapes, or the margin is negative.
@@ -220,11 +264,14 @@ def make_collision_model(
     required = uniform_distances(margin, np.minimum(HALF_STEP * fastest, CERTIFICATE))
     nearest = distance.min(axis=0, initial=np.inf)
     cell = CollisionModel(robot, shapes, bodies, pairs, required, nearest, touching, q[:TRIED])
-    cell = cell.closer(np.flatnonzero(touching > CONSTRUCTION), margin)
+    reasons = ignored_pairs(ignored, bodies.labels, tuple(shape.name for shape in shapes))
+    looked = np.array([k not in reasons for k in range(len(pairs))], dtype=np.bool_)
+    cell = cell.closer(np.flatnonzero((touching > CONSTRUCTION) & looked), margin)
     around = cell.distances(cell.tried)
-    return replace(
-        cell, required=adjusted_distances(required, robot, shapes, pairs, cell.tried, around, cell.touching)
-    )
+    touching = np.where(looked, cell.touching, 0.0)
+    required = adjusted_distances(required, robot, shapes, pairs, cell.tried, around, touching)
+    required = replace(required, kind=np.where(looked, required.kind, LEFT_OUT))
+    return replace(cell, touching=touching, required=required, ignored=reasons)
 
 
 def empty_collision_model(robot: Robot) -> CollisionModel:
@@ -296,7 +343,12 @@ def looked_at(cell: CollisionModel) -> CollisionOptions:
     return CollisionOptions(
         None,
         Clearance("collision", cell.bodies.only(kept), required.margin[kept]),
-        tuple(IgnoredPair(labels[k], float(required.touching[k])) for k in np.flatnonzero(required.of(LEFT_OUT))),
+        tuple(
+            IgnoredPair(
+                labels[k], np.nan if k in cell.ignored else float(required.touching[k]), cell.ignored.get(k, "")
+            )
+            for k in np.flatnonzero(required.of(LEFT_OUT)).tolist()
+        ),
         cell.shapes,
         cell.pairs[kept],
         len(cell.robot.shapes),

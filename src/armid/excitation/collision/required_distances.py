@@ -3,6 +3,8 @@
 Bodies two joints apart may be only a few millimetres apart by construction, in all or most poses. They cannot keep
 the margin, but they can collide; they have to keep half of their usual distance. Pairs that overlap in nearly all
 poses are not checked, as in MoveIt's setup assistant. The pair of the first link and the mount is not checked either.
+Pairs two joints apart are not checked where they overlap in more than two thirds of the poses: no joint is built
+to be free in less than a third of its range, so the bodies are wider than the links.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from armid.robot.shapes import Shape
 from armid.values import Array
 
 __all__ = [
+    "ALWAYS",
     "BY_CAPSULES",
     "CONSTRUCTION",
     "LEFT_OUT",
@@ -39,15 +42,20 @@ NEIGHBOURS = 2
 CONSTRUCTION = 0.5
 """Share of random poses below the margin above which a pair may be close by construction."""
 
-ALWAYS, FAR = 0.95, 0.99
-"""Shares of random poses with overlap from which a pair is not checked: for links at most `NEIGHBOURS` joints apart,
-and for others, as of an elbow that is described in two parts. MoveIt's setup assistant has 0.95."""
+MOSTLY, ALWAYS, FAR = 2.0 / 3.0, 0.95, 0.99
+"""Neighbours that overlap in more than the first share of random poses are not looked at, nor are links further apart
+that overlap in the last, as a description with an elbow of two pieces has it. What overlaps in the second, that of
+MoveIt's setup assistant, counts as touching always."""
 
 LEAST = 1e-3
 """Usual distance [m] below which bodies count as touching."""
 
 HALF, QUARTER = 0.5, 0.25
 """Shares of the usual distance of a close pair: that it must keep, and that a search keeps in addition."""
+
+OFTEN = 0.25
+"""Share of poses that hulls of neighbours may exclude; where their triangles exclude less than half of that, the pair
+is measured by these."""
 
 FREE = 0.75
 """Quantile of the distances at which a pair that keeps the margin is not close by construction."""
@@ -123,14 +131,13 @@ def adjusted_distances(
             continue
         close[k] = apart <= NEIGHBOURS
         usual = float(np.median(around[:, k]))
-        if apart > NEIGHBOURS and usual > LEAST and touching[k] < FAR:
-            continue
-        if float(np.quantile(around[:, k], FREE)) > margin[k]:
+        distant = apart > NEIGHBOURS and usual > LEAST and touching[k] < FAR
+        if distant or float(np.quantile(around[:, k], FREE)) > margin[k]:
             continue
         if usual <= LEAST:
             actual = distances(tuple(shapes), pairs[[k]], poses)[:, 0]
             overlap = float((actual <= 0.0).mean())
-            if overlap >= (ALWAYS if apart <= NEIGHBOURS else FAR):
+            if overlap > MOSTLY if apart <= NEIGHBOURS else overlap >= FAR:
                 kind[k], share[k] = LEFT_OUT, overlap
                 continue
             if apart > NEIGHBOURS:
@@ -139,6 +146,34 @@ def adjusted_distances(
             if usual <= max(LEAST, HALF * float(np.quantile(actual, 0.9))):
                 kind[k] = MEASURED
                 usual = max(float(np.quantile(actual, 0.9)), 0.0)
+        if kind[k] != MEASURED and apart <= NEIGHBOURS:
+            usual, kind[k] = _of_neighbours(tuple(shapes), pairs[[k]], poses, around[:, k], (usual, float(margin[k])))
         margin[k] = min(margin[k], HALF * usual)
         spare[k] = min(spare[k], QUARTER * usual)
     return RequiredDistances(margin, spare, kind, share, close)
+
+
+def _of_neighbours(
+    shapes: tuple[Shape, ...],
+    pair: NDArray[np.intp],
+    poses: tuple[Array, Array],
+    around: Array,
+    kept: tuple[float, float],
+) -> tuple[float, int]:
+    """Usual distance of two neighbours [m] and how they are looked at.
+
+    Args:
+        shapes: The bodies.
+        pair: Indices of the two, shape (1, 2).
+        poses: Some of the random poses.
+        around: Distances of what is around the bodies in random poses, shape (k,) [m].
+        kept: The usual distance of what is around them, and the margin that is asked [m].
+    """
+    usual, margin = kept
+    excluded = float((around < min(margin, HALF * usual)).mean())
+    if excluded > OFTEN:
+        actual = distances(shapes, pair, poses)[:, 0]
+        middle = max(float(np.median(actual)), 0.0)
+        if float((actual <= min(margin, HALF * middle)).mean()) < HALF * excluded:
+            return middle, MEASURED
+    return usual, BY_CAPSULES

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import Margin, certified, fine_grid
@@ -26,7 +25,7 @@ from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.preflight import Preflight, preflight, worst
 from armid.excitation.series_basis import SeriesBasis
 from armid.excitation.settled import unsettled
-from armid.excitation.start_pose import Holds, any_pose
+from armid.excitation.start_pose import Holds, TorqueHolds, any_pose
 from armid.notebook import Displayed, Summary
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.missing_inertia import inertial_key, massless_joints
@@ -240,13 +239,12 @@ def _holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
     if torque is None:
         return any_pose
 
-    def holds(q: Array) -> NDArray[np.bool_]:
+    def shares(q: Array) -> Array:
         columns = Columns(goal.source, len(q))
         columns.fill(q, np.zeros_like(q), np.zeros_like(q))
-        share = np.abs(columns.torque(torque.base)[:, torque.joints]) / torque.limit
-        return np.asarray((share <= HELD).all(axis=1), dtype=np.bool_)
+        return np.abs(columns.torque(torque.base)[:, torque.joints]) / torque.limit
 
-    return holds
+    return TorqueHolds(torque.labels, shares, HELD)
 
 
 def _with_leads(basis: SeriesBasis, x: Array, goal: DesignGoal, limits: Limits, name: str) -> Plan:

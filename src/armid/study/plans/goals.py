@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from armid.excitation.collision.ignored_pairs import IgnoredBodies
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.limits.workspace import Workspace
 from armid.model.motion import Motion
@@ -60,6 +61,7 @@ class DesignConstraints:
         workspace: Region that the tip must stay in.
         envelope: Motion whose velocity and acceleration are not exceeded.
         envelope_by_joint: Whether the envelope applies joint by joint, or as the maximum over all joints.
+        ignored: Pairs of bodies that are not checked.
     """
 
     limits: str = "true"
@@ -74,6 +76,7 @@ class DesignConstraints:
     workspace: Workspace | None = None
     envelope: Motion | None = None
     envelope_by_joint: bool = True
+    ignored: tuple[IgnoredBodies, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

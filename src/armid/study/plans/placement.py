@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armid.errors import ArmidError, Finding
 from armid.excitation.collision.collision_model import (
+    CollisionModel,
     CollisionOptions,
+    IgnoredPair,
     empty_collision_model,
     kept_apart,
     make_collision_model,
 )
+from armid.excitation.collision.required_distances import ALWAYS
 from armid.excitation.limits.joint_limits import Limits
-from armid.excitation.start_pose import Holds, any_pose, choose_start, usual_pose
+from armid.excitation.start_pose import Holds, Start, any_pose, choose_start, free_range, usual_pose
+from armid.notebook import plural
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.study.plans.goals import DesignConstraints
 from armid.values import Array
 
 __all__ = ["Placement", "place_motion"]
+
+TIGHT = 0.1
+"""Share of swings that are free about a start pose below which capsules are replaced by hulls."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -84,13 +92,15 @@ def _among_bodies(
     given: Array | None,
     holds: Holds,
 ) -> Placement:
-    """Placement with bodies that keep apart."""
+    """The start among bodies."""
     assert constraints.clearance is not None
-    cell = make_collision_model(robot, limits, around, margin=constraints.clearance)
+    cell = make_collision_model(robot, limits, around, margin=constraints.clearance, ignored=constraints.ignored)
     findings: tuple[Finding, ...] = ()
     start = given
-    if start is None:
-        chosen = choose_start(cell, limits, holds)
+    if start is not None:
+        cell = cell if free_range(cell, limits, start, holds) >= TIGHT else cell.tightened()
+    else:
+        cell, chosen = _choose(cell, limits, holds)
         start = chosen.pose
         if not chosen.usual:
             evidence = (
@@ -100,6 +110,18 @@ def _among_bodies(
             findings = (_chosen(evidence),)
     collision = kept_apart(cell, start)
     return Placement(start, collision, (*findings, *_skipped_pairs(collision)))
+
+
+def _choose(cell: CollisionModel, limits: Limits, holds: Holds) -> tuple[CollisionModel, Start]:
+    """A start pose among bodies, measured by hulls where capsules are so wide that they leave none with room."""
+    try:
+        chosen = choose_start(cell, limits, holds)
+        if chosen.free_share >= TIGHT:
+            return cell, chosen
+    except ArmidError:
+        pass
+    tight = cell.tightened()
+    return tight, choose_start(tight, limits, holds)
 
 
 def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, tuple[Finding, ...]]:
@@ -146,12 +168,37 @@ def _no_floor(why: str) -> Finding:
 
 
 def _skipped_pairs(collision: CollisionOptions) -> tuple[Finding, ...]:
-    """Finding on pairs of bodies that are not checked because they touch in nearly all poses."""
-    if not collision.skipped:
-        return ()
-    pairs = "; ".join(f"{each.pair} ({100 * each.share:.0f} %)" for each in collision.skipped)
-    evidence = f"{len(collision.skipped)} pairs of bodies touch in nearly all poses and are not checked: {pairs}"
-    return (Finding("pairs-touching-always", "info", "", evidence),)
+    """Pairs of bodies that are not looked at: what touches in nearly all poses, and neighbours that do in most."""
+    asked = [each for each in collision.skipped if each.reason]
+    always = [each for each in collision.skipped if not each.reason and each.share >= ALWAYS]
+    mostly = [each for each in collision.skipped if not each.reason and each.share < ALWAYS]
+    findings: list[Finding] = []
+    if asked:
+        said = f"{_bodies(asked)} {_are(asked)} not looked at, as asked: {'; '.join(each.account for each in asked)}"
+        findings.append(Finding("pairs-ignored", "info", "", said))
+    if always:
+        said = f"{_bodies(always)} touch in nearly all poses and {_are(always)} not looked at: {_shares(always)}"
+        findings.append(Finding("pairs-touching-always", "info", "", said))
+    if mostly:
+        said = (
+            f"{_bodies(mostly)} of neighbouring links overlap in most poses, as the bodies of the description are "
+            f"made, and {_are(mostly)} not looked at (share of random poses): {_shares(mostly)}"
+        )
+        remedy = "if the links can meet, narrow the joints between them with --limit JOINT.position=LOW:HIGH."
+        findings.append(Finding("pairs-touching-mostly", "info", "", said, remedy))
+    return tuple(findings)
+
+
+def _bodies(pairs: Sequence[IgnoredPair]) -> str:
+    return f"{plural(len(pairs), 'pair')} of bodies"
+
+
+def _are(pairs: Sequence[IgnoredPair]) -> str:
+    return "is" if len(pairs) == 1 else "are"
+
+
+def _shares(pairs: Sequence[IgnoredPair]) -> str:
+    return "; ".join(each.account for each in pairs)
 
 
 def _checked_start(robot: Robot, limits: Limits, given: Array) -> Array:

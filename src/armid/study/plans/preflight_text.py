@@ -49,7 +49,10 @@ def report_record(designed: Designed) -> dict[str, Any]:
         "approaches": [
             {"pair": a.pair, "distance": a.distance, "time": a.time, "asked": a.asked} for a in report.approaches
         ],
-        "skipped_pairs": [{"pair": each.pair, "touching": each.share} for each in report.skipped],
+        "skipped_pairs": [
+            {"pair": each.pair, "touching": None if each.reason else each.share, "reason": each.reason or "touching"}
+            for each in report.skipped
+        ],
         "condition": expected.condition,
         "log_det": expected.log_det,
         "base_parameters": [
@@ -90,9 +93,9 @@ def report_text(designed: Designed, *, findings: bool = True) -> str:
         ]
         if len(report.approaches) > MOST_LINES:
             lines.append(f"  … {len(report.approaches) - MOST_LINES} more pairs are further apart")
-    skipped = [f"{each.pair} ({100 * each.share:.0f} %)" for each in report.skipped]
-    if skipped:
-        lines += ["", f"not looked at, because they touch in nearly all poses (share of poses): {'; '.join(skipped)}"]
+    if report.skipped:
+        left = "; ".join(each.account for each in report.skipped)
+        lines += ["", f"not looked at, as they touch in most poses (share of poses) or were left out by hand: {left}"]
     lines += _expected_lines(designed)
     if findings:
         lines += ["", *(_finding_line(finding) for finding in findings_of(designed))]

@@ -1,0 +1,105 @@
+"""Pairs of bodies that a user leaves out: by name or pattern, or as an SRDF of MoveIt disables them."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from armid.errors import ArmidError, did_you_mean
+from armid.robot.joint_selection import matching
+
+__all__ = ["IgnoredBodies", "ignored_of_srdf", "ignored_pairs", "parse_ignored"]
+
+
+@dataclass(frozen=True, slots=True)
+class IgnoredBodies:
+    """Two links or bodies that are not kept apart.
+
+    Attributes:
+        first: Name or pattern (`*`, `?`, `[…]`).
+        second: The same of the other.
+        reason: Who asks for it, an option or a file.
+        strict: Whether names that no body has are an error.
+    """
+
+    first: str
+    second: str
+    reason: str
+    strict: bool = True
+
+
+def parse_ignored(text: str) -> IgnoredBodies:
+    """`A,B` of `--ignore-pair`.
+
+    Raises:
+        ArmidError: These are not two names.
+    """
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or not all(names):
+        raise ArmidError(f"--ignore-pair {text}: this is no pair.", remedy="write two names or patterns: A,B.")
+    return IgnoredBodies(names[0], names[1], "--ignore-pair")
+
+
+def ignored_of_srdf(path: Path | str) -> tuple[IgnoredBodies, ...]:
+    """Pairs of links whose collisions an SRDF disables.
+
+    Raises:
+        ArmidError: The file is missing, no XML, or disables nothing.
+    """
+    path = Path(path)
+    try:
+        root = ET.fromstring(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, ET.ParseError) as error:
+        raise ArmidError(
+            f"{path} is no SRDF: {error}.", remedy="give the SRDF of the arm's MoveIt package."
+        ) from error
+    found = tuple(
+        IgnoredBodies(each.get("link1", ""), each.get("link2", ""), path.name, strict=False)
+        for each in root.iter("disable_collisions")
+    )
+    if not found:
+        raise ArmidError(f"{path} disables no collisions.", remedy="give one with <disable_collisions>.")
+    return found
+
+
+def ignored_pairs(ignored: Sequence[IgnoredBodies], labels: Sequence[str], bodies: Sequence[str]) -> dict[int, str]:
+    """Numbers of the pairs that are left out, with who asked for it.
+
+    Args:
+        ignored: What is left out.
+        labels: Names of the pairs of bodies, `A - B`.
+        bodies: Names of the bodies; the link, and ` shape 2` and so on for further bodies of it.
+
+    Raises:
+        ArmidError: No body has a name.
+    """
+    links = dict.fromkeys(link_of(name) for name in bodies)
+    found: dict[int, str] = {}
+    pairs = [tuple(label.split(" - ", 1)) for label in labels]
+    for each in ignored:
+        sides = [_bodies_of(name, bodies, tuple(links), each) for name in (each.first, each.second)]
+        for k, (a, b) in enumerate(pairs):
+            if (a in sides[0] and b in sides[1]) or (a in sides[1] and b in sides[0]):
+                found.setdefault(k, each.reason)
+    return found
+
+
+def link_of(body: str) -> str:
+    """Link that has a body."""
+    return re.sub(r" (shape \d+|\(\d+\))$", "", body)
+
+
+def _bodies_of(name: str, bodies: Sequence[str], links: tuple[str, ...], each: IgnoredBodies) -> set[str]:
+    """Bodies of a link, or with a name, or that a pattern fits."""
+    fitting = set(matching(name, links))
+    found = {body for body in bodies if link_of(body) in fitting} or set(matching(name, bodies)) & set(bodies)
+    if not found and each.strict:
+        raise ArmidError(
+            f"{each.reason} {each.first},{each.second}: no body is called {name!r}.",
+            possible=", ".join(links),
+            remedy=did_you_mean(name, links),
+        )
+    return found

@@ -1,0 +1,100 @@
+"""Bodies of neighbouring links that overlap as they are drawn, and start poses that are hard to find."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armid.errors import ArmidError
+from armid.excitation.collision.collision_model import make_collision_model
+from armid.excitation.collision.ignored_pairs import ignored_of_srdf, parse_ignored
+from armid.excitation.collision.required_distances import LEFT_OUT
+from armid.excitation.limits.joint_limits import limits_of
+from armid.excitation.start_pose import TorqueHolds, choose_start
+from armid.robot import Robot, load_robot
+from armid.study.plans.goals import DesignConstraints
+from armid.study.plans.placement import place_motion
+
+
+def wheel(folder: Path, share: float) -> Robot:
+    """Two links on one axis, two joints apart, whose bodies overlap in a share of all poses."""
+    radius = 0.1 * math.sin(0.5 * math.pi * share)
+    body = f'<collision><origin xyz="0.1 0 0"/><geometry><sphere radius="{radius}"/></geometry></collision>'
+    joint = '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 1"/><limit lower="-{3}" upper="{3}" velocity="1" effort="9"/></joint>'  # fmt: skip # noqa: E501
+    text = (
+        f'<robot name="wheel"><link name="hub">{body}</link><link name="between"/><link name="rim">{body}</link>'
+        + joint.format("one", "hub", "between", math.pi)
+        + joint.format("two", "between", "rim", math.pi)
+        + "</robot>"
+    )
+    path = folder / "wheel.urdf"
+    path.write_text(text)
+    return load_robot(path)
+
+
+@pytest.mark.parametrize(("share", "left_out"), [(0.82, True), (0.6, False)])
+def test_neighbours_whose_bodies_overlap_in_most_poses_are_left_out_with_a_finding(tmp_path, share, left_out):
+    robot = wheel(tmp_path, share)
+    limits = limits_of(robot)
+    cell = make_collision_model(robot, limits)
+    assert bool(cell.required.of(LEFT_OUT)[0]) == left_out
+    start = np.array([math.pi, 0.0]) - 0.05
+    placed = place_motion(robot, limits, DesignConstraints(clearance=0.005), start)
+    findings = [each for each in placed.findings if each.code == "pairs-touching-mostly"]
+    assert len(findings) == left_out
+    if left_out:
+        assert "hub - rim (8" in findings[0].evidence
+        assert abs(placed.collision.skipped[0].share - share) < 0.1
+
+
+def test_a_start_pose_far_from_the_usual_one_is_found(tmp_path):
+    """Only poses beyond those that are looked at first can be held."""
+    robot = wheel(tmp_path, 0.3)
+    limits = limits_of(robot)
+    cell = make_collision_model(robot, limits)
+    found = choose_start(cell, limits, lambda q: q[:, 0] > 2.3)
+    assert found.pose[0] > 2.3 and cell.excess_distance(found.pose[None])[0] > 0.0
+
+
+def test_where_no_start_pose_is_found_the_error_says_what_stands_in_the_way(tmp_path):
+    """Shares of random poses by joint and by pair, and the options that help."""
+    robot = wheel(tmp_path, 0.6)
+    limits = limits_of(robot)
+    cell = make_collision_model(robot, limits)
+    far = TorqueHolds(("one", "two"), lambda q: np.column_stack([np.full(len(q), 2.0), np.zeros(len(q))]), 0.9)
+    with pytest.raises(ArmidError) as caught:
+        choose_start(cell, limits, far)
+    text = str(caught.value)
+    assert "torque excludes 100 % of them (one 100 %)" in text
+    assert re.search(r"bodies that are too close exclude [67]\d % \(hub - rim [67]\d %\)", text)
+    for option in ("--start", "JOINT.effort=VALUE", "--ignore-pair A,B", "--srdf FILE"):
+        assert option in text
+
+
+@pytest.mark.parametrize("given", [("hub,rim",), ("r*,h?b",)])
+def test_pairs_are_left_out_by_name_or_pattern(tmp_path, given):
+    robot = wheel(tmp_path, 0.6)
+    limits = limits_of(robot)
+    rules = DesignConstraints(clearance=0.005, ignored=tuple(map(parse_ignored, given)))
+    placed = place_motion(robot, limits, rules, np.zeros(2))  # the bodies are in one another there
+    assert [(each.pair, each.reason) for each in placed.collision.skipped] == [("hub - rim", "--ignore-pair")]
+    assert [each.code for each in placed.findings if "hub - rim" in each.evidence] == ["pairs-ignored"]
+
+
+def test_an_srdf_says_what_is_left_out(tmp_path):
+    robot = wheel(tmp_path, 0.6)
+    path = tmp_path / "wheel.srdf"
+    path.write_text('<robot name="wheel"><disable_collisions link1="rim" link2="hub"/><disable_collisions link1="x" link2="hub"/></robot>')  # fmt: skip # noqa: E501
+    cell = make_collision_model(robot, limits_of(robot), ignored=ignored_of_srdf(path))
+    assert cell.ignored == {0: "wheel.srdf"} and cell.required.of(LEFT_OUT).all()
+    path.write_text('<robot name="wheel"/>')
+    with pytest.raises(ArmidError, match="disables no collisions"):
+        ignored_of_srdf(path)
+    with pytest.raises(ArmidError, match=r"(?s)no body is called 'rin'.*hub, rim"):
+        make_collision_model(robot, limits_of(robot), ignored=[parse_ignored("hub,rin")])
+    with pytest.raises(ArmidError, match="this is no pair"):
+        parse_ignored("hub")
