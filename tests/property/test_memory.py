@@ -19,7 +19,7 @@ SCRIPT = """
 import ctypes, json, os, resource, sys
 import numpy as np
 from armid.information import accumulate
-from armid.information.accumulate import inform
+from armid.information.accumulate import accumulate_information
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
@@ -38,7 +38,7 @@ torque = model.torque(motion, np.ones(len(model.parameters))) + noise * rng.norm
 observations = raw(one_run(motion, torque, 8000.0, block_rows=8000))
 few = raw(one_run(motion[slice(0, 100)], torque[:100], 8000.0))
 accumulate.GRAM_ROWS, usual = 0, accumulate.GRAM_ROWS  # so that all of it runs once
-inform(model, base, few)
+accumulate_information(model, base, few)
 del torque
 libc = ctypes.CDLL(None)
 if hasattr(libc, "malloc_trim"):
@@ -46,10 +46,10 @@ if hasattr(libc, "malloc_trim"):
 # The peak of a process starts anew where it is forked; the pages of libraries come back as they are used.
 if child := os.fork():
     os._exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-inform(model, base, few)
+accumulate_information(model, base, few)
 accumulate.GRAM_ROWS = usual
 before = peak()
-information = inform(model, base, observations)
+information = accumulate_information(model, base, observations)
 after = peak()
 dense = np.ones((samples // 10, 211)) if len(sys.argv) > 3 else None
 print(json.dumps({"growth": after - before, "made_by": information.made_by, "with_dense": peak() - before}))

@@ -162,7 +162,7 @@ def test_long_tables_end_and_say_so():
 def test_pages_do_not_promise_more(values: dict[str, Displayed]):
     """Values that the first page names show themselves."""
     text = (Path(__file__).parents[2] / "docs" / "start.md").read_text(encoding="utf-8")
-    assert "a run and its `run.estimate`, robots, models, plans, recordings" in text
+    assert "A notebook shows a run, its `run.estimate`, robots, models, plans and recordings as tables" in text
     named = {"Run", "Estimate", "Robot", "DynamicsModel", "Plan", "Recording"}
     assert named <= {type(value).__name__ for value in values.values()}
 

@@ -120,7 +120,7 @@ def test_a_heavy_gantry_has_its_own_units_and_masses(tmp_path: Path, kind: str, 
     assert verdict.pose.unit == unit and verdict_record(verdict)["mass_matrix"]["unit"] == unit
     _report(verdict, None)
     out = " ".join(capsys.readouterr().out.split())
-    assert "no link above 80 kg: distance" in out
+    assert "with no link above 80 kg (10 kg, or twice the heaviest described link" in out
     assert f"{verdict.pose.min_eigenvalue:.5g} {unit} at q" in out
     if kind == "prismatic":
         assert verdict.pose.min_eigenvalue == pytest.approx(8.0)
