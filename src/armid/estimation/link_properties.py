@@ -24,7 +24,7 @@ from armid.values import Array, array
 __all__ = ["ENTERING", "QUANTITIES", "UNITS", "LinkProperties", "LinkTable", "link_record", "link_table"]
 
 QUANTITIES = ("mass", "com x", "com y", "com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-"""What describes a body: mass, centre of mass, and the inertia about that, all with the axes of the link frame."""
+"""Quantities that describe a body: mass, centre of mass and inertia about it, with the axes of the link frame."""
 
 UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 """Units of `QUANTITIES`."""
@@ -46,7 +46,7 @@ def _entering() -> NDArray[np.bool_]:
 
 
 ENTERING: NDArray[np.bool_] = _entering()
-"""Which of the ten inertial parameters enter each of `QUANTITIES`, shape (10, 10)."""
+"""Mask of the inertial parameters that enter each of `QUANTITIES`, shape (10, 10)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

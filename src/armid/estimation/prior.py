@@ -49,10 +49,10 @@ BODY = com_inertia_to_vector(5.0, np.zeros(3), 0.1 * np.eye(3))
 """Some body inside the cone, from where a search starts."""
 
 ROOM = 0.1
-"""Where values that cannot be negative start, in deviations of what is believed of them."""
+"""Start of values that cannot be negative, in standard deviations of their prior."""
 
 HIGHEST = 0.1
-"""How far an eigenvalue that no slope holds is lifted, over the trace of a body inside."""
+"""Lift of an eigenvalue that no slope holds, over the trace of a body inside the cone."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -36,7 +36,7 @@ WIDER = 6000
 """Random poses in the whole range of each joint, where none of the first ones is good."""
 
 SHORT = 40
-"""How many of them, those furthest from all bodies, are looked at more closely at a time."""
+"""Number of them, those furthest from all bodies, that are checked exactly in one batch."""
 
 COUNTED, NAMED = 1000, 4
 """Random poses of which an error tells what excludes them, and joints and pairs that it names."""

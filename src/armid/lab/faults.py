@@ -56,7 +56,7 @@ class Fault(Protocol):
     """Interface of a fault."""
 
     name: ClassVar[str]
-    """What it is called in a `lab.toml`."""
+    """Its name in a `lab.toml`."""
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
         """The recording with the fault."""

@@ -216,7 +216,7 @@ EFFECTS: dict[str, Callable[[KnownArm], KnownArm]] = {
         lambda f: replace(f, warmth=Warmth(_like(f, 0.02), 0.05 / (f.coulomb + 1e-6), _like(f, 600.0), _like(f, 0.0)))
     ),
 }
-"""What a truth may have beyond plain friction, by name: how large it is follows from the truth's own friction."""
+"""Effects that an arm may have beyond plain friction, by name; their size follows from the arm's own friction."""
 
 
 def with_effects(truth: KnownArm, names: Sequence[str]) -> KnownArm:

@@ -16,7 +16,7 @@ from armid.values import Array, array
 __all__ = ["PRESETS", "QUANTITIES", "FormatPreset", "LogFormat"]
 
 QUANTITIES = ("time", "q", "dq", "ddq", "effort")
-"""What columns can hold."""
+"""Quantities that columns can hold."""
 
 SINGULAR = 1e-12
 """Smallest over largest singular value below which a transmission counts as singular: rounding of gear ratios

@@ -17,7 +17,7 @@ from armid.toml import toml_line
 __all__ = ["BY_HAND", "excluding", "lines", "naming"]
 
 BY_HAND = ("record ", "log ", "rewrite ", "find out ", "correct ")
-"""How remedies begin that are no line of a study."""
+"""Beginnings of remedies that are no line of a study."""
 
 DIGITS = 4
 """Decimals of excluded times [s]; they are rounded outwards."""

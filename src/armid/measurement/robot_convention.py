@@ -20,15 +20,15 @@ from armid.values import Array
 __all__ = ["ConvertedRecording", "to_robot_convention", "understood"]
 
 WRAP_TOLERANCE = 0.5
-"""How far a jump may be from whole turns to count as wrapping [rad]: what a joint turns from sample to sample,
+"""Distance from whole turns up to which a jump is a wrap [rad]: what a joint turns from sample to sample,
 also over a short gap. Where a channel's typical step is larger than this, jumps tell nothing."""
 
 FAR = 0.5
-"""How far outside its limits a joint must be, relative to their span, to show more than a loose limit."""
+"""Excess over a joint's limits, relative to their span, that shows more than a loose limit."""
 
 
 COMMON = ("torque_sign", "position_sign", "delay", "drive_gain_deviation")
-"""What may be one number for all joints."""
+"""Fields that may be one number for all joints."""
 
 
 @dataclass(frozen=True, slots=True)

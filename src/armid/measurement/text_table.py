@@ -21,7 +21,7 @@ DELIMITERS = (",", ";", "\t")
 """Delimiters looked for in the header; a header with none of them is delimited by spaces."""
 
 COMMENTS = ("#", "%", "//")
-"""How lines begin that are no rows; the last before the rows may be the header."""
+"""Beginnings of lines that are no rows; the last before the rows may be the header."""
 
 PREAMBLE = 50
 """Lines of notes before a header that are passed over where none of them fits the rows."""

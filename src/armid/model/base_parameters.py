@@ -43,7 +43,7 @@ RANDOM_BOUNDS = (np.pi, 2.0, 4.0)
 inertial torques are of one size."""
 
 RANDOM_SPEEDS = (1e-4, 10.0)
-"""Where a law turns, saturates or falls off somewhere along the velocity, as many states again have velocities spread
+"""For laws that turn, saturate or fall off along the velocity, as many states again have velocities spread
 evenly over these decades [rad/s or m/s]: knots of ten and Stribeck velocities of a thousandth are then both seen."""
 
 LINEAR = frozenset({"add", "mul", "sign", "abs"})

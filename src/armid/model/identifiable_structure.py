@@ -42,7 +42,7 @@ a direction that enters with size s carries relative rounding 1e-16/s into the n
 millionth of the arm still leave three orders of margin."""
 
 PREFERRED_DISTANCE = 1e-4
-"""How far a column should stand off the earlier ones to be kept before later ones: small offsets of real arms, a
+"""Distance of a column from the earlier ones from which it is kept before later ones: small offsets of real arms, a
 hundredth of the unit of length or more, enter squared."""
 
 COEFFICIENT_FLOOR = 1e-12

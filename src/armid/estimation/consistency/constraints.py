@@ -22,7 +22,7 @@ from armid.values import Array
 __all__ = ["ContradictionError", "Feasible", "Requirements", "at_mass_limit", "feasible_set"]
 
 ROUNDED = 1e-9
-"""How negative an eigenvalue of a link that is given may be: rounding of a description."""
+"""Size of a negative eigenvalue of a given link that counts as rounding of its description."""
 
 
 class ContradictionError(EstimationError):

@@ -56,7 +56,7 @@ PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
 
 
 NOT_JUDGED = "that of one sample, for want of blocks to leave out"
-"""How the weight of a prior was found that held-out blocks were to judge."""
+"""Origin of a prior weight that held-out blocks were to judge."""
 
 
 @dataclass(frozen=True, slots=True)

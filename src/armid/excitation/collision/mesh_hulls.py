@@ -33,7 +33,7 @@ ENOUGH = 64
 """Corners of a hull that is left as it is."""
 
 LIGHT = 5e-4
-"""What a hull of fewer corners may reach beyond the mesh [m]."""
+"""Distance that a hull of fewer corners may reach beyond the mesh [m]."""
 
 CLOSE = 0.8
 """Share of that which corners may be outside a face; where faces meet they are further from the hull."""
@@ -42,7 +42,7 @@ FURTHEST = 0.6
 """Corners are taken together that are outside by no less than this share of what the furthest one is."""
 
 SOLVER = 1e-6
-"""What Coal may be off when it measures that [m]."""
+"""Error of Coal's measurement of that distance [m]."""
 
 THIN = 1e-5
 """Half the thickness [m] given to a part that has none."""

@@ -115,7 +115,7 @@ class DescentProblem:
         return Objective(self.goal, self.basis, samples)
 
 
-class _DeadlinePassed(Exception):  # noqa: N818  (ends an optimisation without an error)
+class _DeadlineError(Exception):
     """End of the time that a descent has."""
 
 
@@ -141,7 +141,7 @@ class _Evaluation:
     def objective(self, x: Array) -> tuple[float, Array]:
         """Criterion and its gradient."""
         if time.time() > self._deadline:
-            raise _DeadlinePassed
+            raise _DeadlineError
         self._evaluate(x)
         return self._value, self._gradient
 
@@ -202,7 +202,7 @@ def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadli
                     constraints=constraints,
                     options={"maxiter": stage.iterations, "ftol": 1e-7},
                 )
-        except _DeadlinePassed:
+        except _DeadlineError:
             x = _safeguarded(problem, evaluation.x, x)
             break
         x = _safeguarded(problem, result.x, x)

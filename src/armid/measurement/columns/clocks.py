@@ -15,7 +15,7 @@ from armid.values import Array
 __all__ = ["ClockRequest", "Values", "clock_columns", "evenly_growing", "unit_of_step"]
 
 Values = Callable[[str], NDArray[np.generic]]
-"""What gives the numbers under a name; it raises `RecordingError` where they are none."""
+"""Function that gives the numbers under a name; it raises `RecordingError` where they are none."""
 
 FORWARD = 0.95
 """Share of the steps of a clock that are not negative; single faulty steps are tolerated."""
