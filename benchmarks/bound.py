@@ -127,7 +127,7 @@ class Case:
         """Error of each parameter over the bound's deviation."""
         observations, _ = process_recordings([self.recorded(rng, encoder)], processing)
         information = accumulate_information(self.model, self.base, observations)
-        fit = WeightedLeastSquares().estimate(EstimationProblem(information))
+        fit = WeightedLeastSquares().solve(EstimationProblem(information))
         return (fit.values - self.right) / self.bound
 
 

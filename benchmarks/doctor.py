@@ -37,7 +37,7 @@ FOUND, NAMED, ALARMS, DELAY = 0.98, 0.95, 0.02, 0.2
 in samples."""
 
 REMARK = ("excitation-weak", "info")
-"""What motions drawn at random now and then are told, and well recorded arms too: neither found nor an alarm. Any
+"""Finding that random motions sometimes get, and well recorded arms too: neither a detection nor an alarm. Any
 other finding on a sound log is an alarm, one that is only for information as well."""
 
 ALSO: dict[str, set[str]] = {

@@ -42,7 +42,7 @@ from armid.measurement.processing.pipeline import resolve_options
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.study.config import ModelChoice, build_model, load_choice, load_study
-from armid.study.identify import read_recording
+from armid.study.identify import read_choice
 from armid.study.processed import joined_observations, process_each
 from armid.values import Array
 
@@ -69,7 +69,7 @@ def load(name: str) -> Arm:
     study = load_study(STUDIES / f"{name}.toml")
     robot = load_choice(study.robot, study.folder)
     choices = {choice.path: replace(choice, part=(0.0, 1.0)) for choice in study.recordings}.values()
-    read = [(choice, read_recording(choice, study.folder, robot)[0]) for choice in choices]
+    read = [(choice, read_choice(choice, study.folder, robot)[0]) for choice in choices]
     processing = resolve_options(study.processing, [recording for _, recording in read])
     motor = all(c.reading.transmission is not None or c.reading.drive_gain is not None for c in choices)
     coupled = "coupling" in study.model.terms  # which is the arm's
@@ -129,7 +129,7 @@ def judged(
         information = separate_by_recording(information, np.isin(information.names, offset_names(model)))
     problem = EstimationProblem(information, standard_of(model, base), model, base)
     method = WeightedLeastSquares() if weight is None else Ridge(weight=weight)
-    return model, torque_parameters(base, method.estimate(problem))
+    return model, torque_parameters(base, method.solve(problem))
 
 
 def measure(arm: Arm, count: int, *, verbose: bool = False) -> dict[str, Any]:

@@ -84,7 +84,7 @@ class Arm:
         """Least squares with standard deviations."""
         return (
             OrdinaryLeastSquares()
-            .estimate(EstimationProblem(accumulate_information(self.model, self.base, observations)))
+            .solve(EstimationProblem(accumulate_information(self.model, self.base, observations)))
             .deviation
         )
 
@@ -146,14 +146,14 @@ def physical(arm: Arm) -> list[Record]:
     rows: list[Record] = []
     for prior, solver in CONSISTENT:
         method = PhysicallyConsistent(prior=prior, weight=1.0)
-        standard = method.estimate(problem).standard
+        standard = method.solve(problem).standard
         assert standard is not None
         other = arm.base.regrouping @ (modelled_fit(problem, prior, solver) - standard.values)
-        deviation = OrdinaryLeastSquares().estimate(problem).deviation
+        deviation = OrdinaryLeastSquares().solve(problem).deviation
         mine: list[float] = []
         theirs: list[float] = []
         for _ in range(ROUNDS):
-            mine.append(cpu(lambda method=method: method.estimate(problem)))
+            mine.append(cpu(lambda method=method: method.solve(problem)))
             theirs.append(cpu(lambda prior=prior, solver=solver: modelled_fit(problem, prior, solver)))
         differs = float(np.abs(other / deviation).max())
         peer = f"cvxpy with {solver}"

@@ -49,7 +49,7 @@ MESH = re.compile(r"package://([^/\"']+)/([^\"']+)")
 COLUMNS = "arm | joints | exit | verdict | wall [s] | samples | overlaps | of | pairs | left out | by | said"
 
 ASKED = re.compile(r"how far or how fast these may move: (.*?)\.\s", re.DOTALL)
-"""What the command says of limits that it lacks."""
+"""Message of the command about limits that it lacks."""
 
 
 @dataclass

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armid.estimation.estimating import estimate
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.problem import EstimationProblem
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.estimation.uncertainty.bootstrap import bootstrap
-from armid.estimation.uncertainty.covariance import choose_covariance_kind, estimate_covariance
+from armid.estimation.uncertainty.covariance import choose_covariance_kind
 from armid.estimation.uncertainty.frequency_bands import BandProducts, band_products, residual_moments
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.estimation.uncertainty.whiteness import spectrum_test, variance_test
@@ -140,10 +141,8 @@ class Simulation:
         self.motion = self.plan.sample(case.rate, case.periods)
         self.step = 1 if case.band.is_open else round(case.rate / case.rows)
         first = self.observed(case.noise(np.random.default_rng((seed, 1)), case.periods))
-        self.problem = EstimationProblem(
-            accumulate_information(self.model, self.base, first), None, self.model, self.base, first
-        )
-        fit = WeightedLeastSquares().estimate(self.problem)
+        self.problem = build_problem(self.model, first, base=self.base)
+        fit = WeightedLeastSquares().solve(self.problem)
         self.fit, self.weights = fit, fit.weights
         self.rows = len(first.runs[0].rows)
         x = all_rows(column_source(self.model, self.base), replace_torque(first.runs[0], 0.0), case.band)
@@ -167,15 +166,13 @@ class Simulation:
     def real_path(self, drawn: Array) -> Fit:
         """The fit, from the samples, as a study makes it."""
         observations = self.observed(drawn)
-        information = accumulate_information(self.model, self.base, observations)
-        problem = EstimationProblem(information, None, self.model, self.base, observations)
-        return estimate_covariance(WeightedLeastSquares().estimate(problem), problem)
+        return estimate(build_problem(self.model, observations, base=self.base))
 
     def bootstrapped(self, drawn: Array, seed: int) -> Array:
         """Half widths by drawing blocks of about a second."""
         seconds = round(self.case.seconds) * self.case.periods
         information = accumulate_information(self.model, self.base, self.observed(drawn, blocks=seconds))
-        fit = WeightedLeastSquares().estimate(EstimationProblem(information))
+        fit = WeightedLeastSquares().solve(EstimationProblem(information))
         return 1.96 * bootstrap(fit, information, draws=BOOTSTRAP_DRAWS, seed=seed).std(axis=0)
 
     def run(self, drawn: Array) -> Outcome:

@@ -85,7 +85,7 @@ ARMS: dict[str, tuple[str, str]] = {
     "iiwa-suite": (f"{SUITE}/iiwa/robot.xml", ""),
     "tiago-suite": (f"{SUITE}/tiago/robot.xml", "torso|arm_left|left_arm"),
 }
-"""Where each arm is described, and which of its joints belong to it; the others are locked."""
+"""Description of each arm and the joints that belong to it; the others are locked."""
 
 PERIOD, HARMONICS, REPETITIONS, RATE = 10.0, 5, 2, 250.0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -24,6 +25,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker(pytest.mark.skip(reason="takes more than half a minute; run with --long"))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Repeats what failed before the tests began (scripts/check), since a log is often read from its end."""
+    failures = os.environ.get("ARMID_EARLIER_FAILURES")
+    if failures and (text := Path(failures).read_text()):
+        terminalreporter.write_sep("=", "failed before these tests")
+        terminalreporter.write(text)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import importlib
 import pkgutil
@@ -103,14 +104,21 @@ def modules(package: str) -> Iterator[tuple[str, list[str]]]:
         found += [each.name for each in pkgutil.walk_packages(home.__path__, f"{package}.")]
     for name in found:
         module = importlib.import_module(name)
-        own = [each for each in getattr(module, "__all__", ()) if _home(module, each) == name]
+        file = Path(str(module.__file__))
+        own = getattr(module, "__all__", None) or (defined(file) if file.suffix == ".py" else [])
+        own = [each for each in own if getattr(getattr(module, each), "__module__", name) == name]
         if own or name == package:
             yield name, own
 
 
-def _home(module: Any, name: str) -> str:
-    """The module that defines a name; constants count as their module's own."""
-    return getattr(getattr(module, name), "__module__", module.__name__)
+def defined(file: Path) -> list[str]:
+    """Public names that the text of a module defines."""
+    body = ast.parse(file.read_text(encoding="utf-8")).body
+    names = [node.name for node in body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    for node in body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", ast.Pass())]
+        names += [each.id for target in targets for each in ast.walk(target) if isinstance(each, ast.Name)]
+    return [name for name in names if not name.startswith("_")]
 
 
 def command_lines(command: Any) -> list[str]:

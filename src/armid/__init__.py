@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armid.errors import ArmidError
     from armid.estimation.estimate import Estimate
+    from armid.estimation.estimating import estimate
     from armid.estimation.estimators import WeightedLeastSquares
-    from armid.estimation.problem import EstimationProblem
-    from armid.estimation.uncertainty.covariance import estimate_covariance
+    from armid.estimation.problem import EstimationProblem, build_problem
     from armid.excitation.fourier import Excitation
     from armid.information.accumulate import accumulate_information
     from armid.information.information import Information
     from armid.measurement.log_format import LogFormat
     from armid.measurement.processing.options import ProcessingOptions
     from armid.measurement.processing.pipeline import process_recordings
-    from armid.measurement.readers import load_recording
     from armid.measurement.recording import Recording
-    from armid.measurement.robot_convention import to_robot_convention
+    from armid.measurement.robot_convention import read_recording
     from armid.model.base_parameters import BaseParameters, find_base_parameters
     from armid.model.dynamics import DynamicsModel
     from armid.model.motion import Motion
@@ -46,16 +45,16 @@ _HOMES = {
     "Robot": "robot",
     "Study": "study.config",
     "WeightedLeastSquares": "estimation.estimators",
-    "estimate_covariance": "estimation.uncertainty.covariance",
+    "build_problem": "estimation.problem",
+    "estimate": "estimation.estimating",
     "find_base_parameters": "model.base_parameters",
     "identify": "study.identify",
     "accumulate_information": "information.accumulate",
-    "to_robot_convention": "measurement.robot_convention",
-    "load_recording": "measurement.readers",
     "load_robot": "robot",
     "load_run": "runs.run",
     "load_study": "study.config",
     "process_recordings": "measurement.processing.pipeline",
+    "read_recording": "measurement.robot_convention",
     "save_run": "runs.run",
 }
 
@@ -75,16 +74,16 @@ __all__ = [
     "Study",
     "WeightedLeastSquares",
     "accumulate_information",
-    "estimate_covariance",
+    "build_problem",
+    "estimate",
     "find_base_parameters",
     "identify",
-    "load_recording",
     "load_robot",
     "load_run",
     "load_study",
     "process_recordings",
+    "read_recording",
     "save_run",
-    "to_robot_convention",
 ]
 
 

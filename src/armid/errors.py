@@ -10,20 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = [
-    "ArmidError",
-    "EstimationError",
-    "Finding",
-    "LabError",
-    "MissingExtraError",
-    "ModelError",
-    "OutputError",
-    "RecordingError",
-    "RobotError",
-    "StudyError",
-    "UnsolvedError",
-    "did_you_mean",
-]
+from armid.remedy import Remedy
 
 
 class ArmidError(Exception):
@@ -111,7 +98,7 @@ class Finding:
     severity: Literal["error", "warning", "info"]
     channel: str
     evidence: str
-    remedy: str = ""
+    remedy: Remedy | str = ""
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:

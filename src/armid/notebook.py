@@ -14,8 +14,6 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Displayed", "Summary", "html_of", "names_apart", "percent", "plural", "spans", "text_of"]
-
 MOST_ROWS = 200
 """Largest number of rows of an HTML table; with more a notebook becomes slow."""
 

@@ -7,12 +7,11 @@ import sys
 from collections.abc import Callable
 from functools import cache, wraps
 from threading import local
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
-
-__all__ = ["ONE_THREAD", "one_blas_thread", "prefer_one_thread"]
 
 ONE_THREAD: dict[str, str] = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -23,12 +22,14 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _inside = local()
+_process = SimpleNamespace(limited=False)
 
 
 def prefer_one_thread() -> None:
     """Sets the variables for this process before NumPy is loaded; existing values stay."""
     for name, count in ONE_THREAD.items():
         os.environ.setdefault(name, count)
+    _process.limited = "numpy" not in sys.modules and all(os.environ[name] == "1" for name in ONE_THREAD)
 
 
 def one_blas_thread(stage: Callable[P, R]) -> Callable[P, R]:
@@ -36,7 +37,7 @@ def one_blas_thread(stage: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(stage)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
-        if getattr(_inside, "stage", False):  # a stage within a stage has nothing to limit
+        if _process.limited or getattr(_inside, "stage", False):  # nothing is left to limit
             return stage(*args, **kwargs)
         _inside.stage = True
         try:

@@ -6,8 +6,6 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["to_toml", "toml_line"]
-
 
 def to_toml(record: Mapping[str, Any]) -> str:
     """TOML of tables by name; a list of tables becomes an array of tables.

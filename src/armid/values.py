@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import ArmidError, OutputError
-
-__all__ = ["Array", "array", "digest", "load", "replace_file", "save", "sha256_of_file"]
+from armid.text_value import TextValue
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -148,8 +147,10 @@ def _pack(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
         name = f"array_{len(arrays)}"
         arrays[name] = value
         return {"array": name}
+    if isinstance(value, TextValue):
+        return str(value)
     if dataclasses.is_dataclass(value):
-        return {f.name: _pack(getattr(value, f.name), arrays) for f in dataclasses.fields(value) if f.init}
+        return {_stored(f): _pack(getattr(value, f.name), arrays) for f in dataclasses.fields(value) if f.init}
     if isinstance(value, tuple | list):
         return [_pack(item, arrays) for item in typing.cast("tuple[Any, ...]", value)]
     if isinstance(value, dict):
@@ -157,6 +158,11 @@ def _pack(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     return value
+
+
+def _stored(field: dataclasses.Field[Any]) -> str:
+    """Name of a field in a file, which stays when the field is renamed."""
+    return field.metadata.get("stored", field.name)
 
 
 def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
@@ -168,9 +174,12 @@ def _unpack(kind: Any, value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
         if value is None:
             return None
         return _unpack(next(a for a in arguments if a is not type(None)), value, arrays)
+    if isinstance(kind, type) and issubclass(kind, TextValue):
+        return kind.read(str(value))
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
-        return typing.cast("Any", kind)(**{k: _unpack(hints[k], v, arrays) for k, v in value.items()})
+        fields = {_stored(f): f.name for f in dataclasses.fields(kind)}
+        return typing.cast("Any", kind)(**{fields[k]: _unpack(hints[fields[k]], v, arrays) for k, v in value.items()})
     if origin is tuple:
         kinds = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
         return tuple(_unpack(k, v, arrays) for k, v in zip(kinds, value, strict=True))

@@ -13,7 +13,7 @@ CITATION = re.compile(rf"\[({KEY}(?:, [^\[\]]*)?(?:; {KEY}(?:, [^\[\]]*)?)*)\]")
 """A key, perhaps with a place as in a section or page; several are parted by semicolons."""
 
 NO_YEAR = re.compile(r"(?<![\w])\[([A-Z][a-z]{3,}) ?(?:\d\d)?\](?![(\[:.])")
-"""What looks like a citation but is no key. A bracket before a parenthesis is a link, after a name a type."""
+"""Text that looks like a citation but is not a key. A bracket before a parenthesis is a link, after a name a type."""
 
 ENTRY = re.compile(r"^@(\w+)\{([^,]+),\n(.*?)^\}", re.MULTILINE | re.DOTALL)
 FIELD = re.compile(r"^\s*(\w+)\s*=\s*\{(.*)\},?$", re.MULTILINE)

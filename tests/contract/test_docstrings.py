@@ -1,4 +1,4 @@
-"""First lines of docstrings: a noun phrase or a verb with its object, never a question."""
+"""First lines of docstrings, constants included: a noun phrase or a verb with its object, never a question."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ QUESTION = re.compile(r"(How|What|Whether|Which|Why|Where|When|Who|Whose)\b")
 
 
 def questions(text: str) -> list[str]:
-    """Docstrings of a module, its classes and functions whose first line begins with a question word."""
-    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-    found = (ast.get_docstring(node) for node in ast.walk(ast.parse(text)) if isinstance(node, kinds))
-    return [docstring.splitlines()[0] for docstring in found if docstring and QUESTION.match(docstring)]
+    """First lines of docstrings that begin with a question word: of modules, classes, functions and constants."""
+    found = (
+        ast.literal_eval(node.value)
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    )
+    return [docstring.strip().splitlines()[0] for docstring in found if QUESTION.match(docstring.strip())]
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
@@ -31,5 +34,5 @@ def test_no_docstring_begins_with_a_question_word(folder: str):
 
 def test_a_question_is_seen_in_every_place():
     text = '"""What it is."""\nclass A:\n    """Whether."""\n    def f(self):\n        """How.\n\n        So."""\n'
-    assert questions(text) == ["What it is.", "Whether.", "How."]
-    assert questions('"""Whatever it is."""\nx = 1\n"""What x is."""\n') == []
+    assert sorted(questions(text)) == ["How.", "What it is.", "Whether."]
+    assert questions('"""Whatever it is."""\nx = 1\n"""What x is."""\n') == ["What x is."]

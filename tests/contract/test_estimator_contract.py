@@ -11,8 +11,7 @@ import armid.estimation.estimators
 from armid.errors import EstimationError
 from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.fit import Fit
-from armid.estimation.problem import EstimationProblem, standard_of
-from armid.information.accumulate import accumulate_information
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.information import Information, stack
 from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
@@ -68,9 +67,7 @@ def problem_of(
     if not moving:
         motion = Motion(motion.time, motion.q, np.zeros_like(motion.q), np.zeros_like(motion.q))
     torque = model.torque(motion, truth) + noise * np.random.default_rng(6).normal(size=motion.q.shape)
-    observations = raw(*[one_run(motion, torque, RATE)] * times)
-    information = accumulate_information(model, base, observations)
-    return EstimationProblem(information, standard_of(model, base), model, base, observations)
+    return build_problem(model, raw(*[one_run(motion, torque, RATE)] * times), base=base)
 
 
 def bytes_of(information: Information) -> list[bytes]:
@@ -82,13 +79,13 @@ def test_is_a_frozen_value(name: str):
     kind = ESTIMATORS[name]
     assert kind.name == name
     assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen and hasattr(kind, "__slots__")
-    assert kind.__doc__ and kind.estimate.__doc__
+    assert kind.__doc__ and kind.solve.__doc__
     assert eval(repr(kind()), {**vars(armid.estimation.estimators)}) == kind()  # what a repr is for
 
 
 @TRUTHFUL
 def test_noise_free_data_give_the_truth_back(name: str, model, base, truth):
-    fit = ESTIMATORS[name]().estimate(problem_of(model, base, truth, 0.0))
+    fit = ESTIMATORS[name]().solve(problem_of(model, base, truth, 0.0))
     exact = base.values_of(truth)
     np.testing.assert_allclose(fit.values, exact, rtol=0, atol=EXACT * np.abs(exact).max())
 
@@ -96,7 +93,7 @@ def test_noise_free_data_give_the_truth_back(name: str, model, base, truth):
 @TRUTHFUL
 def test_a_fit_is_whole(name: str, model, base, truth):
     problem = problem_of(model, base, truth, NOISE)
-    fit = ESTIMATORS[name]().estimate(problem)
+    fit = ESTIMATORS[name]().solve(problem)
     assert isinstance(fit, Fit) and fit.names == base.names
     for field in dataclasses.fields(Fit):
         value = getattr(fit, field.name)
@@ -116,14 +113,14 @@ def test_deviations_are_those_of_white_noise(name: str, model, base, truth):
     problem = problem_of(model, base, truth, NOISE)
     rows, _ = stack(problem.information)
     best = NOISE * np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
-    np.testing.assert_allclose(ESTIMATORS[name]().estimate(problem).deviation, best, rtol=0.1)
+    np.testing.assert_allclose(ESTIMATORS[name]().solve(problem).deviation, best, rtol=0.1)
 
 
 @METHOD
 def test_same_in_same_out_and_nothing_changed(name: str, model, base, truth):
     problem = problem_of(model, base, truth, NOISE)
     before = bytes_of(problem.information)
-    first, second = (ESTIMATORS[name]().estimate(problem) for _ in range(2))
+    first, second = (ESTIMATORS[name]().solve(problem) for _ in range(2))
     assert first.values.tobytes() == second.values.tobytes()
     assert first.covariance.tobytes() == second.covariance.tobytes()
     assert bytes_of(problem.information) == before
@@ -131,7 +128,7 @@ def test_same_in_same_out_and_nothing_changed(name: str, model, base, truth):
 
 @METHOD
 def test_more_of_the_same_is_surer(name: str, model, base, truth):
-    one, two = (ESTIMATORS[name]().estimate(problem_of(model, base, truth, NOISE, times=k)) for k in (2, 4))
+    one, two = (ESTIMATORS[name]().solve(problem_of(model, base, truth, NOISE, times=k)) for k in (2, 4))
     # Twice the rows have relatively more degrees of freedom, which moves weights and deviations a little; a method
     # that tries itself on parts of the data tries others, and one recording of this length has too few of them.
     assert (np.abs(two.values - one.values) < 0.1 * one.deviation).all()
@@ -143,7 +140,7 @@ def test_data_that_do_not_determine_it_are_refused_or_it_is_said(name: str, mode
     """Nothing moves, so no friction shows; a method with a prior has an answer and says whose it is."""
     problem = problem_of(model, base, truth, NOISE, moving=False)
     try:
-        fit = ESTIMATORS[name]().estimate(problem)
+        fit = ESTIMATORS[name]().solve(problem)
     except EstimationError as error:
         assert error.remedy and any(parameter in error.problem for parameter in base.names)
     else:

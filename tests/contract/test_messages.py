@@ -17,7 +17,7 @@ from armid import errors
 
 SOURCE = Path(__file__).parents[2] / "src" / "armid"
 
-CLASSES = {name for name in errors.__all__ if name.endswith("Error")} - {"MissingExtraError"}
+CLASSES = {name for name in vars(errors) if name.endswith("Error")} - {"MissingExtraError"}
 """Errors with a message of their own; what an extra is missing for is said in one place."""
 
 SAYS_WHAT_IT_MUST_BE = re.compile(r"\bmust\b|\bneeds?\b|\bat least\b|; found |; found$")

@@ -31,7 +31,7 @@ HEAVY = {
     "plotly",
     "jinja2",
 }
-"""What loads only where it is used; each costs a tenth of a second or more."""
+"""Packages that load only where they are used; each costs a tenth of a second or more."""
 
 FILES = sorted(SOURCE.rglob("*.py"))
 MODULES = [".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__") for path in FILES]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from armid.report.comparison import COMPARISON
-from armid.report.data.page_data import PageData, gather, records_of
+from armid.report.data.page_data import PageData, gather, stored
 from armid.report.page import assemble
 from armid.report.preflight_page import PREFLIGHT
 from armid.report.section import Section
@@ -26,7 +26,7 @@ def materials(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PageData]:
     """A run with its recordings, and the same run when they are gone."""
     folder = tmp_path_factory.mktemp("report")
     run = make_run(folder)
-    return {"whole": gather(run), "records only": records_of(run)}
+    return {"whole": gather(run), "records only": stored(run)}
 
 
 section = pytest.mark.parametrize("name", SECTIONS)

@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 SEVERITIES = {"error", "warning", "info"}
 MAKERS = {"Finding": 1, "Explanation": 2}
-"""What makes a finding, and which of its arguments is the severity; the first is the code."""
+"""Makers of findings, with the position of the severity among their arguments; the first is the code."""
 
 
 @cache

@@ -30,7 +30,7 @@ from trees import random_inertial, random_tree, robot_of
 MADE: dict[str, Callable[[Robot], Term]] = {
     "coupling": lambda robot: TERMS["coupling"](joints=dict(zip(last_two(robot), (1.0, -2.0), strict=True))),
 }
-"""How to make a term that has no default; all others are made without arguments."""
+"""Makers of terms without defaults; all other terms are made without arguments."""
 
 SHAPED: dict[str, Callable[[Robot], Term]] = {
     "coulomb with a width": lambda robot: TERMS["coulomb"](width=0.05),

@@ -14,8 +14,8 @@ from armid.excitation.fourier import Excitation, save_plan
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 WORTH = 2.0
-"""How many times lower the sum of variances is than by chance, at least: of six seconds and four harmonics, found in
-one round, the arm that gains least gains 2.8 times; plans as long as people make them gain more."""
+"""Smallest ratio of the sum of variances of random motions to that of the plan: of six seconds and four harmonics,
+found in one round, the arm that gains least gains 2.8 times; plans as long as people make them gain more."""
 
 
 @pytest.fixture(scope="module")

@@ -133,7 +133,7 @@ def with_one_joint_still(table: Table) -> None:
         (without_clock, ["there is no clock and no rate", "rate = "]),
         (backwards, ["backwards"]),
         (in_milliseconds, ["run.csv", "seconds"]),
-        (in_degrees, ["far outside its limits", "taken as degrees, all joints stay inside", 'units = "deg"']),
+        (in_degrees, ["far outside its limits", "read as degrees, all joints are inside", 'units = "deg"']),
         (without_a_joint, ["2 channels; small has 3 joints: joint_1, joint_2, joint_3"]),
         (with_a_joint_too_many, ["4 channels; small has 3 joints", "leave out"]),
         (without_effort, ["effort"]),

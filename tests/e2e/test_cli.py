@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from rich.console import Console
+from scipy.special import stdtrit
 
 from armid.cli import main as cli
 from armid.cli.console import print_findings, print_verdict, validation_table
@@ -562,7 +563,7 @@ def assert_refused(done: Done, problem: str, help: str = "") -> None:
     [
         (("base", "iwa14-r820"), "no robot description 'iwa14-r820'", "did you mean 'iiwa14-r820'?"),
         (("base", "iiwa14-r820", "--lock", "A9"), "has no joint 'A9' to lock", "A1, A2, A3, A4, A5, A6, A7"),
-        (("base", "iiwa14-r820", "--lock", "A1=up"), "'up' is no number", "--lock JOINT=VALUE"),
+        (("base", "iiwa14-r820", "--lock", "A1=up"), "'up' is not a number", "--lock JOINT=VALUE"),
         (("base", "iiwa14-r820", "--terms", "magic"), "Unknown torque term 'magic'", "viscous"),
         (("base", "iiwa14-r820", "--terms", ","), "--terms names no term", "rigid-body"),
         (("identify", "nowhere.toml"), "nowhere.toml cannot be read", "give the path of a study.toml"),
@@ -627,7 +628,7 @@ def test_ctrl_c_leaves_nothing_behind(armid: Armid, small: Path, tmp_path: Path,
         raise KeyboardInterrupt
 
     for where in (
-        "armid.study.identify.accumulate_information",
+        "armid.study.identify.build_problem",
         "armid.study.identify.validate",
         "armid.runs.run.replace_file",
     ):
@@ -678,17 +679,21 @@ def test_tables_fit_a_narrow_terminal(run: Path):
 def test_values_are_shown_as_finely_as_they_are_known(armid: Armid, run: Path, small: Path):
     """Two digits of the interval's half width, three decimals at least."""
     out = armid("identify", small / "study.toml", "--verbose").out
-    rows = {line.split()[1]: line.replace("│", " ").split() for line in out.splitlines() if line.startswith("│")}
+    cells = [[cell.strip() for cell in line.split("│")[1:-1]] for line in out.splitlines() if line.startswith("│")]
+    rows = {row[0]: row for row in cells}
     estimate = load_run(run).estimate
     for k, name in enumerate(estimate.fit.names):
-        shown = rows[name]
-        decimals = len(shown[1].split(".")[1])
+        _, value, _, relative, interval = rows[name]
+        decimals = len(value.split(".")[1])
         low, high = estimate.intervals[k]
         digits = 0.5 * (high - low) * 10.0**decimals
         assert 9.4 <= digits < 100 or (decimals == 3 and digits >= 10), name
-        assert float(shown[1]) == round(float(estimate.fit.values[k]), decimals)
-        assert (float(shown[4]), float(shown[6])) == (round(low, decimals), round(high, decimals))
-        assert shown[3].endswith("*") == bool(estimate.fit.poorly_identified[k])
+        assert float(value) == round(float(estimate.fit.values[k]), decimals)
+        assert [float(end) for end in interval.split(" … ")] == [round(low, decimals), round(high, decimals)]
+        percent = 50.0 * (high - low) / stdtrit(estimate.fit.freedom[k], 0.975) / abs(estimate.fit.values[k])
+        shown = relative.rstrip("* ")
+        assert percent >= 1000.0 if shown == "> 999" else float(shown) == pytest.approx(percent, abs=0.00501), name
+        assert relative.endswith("*") == bool(estimate.fit.poorly_identified[k])
 
 
 def test_the_command_line_starts_without_heavy_packages():

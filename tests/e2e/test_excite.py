@@ -259,6 +259,25 @@ def test_poses_and_sweeps(kind, tmp_path, capsys):
     track = FORMATS["csv"].read((out / "plan.csv").read_bytes())
     assert track.motion.time[-1] == pytest.approx(found["duration"], abs=0.05)
     assert (out / "rehearsal.script").is_file() and (out / "plan.json").is_file()
+    checked = json.loads((out / "preflight.json").read_text())
+    assert found["verdict"] == checked["verdict"] == "pass"
+    assert {each["limit"] for each in checked["limits"]} == {"position", "velocity", "torque"}
+    assert max(each["certified_share"] for each in checked["limits"]) < 1.0
+    assert checked["approaches"] and all(each["distance"] >= each["asked"] - 1e-6 for each in checked["approaches"])
+    text = (out / "preflight.txt").read_text()
+    assert text.startswith("✓ every limit holds, and bodies keep apart") and "info floor-assumed" in text
+    assert (out / "preflight.html").is_file() and "condition" not in checked
+
+
+def test_sweeps_that_need_more_torque_than_the_joints_have_fail(tmp_path, capsys):
+    """They end with exit code 1, and no motion is written for a controller."""
+    out = tmp_path / "sweeps"
+    weak = ["--limit", "shoulder_lift_joint.effort=60", "--start", "0,-0.1,0,0,0,0", "--no-collision"]
+    call = ["excite", "ur5e", "--experiment", "sweeps", "--format", "csv", "--no-report", "--out", str(out), *weak]
+    with pytest.raises(SystemExit) as ended:
+        main(call)
+    assert ended.value.code == 1 and "torque of shoulder_lift_joint is missed" in capsys.readouterr().err
+    assert not (out / "plan.csv").exists() and (out / "preflight.txt").is_file()
 
 
 def test_missing_limits_are_asked_for_by_name(small, tmp_path, capsys):

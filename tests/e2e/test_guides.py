@@ -52,7 +52,7 @@ method = "physical"
 """
 
 SPACE = '<collision><origin xyz="0 0 0.12"/><geometry><cylinder radius="0.04" length="0.1"/></geometry></collision>'
-"""What each link takes."""
+"""Collision body of each link."""
 
 GAIN = 10.0
 """Torque over current of the drives [N·m/A]."""

@@ -14,6 +14,7 @@ from armid.cli.main import main
 from armid.excitation.formats import FORMATS, SampledMotion
 from armid.excitation.fourier import save_plan
 from armid.measurement.recording import Recording
+from armid.study.remedies import as_option
 from labs import small_model, small_plan, small_recording, write_arm, write_recording
 from recordings import joint_state, write_bag_folder
 
@@ -138,7 +139,7 @@ def test_a_plan_that_was_written_is_a_log_of_positions(
     code, out, _ = called(capsys, "doctor", write_arm(tmp_path), plan / "plan.csv", "--json")
     found = {f["code"]: f for f in json.loads(out)["findings"]}
     assert code == 1 and "q_joint_1" in found["columns-guessed"]["evidence"]
-    assert "There is no effort" in found["channel-dead"]["evidence"]
+    assert "There is no effort" in found["effort-missing"]["evidence"]
     code, _, err = called(capsys, "doctor", tmp_path / "small.urdf", plan)
     assert code == 2 and "it is a plan of armid excite" in err
     assert small_model().robot.joint_names == JOINTS
@@ -164,7 +165,7 @@ def test_what_the_page_on_bags_claims(tmp_path: Path, capsys: pytest.CaptureFixt
     assert codes["locked-joint"] == "warning"
     bag = write_bag_folder(tmp_path / "no_effort", [joint_state(t, JOINTS, q) for t, q, _ in rows])
     code, codes = found(bag)
-    assert code == 1 and codes["channel-dead"] == "error"
+    assert code == 1 and codes["effort-missing"] == "error"
     bag = write_bag_folder(tmp_path / "other", [joint_state(t, ("a", "b", "c"), q, None, y) for t, q, y in rows])
     code, _, err = called(capsys, "doctor", arm, bag)
     assert code == 2 and "a, b, c" in err and "joints = { file name = robot joint }" in err
@@ -204,6 +205,20 @@ def test_the_hint_has_the_options_that_read_the_log(tmp_path: Path, capsys: pyte
     check.write_text(check.read_text().replace(clock, "Marke", 1))
     assert called(capsys, "validate", tmp_path / "run", check)[0] == 2
     assert called(capsys, "validate", tmp_path / "run", check, "--columns", "time=Marke")[0] == 0
+
+
+@pytest.mark.parametrize("named", ['q="pos,1", "pos,2","pos,3"', 'q="pos,{}"'])
+def test_names_with_commas_are_quoted(tmp_path: Path, capsys: pytest.CaptureFixture[str], named: str):
+    arm = write_arm(tmp_path)
+    path = as_table(small_recording(1), tmp_path / "log.csv", "pos,{}", "Last,{}", ("1", "2", "3"))
+    code, out, _ = called(capsys, "doctor", arm, path, "--columns", named, "--json")
+    (lacking,) = (f for f in json.loads(out)["findings"] if f["severity"] == "error")
+    assert code == 1 and lacking["code"] == "effort-missing"
+    option = as_option(lacking["remedy"])
+    assert option is not None and '"Last,{}"' in option
+    assert called(capsys, "doctor", arm, path, *shlex.split(option))[0] == 0
+    code, _, err = called(capsys, "doctor", arm, path, "--columns", 'q="pos,1","pos,2')
+    assert code == 2 and "double quotes" in err
 
 
 def test_options_beside_a_study_are_refused_by_the_doctor(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

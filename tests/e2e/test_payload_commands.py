@@ -20,7 +20,7 @@ from armid.maths.inertia import about_com, com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.runs.run import load_run, save_run
 from armid.study.config import RecordingChoice, load_study
-from armid.study.identify import identify, read_recording, score_recordings
+from armid.study.identify import identify, read_choice, score_recordings
 from armid.study.processed import process_each
 from labs import FRICTION, SENSORS, small_model, small_plan, small_truth, write_arm, write_recording
 
@@ -193,7 +193,7 @@ def test_uncertain_gains_are_in_the_interval_of_the_mass(armid: Armid):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("payload", "run", "free.npz"), "stand in run already"),
+        (("payload", "run", "free.npz"), "run has the same data"),
         (("payload", "run", "loaded.npz", "loaded.npz"), "each once"),
         (("payload", "run", "loaded.npz", "--mass", "0.8"), "no drive gains to find"),
         (("payload", "run", "loaded.npz", "--gain-deviation", "0.1"), "no drive gains that could deviate"),
@@ -202,10 +202,13 @@ def test_uncertain_gains_are_in_the_interval_of_the_mass(armid: Armid):
         (("payload", "currents/run", "loaded.npz"), "for effort"),
         (("payload", "run", "nowhere.npz"), "nowhere.npz"),
         (("payload", "loaded.npz", "loaded.npz"), "is no run"),
-        (("recalibrate", "run", "free.npz"), "stand in run already"),
+        (("recalibrate", "run", "free.npz"), "run has the same data"),
         (("recalibrate", "run", "warm.npz", "--tool", "--all"), "--tool and --all"),
         (("recalibrate", "run", "warm.npz", "--out", "run"), "is the earlier run"),
-        (("recalibrate", "run", "warm.npz", "--validate", "warm.npz", "--out", "x"), "the same data are trained on"),
+        (
+            ("recalibrate", "run", "warm.npz", "--validate", "warm.npz", "--out", "x"),
+            "the same data are used for training",
+        ),
     ],
 )
 def test_bad_input_is_one_message(armid: Armid, folder: Path, arguments: tuple[str, ...], said: str):
@@ -244,7 +247,7 @@ def test_friction_is_recalibrated(armid: Armid, tmp_path: Path):
     run, old = load_run(out), load_run("run")
     bound = next(each["bound"] for each in record["validation"]["checks"] if "training" in each["name"])
     read = [
-        (choice := RecordingChoice(path), read_recording(choice, ".", run.robot)[0])
+        (choice := RecordingChoice(path), read_choice(choice, ".", run.robot)[0])
         for path in ("warm.npz", "later.npz")
     ]
     train, unseen = score_recordings(run.model, run.estimate, process_each(read, run.processing, run.robot))[0]

@@ -139,9 +139,9 @@ def test_effects_and_the_noise_free_truth(armid):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--mode", "magic"), "no mode 'magic'"),
-        (("--controller", "magic"), "no controller 'magic'"),
-        (("--effects", "magic"), "no effect 'magic'"),
+        (("--mode", "magic"), "Unknown mode 'magic'"),
+        (("--controller", "magic"), "Unknown controller 'magic'"),
+        (("--effects", "magic"), "Unknown effect 'magic'"),
         (("--format", "xls"), "'xls'"),
         (("--rate", "9000"), "8000"),
         (("--options", "nowhere.toml"), "nowhere.toml"),

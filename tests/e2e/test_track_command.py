@@ -54,7 +54,7 @@ def test_a_track_is_printed_and_written(armid: Armid):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("day1.npz",), "to be new"),
+        (("day1.npz",), "must be a new recording"),
         (("day2.npz", "--tool", "--all"), "--tool and --all"),
         (("day2.npz", "--memory", "-1"), "above 0 s"),
         (("day2.npz", "--out", "run"), "run"),

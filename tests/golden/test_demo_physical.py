@@ -28,7 +28,7 @@ def demo(biased: bool) -> Demo:
 def fit_of(estimator: Estimator, biased: bool) -> Fit:
     result = demo(biased).result
     problem = EstimationProblem(result.information, standard_of(result.model, result.estimate.base))
-    return estimator.estimate(problem)
+    return estimator.solve(problem)
 
 
 def errors(fit: Fit, biased: bool) -> tuple[float, float]:

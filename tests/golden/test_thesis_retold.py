@@ -210,7 +210,7 @@ FREE = (
     r"blame",  # in the order of sizes that may be equal
     r"gap$",
 )
-"""What may differ from machine to machine, and is held by the tests above where it means something."""
+"""Entries that may differ from machine to machine; the tests above check those that matter."""
 
 NEAR = (
     (r"^designs\.published", 0.05, 2e-3),  # closed loop, another version of MuJoCo rounds otherwise

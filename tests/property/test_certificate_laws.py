@@ -78,7 +78,7 @@ def test_the_worst_pose_is_worse_than_a_dense_sample():
 
 def test_an_impossible_program_is_an_error_and_no_answer():
     one = np.ones((1, 1))
-    with pytest.raises(EstimationError, match="gave no answer"):
+    with pytest.raises(EstimationError, match=r"found no solution|did not converge"):
         solve_cones(np.ones(1), [Cone("nonnegative", one, -one[0]), Cone("nonnegative", -one, np.zeros(1))])
 
 

@@ -17,7 +17,8 @@ from armid.model.terms import Coulomb, Coupling, Offset, RigidBody, RotorInertia
 from armid.robot import load_robot
 
 RELATIVE = 1e-6
-"""What the gradient has to keep to; differences of step 1e-4 with their error of fourth order are better by far."""
+"""Largest relative error of the gradient; differences of step 1e-4 with their error of fourth order are better by
+far."""
 
 STEP = 1e-4
 SAMPLES = 48

@@ -51,7 +51,7 @@ def test_every_column_passes_the_same_filter_as_the_torque(arm, band, step, offs
     motion, torque = recorded(arm, 20, seconds=10.0, rate=200.0)
     run = one_run(motion, torque, 200.0, step=step, offset=offset, block_rows=20)
     information = accumulate_information(model, base, Observations((run,), band))
-    assert information.made_by.endswith(" qr")
+    assert information.made_by.method == "qr"
     rows = filtered(arm, run, band)
     assert_says(information, rows)
     for block in (0, information.blocks - 1):

@@ -93,7 +93,7 @@ def unseen_error(model: DynamicsModel, weight: float, training: Observations, ot
     """RMS (n,) on other motion where joints move, the first seconds aside: no model knows its memory there."""
     base = find_base_parameters(model)
     problem = EstimationProblem(accumulate_information(model, base, training), standard_of(model, base), model, base)
-    theta = torque_parameters(base, Ridge(weight=weight).estimate(problem))
+    theta = torque_parameters(base, Ridge(weight=weight).solve(problem))
     (run,) = other.runs
     residual = (run.torque - model.torque(run.motion, theta))[300:]
     moving = np.abs(run.motion.dq[300:]) > MOVING

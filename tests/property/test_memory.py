@@ -52,7 +52,7 @@ before = peak()
 information = accumulate_information(model, base, observations)
 after = peak()
 dense = np.ones((samples // 10, 211)) if len(sys.argv) > 3 else None
-print(json.dumps({"growth": after - before, "made_by": information.made_by, "with_dense": peak() - before}))
+print(json.dumps({"growth": after - before, "made_by": str(information.made_by), "with_dense": peak() - before}))
 sys.stdout.flush()
 os._exit(0)
 """

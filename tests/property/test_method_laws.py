@@ -78,7 +78,7 @@ def with_torque(problem: EstimationProblem, arm: Arm, change: Array) -> Estimati
 @given(seed=SEEDS)
 def test_noise_free_data_give_the_truth_back(method: Method, seed: int):
     (_, _, truth), problem = random_problem(seed, noise=0.0)
-    fit = method.estimate(problem)
+    fit = method.solve(problem)
     assert np.linalg.norm(fit.values - truth) <= EXACT * np.linalg.norm(truth)
 
 
@@ -88,7 +88,7 @@ def test_noise_free_data_give_the_truth_back(method: Method, seed: int):
 def test_nothing_fits_the_training_data_better_than_least_squares(method: Method, seed: int):
     """Each gives up some of the weighted residual for something else."""
     _, problem = random_problem(seed, noise=0.2)
-    fit, plain = method.estimate(problem), WeightedLeastSquares().estimate(problem)
+    fit, plain = method.solve(problem), WeightedLeastSquares().solve(problem)
     cost = [float(np.sum((plain.weights * each.residual_rms) ** 2 * each.rows)) for each in (plain, fit)]
     assert cost[1] >= cost[0] * (1.0 - 1e-9)
 
@@ -104,7 +104,7 @@ def test_how_far_off_a_row_is_does_not_matter(seed: int, far: float):
     for size in (1.0, 10.0):
         change = np.zeros((500, arm[0].n))
         change[row, joint] = size * 10.0**far
-        estimates.append(RobustLeastSquares().estimate(with_torque(problem, arm, change)))
+        estimates.append(RobustLeastSquares().solve(with_torque(problem, arm, change)))
     one, other = estimates
     assert (np.abs(one.values - other.values) <= 0.02 * one.deviation).all()
 
@@ -113,10 +113,10 @@ def test_how_far_off_a_row_is_does_not_matter(seed: int, far: float):
 @given(seed=SEEDS)
 def test_what_huber_answers_to_an_outlier_is_bounded(seed: int):
     arm, problem = random_problem(seed, noise=0.2)
-    plain = RobustLeastSquares("huber").estimate(problem)
+    plain = RobustLeastSquares("huber").solve(problem)
     change = np.zeros((500, arm[0].n))
     change[250] = 1e6
-    touched = RobustLeastSquares("huber").estimate(with_torque(problem, arm, change))
+    touched = RobustLeastSquares("huber").solve(with_torque(problem, arm, change))
     assert (np.abs(touched.values - plain.values) <= 3.0 * plain.deviation).all()
 
 
@@ -124,11 +124,11 @@ def test_what_huber_answers_to_an_outlier_is_bounded(seed: int):
 @given(seed=SEEDS, ratio=st.floats(1.5, 100.0))
 def test_a_laxer_ratio_drops_a_part_of_what_a_stricter_one_drops(seed: int, ratio: float):
     _, problem = random_problem(seed, noise=0.2)
-    strict, lax = (EssentialParameters(ratio=r, price=np.inf).estimate(problem) for r in (ratio, 2.0 * ratio))
+    strict, lax = (EssentialParameters(ratio=r, price=np.inf).solve(problem) for r in (ratio, 2.0 * ratio))
     assert set(lax.dropped) <= set(strict.dropped)
     left = np.array([name not in strict.dropped for name in strict.names])
     if left.sum() > 1:
-        again = EssentialParameters(ratio=ratio, price=0.0).estimate(problem)
+        again = EssentialParameters(ratio=ratio, price=0.0).solve(problem)
         assert set(again.dropped) <= set(strict.dropped)
 
 

@@ -79,7 +79,7 @@ def whole_problem(noise: float, sign: float) -> EstimationProblem:
 
 def assert_physical(problem: EstimationProblem, kind: str) -> Fit:
     """The answer is one, by what can be computed from it alone."""
-    fit = PhysicallyConsistent(prior=kind, weight=1.0).estimate(problem)  # pyright: ignore[reportArgumentType]
+    fit = PhysicallyConsistent(prior=kind, weight=1.0).solve(problem)  # pyright: ignore[reportArgumentType]
     standard, found = problem.standard, fit.standard
     assert standard is not None and found is not None
     least = np.linalg.eigvalsh(pseudo_inertia(found.values[standard.inertial])).min()
@@ -127,7 +127,7 @@ def test_noise_is_raised_where_none_does_and_it_is_said():
     fit = assert_physical(random_problem(37, 9), "log-det")
     (said,) = [finding for finding in fit.findings if finding.code == "noise-raised"]
     assert said.severity == "warning" and "No body explains" in said.evidence
-    assert "Joint" in said.evidence and "sign" in said.remedy
+    assert "joint" in said.evidence and "sign" in said.remedy
 
 
 @pytest.mark.parametrize(("sign", "severity"), [(1.0, "info"), (-1.0, "warning")])

@@ -24,7 +24,7 @@ LINEAR = 1e-11
 the ends, which is as large as the signal."""
 
 MEMORY = 1e-8
-"""What a filter still remembers when it counts as settled, 1e-9, times jumps of a few times the signal."""
+"""Largest effect of the past on a settled filter: 1e-9, times jumps of a few times the signal."""
 
 EXACT = 1e-10
 """Of derivatives of a Fourier series of order one; ω² is at most 40."""

@@ -30,7 +30,7 @@ def assert_finite(table: MethodTable) -> None:
     for score in table.scores:
         assert not score.failure, (score.method, score.failure)
         assert np.isfinite([*score.training, *score.unseen]).all(), score.method
-        assert score.certificate is not None
+        assert score.consistent is not None
 
 
 def test_every_method_has_numbers_on_a_recording(shared_data: Path):

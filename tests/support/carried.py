@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armid.estimation.estimators import WeightedLeastSquares
+from armid.estimation.estimating import estimate
 from armid.estimation.fit import Fit
 from armid.estimation.problem import EstimationProblem
-from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information
 from armid.maths.inertia import com_inertia_to_vector
@@ -108,4 +107,4 @@ def carrying(
 
 def known(information: Information) -> Fit:
     """The estimate of the arm without a load."""
-    return estimate_covariance(WeightedLeastSquares().estimate(EstimationProblem(information)), information)
+    return estimate(EstimationProblem(information))

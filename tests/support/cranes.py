@@ -6,11 +6,10 @@ from functools import cache
 
 import numpy as np
 
+import armid
 from armid.estimation.estimate import Estimate
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
-from armid.estimation.problem import EstimationProblem, standard_of
-from armid.estimation.uncertainty.covariance import estimate_covariance
-from armid.information.accumulate import accumulate_information
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody, Viscous
@@ -45,11 +44,11 @@ def problem(text: str = CRANE, seed: int = 0, noise: float = 0.3) -> EstimationP
     motion = lively_motion(np.random.default_rng(1), arm.n, RATE, 12.0)
     torque = arm.torque(motion, theta) + noise * np.random.default_rng(seed).normal(size=(motion.samples, arm.n))
     samples = raw(one_run(motion, torque, RATE))
-    return EstimationProblem(accumulate_information(arm, base, samples), standard_of(arm, base), arm, base, samples)
+    return build_problem(arm, samples, base=base)
 
 
 def estimate(data: EstimationProblem, *, bodies: bool = True) -> Estimate:
     assert data.model is not None and data.base is not None
     estimator = PhysicallyConsistent(prior="none") if bodies else WeightedLeastSquares()
-    fit = estimate_covariance(estimator.estimate(data), data)
+    fit = armid.estimate(data, estimator)
     return Estimate(data.model.robot.name, estimator.name, (), data.base, fit)

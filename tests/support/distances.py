@@ -15,13 +15,13 @@ from armid.robot.robot import Robot
 from armid.values import Array
 
 RELATIVE = 1e-6
-"""What a gradient has to keep to."""
+"""Largest relative error of a gradient."""
 
 STEP = 1e-5
 """Of differences of fourth order; nearest points move by some 1e-5 m meanwhile."""
 
 SMOOTH = 1e-7
-"""How far [m] nearest points may be from moving evenly within two steps either way. Their accelerations make it
+"""Largest deviation [m] of nearest points from moving evenly within two steps either way. Their accelerations make it
 1e-9 m; where they come to the end of a capsule or the edge of a box, and stay there, it is a share of 1e-5 m; where
 they jump from one capsule, or one end of parallel ones, to another, it is millimetres."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armid.estimation.estimate import Estimate
+from armid.estimation.estimate import Estimate, InputDigest
 from armid.estimation.fit import Fit
 from armid.estimation.problem import bare_standard
 from armid.estimation.standard_fit import PriorUse, Proof, StandardFit
@@ -162,7 +162,9 @@ def run_with(
         standard=bodies,
     )
     method = "physical" if standard else "wls"
-    estimate = Estimate(model.robot.name, method, (), base, fit, made_from=(f"robot {model.robot.sha256}",))
+    estimate = Estimate(
+        model.robot.name, method, (), base, fit, made_from=(InputDigest("robot", model.robot.sha256),)
+    )
     choice = {"description": str(description), "gravity": gravity, "locked": locked, "tip": None}
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "study.json").write_text(json.dumps({"robot": choice, "folder": ".", "recordings": []}))

@@ -13,11 +13,10 @@ from armid.measurement.columns.lookup import assemble, select
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.recording import Recording
-from armid.measurement.remedy import BY_HAND
 from armid.measurement.robot_convention import to_robot_convention
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study, build_model
 from armid.study.diagnosis import diagnose_recording
-from armid.study.remedies import applied
+from armid.study.remedies import applied, tables_of
 from sick import PATTERNS, Case
 
 PATH = "log.csv"
@@ -85,7 +84,7 @@ def delay_error(case: Case, remedy: str) -> float:
 
 
 def _same(case: Case, remedy: str, *, q: float = EXACT) -> bool:
-    if remedy.startswith(BY_HAND):
+    if not tables_of(remedy):
         return False
     try:
         again, _, _ = healed(case, remedy)

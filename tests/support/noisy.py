@@ -7,11 +7,10 @@ from functools import cache
 import numpy as np
 from scipy.signal import lfilter
 
+from armid.estimation.estimating import estimate
 from armid.estimation.estimators import OrdinaryLeastSquares, WeightedLeastSquares
 from armid.estimation.fit import Fit
-from armid.estimation.problem import EstimationProblem
-from armid.estimation.uncertainty.covariance import estimate_covariance
-from armid.information.accumulate import accumulate_information
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import find_base_parameters
@@ -63,7 +62,7 @@ def problem(motion: Motion, noise: Array, block: Array, band: Band | None = None
     mask = np.ones((rows, 2), dtype=bool)
     run = ObservedRun(motion, torque, RATE, step, 0, mask, np.asarray(block, dtype=np.int64)[:rows])
     observations = Observations((run,), band or Band())
-    return EstimationProblem(accumulate_information(model, base, observations), None, model, base, observations)
+    return build_problem(model, observations, base=base)
 
 
 def seconds_of(motion: Motion) -> Array:
@@ -83,7 +82,7 @@ def once(seed: int, seconds: float = 20.0, memory: float = 0.1, **kinds: object)
 
 
 def covered(given: EstimationProblem, method: OrdinaryLeastSquares | WeightedLeastSquares = WLS) -> Fit:
-    return estimate_covariance(method.estimate(given), given)
+    return estimate(given, method)
 
 
 def inside(fit: Fit) -> Array:

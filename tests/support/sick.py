@@ -35,7 +35,7 @@ MASSES = {"panda": (3.0, 3.0, 2.8, 2.6, 2.9, 1.5, 0.8), "iiwa7-r800": (3.5, 3.5,
 """Arms that are described without inertias; these are of the size that publications give [kg]."""
 
 MASS, COM, INERTIA = 0.15, 0.01, 0.3
-"""How far links are off their description at most: shares of mass and inertia, centre of mass [m]."""
+"""Largest deviations of links from their description: shares of mass and inertia, centre of mass [m]."""
 
 
 @dataclass(frozen=True, eq=False)

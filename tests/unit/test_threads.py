@@ -71,3 +71,13 @@ def test_the_command_line_has_one_thread_unless_the_user_says_otherwise(own: dic
     environment = {name: value for name, value in os.environ.items() if name not in ONE_THREAD} | own
     done = subprocess.run([sys.executable, "-c", SCRIPT], env=environment, capture_output=True, text=True, check=True)
     assert set(json.loads(done.stdout.splitlines()[-1])) <= {expected}
+
+
+def test_where_the_process_is_limited_no_library_is_looked_for():
+    script = (
+        "import sys\nfrom armid.threads import one_blas_thread, prefer_one_thread\nprefer_one_thread()\n"
+        "import numpy\none_blas_thread(lambda: numpy.eye(2) @ numpy.eye(2))()\nprint('threadpoolctl' in sys.modules)"
+    )
+    environment = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.strip() == "False"

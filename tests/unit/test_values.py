@@ -12,6 +12,8 @@ import pytest
 
 from armid import values
 from armid.errors import ArmidError, OutputError
+from armid.estimation.estimate import InputDigest
+from armid.information.information import FactorOrigin
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.motion import Motion
@@ -227,3 +229,18 @@ def test_digests(tmp_path):
     assert digest(np.arange(4.0)) == digest([0.0, 1.0, 2.0, 3.0])
     assert digest(np.arange(4.0)) != digest(np.arange(4.0)[::-1])
     assert digest(np.arange(8.0)[::2]) == digest([0.0, 2.0, 4.0, 6.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    first: tuple[InputDigest, ...]
+    made_by: FactorOrigin
+
+
+def test_a_text_value_is_kept_as_its_text(tmp_path):
+    inputs = Inputs((InputDigest("earlier run", "1f"), InputDigest("robot", "2e")), FactorOrigin("native", "qr"))
+    path = save(inputs, tmp_path / "inputs.npz")
+    with np.load(path) as archive:
+        header = json.loads(bytes(archive["value.json"]))
+    assert header["value"] == {"first": ["earlier run 1f", "robot 2e"], "made_by": "native qr"}
+    assert load(Inputs, path) == inputs

@@ -120,7 +120,7 @@ def test_a_search_without_cones_ends_at_the_same_objective(problem: EstimationPr
     belief = make_prior("mass", standard, weighted)
     program = ConsistentProgram(standard, Requirements(1e-9), "mass", belief, weighted.correlation)
     convex = program.solve(weighted.rows, weighted.rows @ weighted.values, 1.0).objective
-    fit = LogCholesky().estimate(problem)
+    fit = LogCholesky().solve(problem)
     (said,) = [finding.evidence for finding in fit.findings if finding.code == "local-search"]
     ends = [float(word.strip(",;")) for word in said.split("objectives ")[1].split(";")[0].split()]
     assert len(ends) == LogCholesky().starts

@@ -17,19 +17,6 @@ from pathlib import Path
 import armid
 from armid.cli.next_step import DESCRIPTIONS
 
-__all__ = [
-    "CRITERIA",
-    "EXPORTS",
-    "METHODS",
-    "TERMS",
-    "among",
-    "joints",
-    "known_arms",
-    "limits",
-    "links",
-    "terms",
-]
-
 METHODS = ("wls", "physical", "ridge", "robust", "ols", "essential", "log-cholesky", "thesis-nlp")
 """Methods of estimation, the most used first."""
 
@@ -92,10 +79,10 @@ def among(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 def terms(incomplete: str) -> list[str]:
-    """Torque terms not yet in the comma-separated list; `auto` only as the first."""
+    """Torque terms not yet in the comma-separated list; `auto` only as the first, `default` for the default terms."""
     prefix, comma, start = incomplete.rpartition(",")
     used = set(prefix.split(","))
-    names = TERMS if comma else ("auto", *TERMS)
+    names = ("default", *TERMS) if comma else ("auto", "default", *TERMS)
     return [prefix + comma + name for name in names if name.startswith(start) and name not in used]
 
 

@@ -25,18 +25,6 @@ from armid.study.identify import Progress as ReportProgress
 from armid.validation.prediction import Score, Validation
 from armid.values import Array
 
-__all__ = [
-    "error_console",
-    "output_console",
-    "print_error",
-    "print_findings",
-    "print_methods",
-    "print_missing_meshes",
-    "print_verdict",
-    "progress",
-    "validation_table",
-]
-
 WIDTH_IN_A_PIPE = 120
 """Width of output that does not go to a terminal, unless the variable `COLUMNS` gives one [characters]."""
 
@@ -226,13 +214,12 @@ def print_methods(comparison: MethodTable, units: Sequence[str]) -> None:
     for name in ("training", "held-out", "dropped", "physical", "smallest λ", "time"):
         table.add_column(name, justify="right")
     for score in comparison.scores:
-        certificate = score.certificate
         physical = (
             "-"
-            if certificate is None
+            if score.consistent is None
             else "yes"
-            if certificate.feasible
-            else f"{100 * certificate.relative_distance:.2g} % off"
+            if score.consistent
+            else f"{100 * score.relative_distance:.2g} % off"
         )
         table.add_row(
             score.method,

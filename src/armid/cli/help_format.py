@@ -8,8 +8,6 @@ from typer.core import TyperCommand
 
 from armid.cli.hints import CONTEXT
 
-__all__ = ["Command"]
-
 
 class Command(TyperCommand):
     """Command whose help shows arguments such as `STUDY | ROBOT RECORDING…`, and switches without a type."""

@@ -6,7 +6,7 @@ from contextvars import ContextVar
 from itertools import chain
 from typing import Any
 
-__all__ = ["CONTEXT", "hint", "options_of_command"]
+from armid.remedy import Remedy
 
 CONTEXT: ContextVar[Any] = ContextVar("context", default=None)
 """Context of the running command; stored here because versions of typer differ in the click that they use."""
@@ -18,7 +18,7 @@ def hint(remedy: str) -> str:
     Args:
         remedy: Remedy of a finding or an error.
     """
-    if " = " not in remedy or CONTEXT.get() is None:
+    if not isinstance(remedy, Remedy) or CONTEXT.get() is None:
         return remedy
     from armid.study.remedies import at_the_prompt
 

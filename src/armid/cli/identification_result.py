@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from armid.estimation.fit import Fit
     from armid.study.identify import Result
 
-__all__ = ["intervals_line", "print_next", "print_result"]
-
 COVARIANCE_SOURCES = {
     "white": "the variance of the residuals, taken as uncorrelated",
     "period": "the scatter between periods",
@@ -44,8 +42,8 @@ def print_result(result: Result, *, verbose: bool = False) -> None:
     print_verdict(console, result.validation)
     units = [joint.effort_unit for joint in result.robot.joints]
     console.print(validation_table(result.validation, result.training, units))
-    if result.ladder is not None:
-        console.print(friction_selection_table(result.ladder, result.robot))
+    if result.friction_selection is not None:
+        console.print(friction_selection_table(result.friction_selection, result.robot))
         console.print(_method_line(result))
     if verbose:
         console.print(estimate_table(estimate, result.robot.joint_names))
@@ -71,7 +69,7 @@ def _method_line(result: Result) -> str:
     default = method == AUTOMATIC_METHOD
     reason = f", the default where friction is chosen ({PLAIN_METHOD} where it is named)" if default else ""
     has_prior = any(finding.code == "prior-weight" for finding in result.estimate.findings)
-    weight = result.ladder.prior_weight if result.ladder and has_prior else None
+    weight = result.friction_selection.prior_weight if result.friction_selection and has_prior else None
     prior = (
         ""
         if weight is None
@@ -92,6 +90,8 @@ def print_next(
         replaced: True if an earlier run in this folder was replaced.
         inputs: The study, or the arm and its recordings, as given on the command line.
     """
+    from armid.report.heading import export_command
+
     run = shlex.quote(str(folder))
     lines = [f"run written to {folder}{', replacing the earlier run there' if replaced else ''}"]
     if page:
@@ -103,16 +103,7 @@ def print_next(
         steps.append((f"armid validate {run} RECORDING", "torque error on a recording not used for training"))
     if result.validation.verdict == "fail" and inputs:
         steps.append((f"armid doctor {' '.join(map(shlex.quote, inputs))}", "faults of the recordings"))
-    if result.estimate.fit.standard is None:
-        steps.append(
-            (
-                f"armid export {run} --to c",
-                "the model as source code; --to urdf where consistent bodies fit",
-            )
-        )
-    else:
-        format_name = "mjcf" if Path(result.study.robot.description).suffix == ".xml" else "urdf"
-        steps.append((f"armid export {run} --to {format_name}", "the model as a robot description, or code: --to c"))
+    steps.append(export_command(run, result.estimate, result.study.robot.description))
     if result.validation.verdict != "not judged":
         steps.append((f"armid validate {run} RECORDING", "torque error on a further recording"))
     steps.append((f"armid preview {run}", "the recorded motion of the arm"))

@@ -38,8 +38,6 @@ from armid.cli.next_step import next_step
 from armid.errors import ArmidError
 from armid.threads import prefer_one_thread
 
-__all__ = ["app", "main"]
-
 BAD_INPUT = 2
 INTERRUPTED = 130
 

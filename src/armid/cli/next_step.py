@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-__all__ = ["DESCRIPTIONS", "next_step"]
-
 DESCRIPTIONS = (".urdf", ".xacro", ".xml", ".mjcf")
 TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 RECORDINGS = (

@@ -15,25 +15,6 @@ from armid.errors import ArmidError, StudyError
 if TYPE_CHECKING:
     from armid.study.config import ModelChoice, RobotChoice
 
-__all__ = [
-    "Gravity",
-    "Json",
-    "Lock",
-    "Only",
-    "Out",
-    "Package",
-    "RobotName",
-    "Terms",
-    "Threads",
-    "TipLink",
-    "Verbose",
-    "known_arms",
-    "model_choice",
-    "robot_choice",
-    "run_folder",
-]
-
-
 RobotName = Annotated[
     str,
     typer.Argument(
@@ -86,7 +67,8 @@ Terms = Annotated[
     typer.Option(
         "--terms",
         metavar="A,B,…",
-        help="Torque terms, as rigid-body,viscous,coulomb; `auto`: `identify` selects friction for each joint.",
+        help="Torque terms, as rigid-body,viscous,coulomb or default,rotor-inertia; `auto`: `identify` selects "
+        "friction for each joint.",
         autocompletion=terms,
     ),
 ]

@@ -11,14 +11,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from armid.estimation.estimate import Estimate
+from armid.estimation.fit import POORLY_IDENTIFIED
 from armid.estimation.friction.selection import FrictionSelection
 from armid.estimation.link_properties import QUANTITIES, LinkProperties, LinkTable
 from armid.estimation.standard_fit import StandardFit
 from armid.model.parameter_counts import by_joint, count_text
 from armid.model.term_descriptions import friction_of_joint
 from armid.robot.robot import Robot
-
-__all__ = ["estimate_table", "folded_line", "friction_selection_table", "print_links", "status_line"]
 
 FEWEST_DECIMALS, MOST_DECIMALS = 3, 9
 
@@ -45,7 +44,7 @@ def folded_line(estimate: Estimate) -> str:
     """Number of parameters and how many are poorly identified, in one line."""
     names = estimate.fit.names
     poor = int(estimate.fit.poorly_identified.sum())
-    note = f"; relative standard deviation of {poor} more than ten times the smallest" if poor else ""
+    note = f"; {poor} with a relative standard deviation above {POORLY_IDENTIFIED:g} %" if poor else ""
     return f"{len(names)} base parameters, {count_text(names)}, by {estimate.method}{note}"
 
 
@@ -55,7 +54,7 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
     decimals = [_decimals(0.5 * (high - low)) for low, high in ends]
     table = Table(
         title=f"{estimate.robot}: {len(fit.names)} base parameters ({count_text(fit.names)}), {estimate.method}",
-        caption="σ %: relative standard deviation. * over ten times the smallest: poorly identified, or near zero",
+        caption=f"σ %: relative standard deviation. * above {POORLY_IDENTIFIED:g} %: poorly identified, or near zero",
         header_style="bold",
     )
     for name in ("parameter", "value", "unit", "σ %", "95 % interval"):
@@ -68,7 +67,7 @@ def estimate_table(estimate: Estimate, joints: Sequence[str]) -> Table:
             table.add_row(
                 escape(fit.names[k]),
                 f"{fit.values[k]:.{decimals[k]}f}",
-                units[fit.names[k].split("[", 1)[0]],
+                units[fit.names[k].of_all],
                 f"{_percent(fit.relative_deviation[k])}{'*' if fit.poorly_identified[k] else ' '}",
                 f"{ends[k, 0]:.{decimals[k]}f} … {ends[k, 1]:.{decimals[k]}f}",
             )
@@ -136,8 +135,8 @@ def _links_note(table: LinkTable) -> str:
         if spans:
             lines.append(f"* {escape(body.link)}, 95 %: {spans}")
     starred = len(lines) > 1
-    others = "the others have" if starred else "each of these values has"
-    lines.append(f"{'* determined by the torques; ' if starred else ''}{others} a part that depends on the prior")
+    others = "the others depend" if starred else "these values depend"
+    lines.append(f"{'* determined by the torques; ' if starred else ''}{others} on the prior, too")
     return "\n".join(lines)
 
 

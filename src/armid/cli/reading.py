@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,15 +13,13 @@ from armid.errors import ArmidError
 if TYPE_CHECKING:
     from armid.measurement.log_format import LogFormat
 
-__all__ = ["Columns", "Data", "Rate", "TimeUnit", "TorqueSign", "Units", "changed_reading", "columns_given", "given"]
-
 Columns = Annotated[
     list[str] | None,
     typer.Option(
         "--columns",
         metavar="QUANTITY=NAME",
-        help="Columns of time, q, dq, ddq or effort: a name, a pattern as q=pos{}, or names with commas between; "
-        "repeatable.",
+        help="Columns of time, q, dq, ddq or effort: a name, a pattern as q=pos{}, or names with commas between, "
+        'those with commas of their own in double quotes: q="pos,1","pos,2"; repeatable.',
     ),
 ]
 Data = Annotated[
@@ -60,12 +59,19 @@ def columns_given(given: list[str]) -> dict[str, str | list[str]]:
     """Column names by quantity, from `QUANTITY=NAME,…`; several names of one quantity become a list.
 
     Raises:
-        ArmidError: An entry names no quantity.
+        ArmidError: An entry names no quantity, or a quote is not closed.
     """
     by_quantity: dict[str, list[str]] = {}
     for each in given:
         quantity, equals, names = each.partition("=")
         if not equals:
             raise ArmidError(f"--columns {each}: no quantity.", remedy="write as --columns 'time=Zeit [ms]'.")
-        by_quantity.setdefault(quantity.strip(), []).extend(name.strip() for name in names.split(","))
+        try:
+            (split,) = csv.reader([names], skipinitialspace=True, strict=True)
+        except csv.Error as error:
+            raise ArmidError(
+                f"--columns {each}: names cannot be told apart ({error}).",
+                remedy='put a name with a comma in double quotes, as --columns \'q="pos,1","pos,2"\'.',
+            ) from error
+        by_quantity.setdefault(quantity.strip(), []).extend(name.strip() for name in split or [""])
     return {quantity: names[0] if len(names) == 1 else names for quantity, names in by_quantity.items()}

@@ -17,8 +17,6 @@ from armid.errors import ModelError
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 
-__all__ = ["PROGRAMS", "Maker", "make_programs"]
-
 PROGRAMS = (
     "regressor",
     "base_regressor",

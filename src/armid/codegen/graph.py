@@ -11,8 +11,6 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
-__all__ = ["FUNCTIONS", "Graph", "Node", "Scalar", "call"]
-
 Scalar: TypeAlias = "Node | float"
 """Number or node."""
 

@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike
 from armid.codegen.graph import Graph, Node, Scalar
 from armid.values import Array
 
-__all__ = ["Argument", "Program"]
-
 
 @dataclass(frozen=True, slots=True)
 class Argument:

@@ -15,8 +15,6 @@ from armid.codegen.source import FunctionSource
 from armid.model.dynamics import Parameter
 from armid.model.terms import RigidBody
 
-__all__ = ["thesis_order", "thesis_programs"]
-
 ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")
 PHYSICAL = ("m", "rx", "ry", "rz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 

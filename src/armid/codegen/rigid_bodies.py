@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from armid.codegen.graph import Scalar, call
 from armid.kernel.tree import Tree
 
-__all__ = ["Geometry", "inverse_dynamics", "mass_matrix", "numbers", "regressor"]
-
 Symbols = NDArray[Any]
 """Object array of scalars."""
 

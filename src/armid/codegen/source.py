@@ -16,8 +16,6 @@ from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.values import array
 
-__all__ = ["FunctionSource", "NamedValue", "identifier", "make_source"]
-
 RESERVED = frozenset(
     """auto bool break case catch char class const continue default delete do double else enum explicit export extern
     float for friend function goto if inline int long mutable namespace new operator private protected public register

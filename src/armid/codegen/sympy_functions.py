@@ -20,8 +20,6 @@ from armid.errors import MissingExtraError
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 
-__all__ = ["Symbolic", "make_symbolic"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Symbolic:

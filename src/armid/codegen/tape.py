@@ -13,8 +13,6 @@ from armid.codegen.program import Program
 from armid.kernel import _native
 from armid.values import Array
 
-__all__ = ["TapeRecord", "make_tape", "record_tape"]
-
 Integers = NDArray[np.int32]
 
 

@@ -11,8 +11,6 @@ from armid.model.expression import Expression, derivative, number, symbols
 from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.terms import Law
 
-__all__ = ["carried_out", "is_inertia", "law_value", "rotor_matrix", "updated", "uses"]
-
 
 def carried_out(expression: Expression, environment: Mapping[str, Scalar]) -> Scalar:
     """Symbolic value of an expression for given scalars.

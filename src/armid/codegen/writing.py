@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from armid.codegen.graph import Node, Scalar
 from armid.codegen.program import Program
 
-__all__ = ["Notation", "body", "matrix_rows"]
-
 LONGEST = 7
 """Largest number of operations in a statement: about a line of text."""
 

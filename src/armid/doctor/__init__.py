@@ -9,7 +9,6 @@ corrected log.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import replace
 
 from armid.doctor.checks.dynamics import (
     channel_delay,
@@ -36,7 +35,7 @@ from armid.doctor.checks.signals import (
 )
 from armid.doctor.effects import EFFECTS
 from armid.doctor.evidence import Explain, LogEvidence
-from armid.doctor.remedy_trial import needs_reason
+from armid.doctor.remedy_trial import with_reason
 from armid.errors import Finding
 
 __all__ = ["CHECKS", "CONSEQUENCES", "EFFECTS", "EXPLAINS", "SEVERITIES", "LogEvidence", "examine"]
@@ -101,16 +100,10 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
 """By code: findings that follow from that fault and are therefore not reported beside it."""
 
 
-def _with_reason(finding: Finding) -> Finding:
-    """The finding, with the reason where its remedy was not tested."""
-    reason = needs_reason(finding.code, finding.evidence, finding.remedy)
-    return replace(finding, evidence=finding.evidence + reason) if reason else finding
-
-
 def examine(evidence: LogEvidence, checks: Collection[str] = tuple(CHECKS)) -> tuple[Finding, ...]:
     """Runs checks on a log and returns their findings, errors first, each once."""
-    found = [_with_reason(f) for name, check in CHECKS.items() if name in checks for f in check(evidence)]
+    found = [with_reason(f) for name, check in CHECKS.items() if name in checks for f in check(evidence)]
     known = {code for f in found if f.severity != "info" for code in CONSEQUENCES.get(f.code, ())}
-    noted = {_with_reason(f) for f in evidence.noted}
+    noted = {with_reason(f) for f in evidence.noted}
     reported = [f for f in dict.fromkeys(found) if f.code not in known or f in noted]
     return tuple(sorted(reported, key=lambda f: SEVERITIES.index(f.severity)))

@@ -22,8 +22,6 @@ from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["DownsampledLog", "downsample"]
-
 CUTOFFS = (2.0, 6.0)
 """Limits of the band's cut-off [Hz]: faults of a log show at the frequencies of the motion, not above."""
 

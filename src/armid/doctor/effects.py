@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["EFFECTS"]
-
 EFFECTS: Mapping[str, str] = {
     "torque-sign": "All parameters have the wrong sign: negative friction and negative masses.",
     "position-sign": "Gravity and coupling torques of the joint and of what it carries are fitted at mirrored poses.",
@@ -20,7 +18,7 @@ EFFECTS: Mapping[str, str] = {
     "clock-missing": "Velocities and accelerations, and all parameters that depend on them, have no scale.",
     "clock-jitter": "Differentiated positions turn the clock's jitter into noise of velocity and acceleration.",
     "columns-guessed": "With wrong columns the estimate is useless: check the names.",
-    "units-of-header": "None: the recording is read in these units.",
+    "units-of-header": "None if the names are right; the lines state the units in a study.",
     "clock-received": "Jitter of network and recorder becomes noise of velocity and acceleration.",
     "joints-extra": "None: channels of joints that the model does not have are not used.",
     "joints-merged": "Interpolated values are smoother than measured ones, and shifted by a fraction of a step.",
@@ -34,15 +32,16 @@ EFFECTS: Mapping[str, str] = {
     "velocity-mismatch": "Friction and, where accelerations are derived from it, inertias are biased or meaningless.",
     "saturation": "The largest torques are too small, and inertias and friction with them.",
     "channel-dead": "The joint's parameters are fitted to values that were not measured.",
+    "effort-missing": "Without torque or current there is nothing to identify.",
     "value-missing": "Nothing can be computed from it.",
     "filtered-before-logging": "Friction at reversals is smoothed in the torque, but not in the model.",
     "period-misaligned": "The mean over repetitions smooths the motion and makes its torque smaller.",
     "excitation-weak": "Some parameters cannot be separated: the estimate fits this motion and may fail on others.",
     "temperature-drift": "The estimated friction is a mean over the log; intervals are too narrow for another day.",
     "contact": "External forces are attributed to parameters of the arm.",
-    "description-rounded": "Spurious base parameters would appear; such angles are rounded to multiples of 15°.",
+    "description-rounded": "Without the rounding to multiples of 15° there would be spurious base parameters.",
     "topic-chosen": "None: the others have no joints of the arm, or are commands.",
-    "sticking": "Static friction has any value up to its bound, which no law of the velocity describes.",
+    "sticking": "No law of the velocity describes dry friction at rest, which is any torque up to its bound.",
     "standstill": "At standstill, static friction and gravity cannot be separated, yet such rows have full weight.",
 }
 """By code, for all codes of the doctor."""

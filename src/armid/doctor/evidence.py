@@ -18,9 +18,8 @@ from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Viscous
+from armid.remedy import Remedy
 from armid.robot import Robot
-
-__all__ = ["Explain", "LogEvidence"]
 
 Explain = Callable[[LogState], Explanation | None]
 
@@ -126,6 +125,11 @@ class LogEvidence:
         trial = self._trial(before, each.after)
         return trial.helps if each.code in BY_ERROR_ALONE else not trial.harms
 
+    def trial_of(self, accepted: Explanation) -> RemedyTrial:
+        """Held-out errors without and with an accepted explanation."""
+        before = next(state for state, each in self._accepted if each is accepted)
+        return self._trial(before, accepted.after)
+
     def _trial(self, before: LogState, after: LogState) -> RemedyTrial:
         """Held-out errors before and after, each computed once."""
         key = id(before), id(after)
@@ -148,7 +152,9 @@ class LogEvidence:
         for before, each in self._accepted:
             if each.code == code:
                 text = f"{each.evidence} {self._trial(before, each.after)}"
-                findings.append(Finding(code, each.severity, each.channel, text, each.remedy(self)))
+                findings.append(
+                    Finding(code, each.severity, each.channel, text, Remedy.read(each.remedy(self)).marked())
+                )
         return findings
 
     @cached_property

@@ -24,8 +24,6 @@ from armid.values import Array
 if TYPE_CHECKING:
     from armid.doctor.evidence import LogEvidence
 
-__all__ = ["JOINT_SYMBOLS", "DescriptionComparison", "Explanation", "LogState"]
-
 JOINT_SYMBOLS = ("FV", "FS", "FO", "IA")
 """Symbols of parameters that belong to one joint alone: friction, offset, rotor inertia."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,6 @@ from armid.information.column_source import ColumnSource
 from armid.information.regressor_rows import all_rows
 from armid.model.motion import Motion
 from armid.values import Array
-
-__all__ = ["QuickFit", "QuickRows", "cost_of", "make_rows", "products", "solve", "solve_products", "tables"]
 
 PASSES = 4
 """Rounds of weighting each joint by its residual. Two suffice unless the first round weights a joint badly."""
@@ -35,6 +34,13 @@ are excited are at least 1e-4."""
 
 COARSE_FLOOR = 1e-6
 """`FLOOR` for fits from products, whose rounding error is the root of the machine epsilon."""
+
+CUT = 1e-9
+"""Singular value over the largest below which a direction counts as not excited."""
+
+INDEPENDENT = 1e-6
+"""Diagonal of a triangular factor over its largest element above which columns are independent beyond doubt, and
+triangular equations give the solution in a sixth of the time of singular values."""
 
 LONGEST_LAG = 1.0
 """Longest lag of the residuals' autocorrelation that is summed [s]."""
@@ -70,23 +76,45 @@ class QuickRows:
         return len(self.columns)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class QuickFit:
-    """Result of weighted least squares on rows.
+    """Result of weighted least squares on rows; what is not asked of it is not computed.
 
     Attributes:
         values: Parameters, those of the extra columns last, shape (b + e,).
-        covariance: Covariance, shape (b + e, b + e), inflated for correlated residuals.
         sigma: RMS residual of each joint, shape (n,) [N·m or N].
-        residual: Residuals, shape (M, n), zero where a row does not count.
-        autocorrelation: Autocorrelation time of each joint's residual, shape (n,) [rows].
+        rows: The rows.
+        tables: Columns of each joint with the extra ones and torque, zero where a row does not count.
+        factor: Triangular factors of all joints' columns, one below the other, shape (r, b + e).
+        joint: Joint of each row of the factor, shape (r,).
     """
 
     values: Array
-    covariance: Array
     sigma: Array
-    residual: Array
-    autocorrelation: Array
+    rows: QuickRows
+    tables: tuple[Array, ...]
+    factor: Array
+    joint: NDArray[np.intp]
+
+    @cached_property
+    def residual(self) -> Array:
+        """Residuals, shape (M, n), zero where a row does not count."""
+        x, rows = self.values, self.rows
+        each = zip(self.tables, rows.parameters, strict=True)
+        return np.column_stack([_residual(table, parameters, x, rows.count) for table, parameters in each])
+
+    @cached_property
+    def autocorrelation(self) -> Array:
+        """Autocorrelation time of each joint's residual, shape (n,) [rows]."""
+        return np.array([_autocorrelation_time(each, self.rows.rate) for each in self.residual.T])
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance, shape (b + e, b + e), inflated for correlated residuals."""
+        scale = _lengths(self.factor)
+        weight = 1.0 / (self.sigma * np.sqrt(self.autocorrelation))[self.joint]
+        inverse = np.linalg.pinv(self.factor / scale * weight[:, None], rcond=CUT)
+        return (inverse @ inverse.T) / np.outer(scale, scale)
 
     @property
     def cost(self) -> float:
@@ -151,22 +179,33 @@ def solve(rows: QuickRows, extra: Array | None = None) -> QuickFit:
     A, y, joint = np.concatenate(blocks), np.concatenate(sides), np.concatenate(joints)
     size = np.array([np.linalg.norm(side) for side in sides]) / np.sqrt(counted)
     size = np.where(size > 0.0, size, 1.0)
-    scale = np.linalg.norm(A, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = _lengths(A)
     sigma = size
     x = np.zeros(total)
     for _ in range(PASSES):
         weight = 1.0 / sigma[joint]
-        x = np.linalg.lstsq(A / scale * weight[:, None], y * weight, rcond=1e-9)[0] / scale
+        x = _least_squares(np.column_stack([A / scale, y]) * weight[:, None]) / scale
         remaining = np.bincount(joint, (y - A @ x) ** 2, minlength=rows.n)
         before, sigma = sigma, np.maximum(np.sqrt(remaining / counted), FLOOR * size)
         if rows.n == 1 or (np.abs(sigma - before) < SETTLED * sigma).all():
             break
-    residual = np.column_stack([_residual(tables[j], rows.parameters[j], x, rows.count) for j in range(rows.n)])
-    autocorrelation = np.array([_autocorrelation_time(residual[:, j], rows.rate) for j in range(rows.n)])
-    weight = 1.0 / (sigma * np.sqrt(autocorrelation))[joint]
-    inverse = np.linalg.pinv(A / scale * weight[:, None], rcond=1e-9)
-    return QuickFit(x, (inverse @ inverse.T) / np.outer(scale, scale), sigma, residual, autocorrelation)
+    return QuickFit(x, sigma, rows, tuple(tables), A, joint)
+
+
+def _lengths(A: Array) -> Array:
+    """Lengths of columns; 1 where one is zero."""
+    scale = np.linalg.norm(A, axis=0)
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def _least_squares(A: Array) -> Array:
+    """Least-squares solution for the last column by the others, the smallest one where these are dependent."""
+    R: Array = np.asarray(np.linalg.qr(A, mode="r"))
+    k = A.shape[1] - 1
+    diagonal = np.abs(R.diagonal()[:k])
+    if len(R) > k and diagonal.min() > INDEPENDENT * diagonal.max():
+        return np.asarray(np.linalg.solve(R[:k, :k], R[:k, k]), dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(R[:, :k], R[:, k], rcond=CUT)[0], dtype=np.float64)
 
 
 def products(rows: QuickRows, extra: Array | None = None) -> tuple[Array, ...]:

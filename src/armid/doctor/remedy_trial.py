@@ -7,15 +7,14 @@ makes the held-out error larger is rejected.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armid.doctor.quick_fit import QuickRows, solve_products, tables
-from armid.measurement.remedy import BY_HAND
-
-__all__ = ["BY_ERROR_ALONE", "UNTRIED", "RemedyTrial", "heldout_error", "needs_reason", "try_remedy"]
+from armid.errors import Finding
+from armid.remedy import Remedy
 
 FOLDS = 5
 """Parts of a log, each left out once."""
@@ -124,8 +123,10 @@ def heldout_error(rows: QuickRows, judged: NDArray[np.bool_] | None = None) -> f
     return float(np.mean(np.log(np.sqrt(np.maximum(error, tiny) / np.maximum(size, tiny)))))
 
 
-def needs_reason(code: str, evidence: str, remedy: str) -> str:
-    """Sentence that says why a remedy was not tested; empty where it was, or is done by hand."""
-    if not remedy or remedy.startswith(BY_HAND) or code not in UNTRIED or "eft-out motion" in evidence:
-        return ""
-    return f" Not tried on left-out motion: {UNTRIED[code]}."
+def with_reason(finding: Finding) -> Finding:
+    """The finding, with the reason where its remedy was not tested though it is no work by hand."""
+    code, remedy = finding.code, finding.remedy
+    if not isinstance(remedy, Remedy) or not remedy.keys or remedy.judged or code not in UNTRIED:
+        return finding
+    evidence = f"{finding.evidence} Not tried on left-out motion: {UNTRIED[code]}."
+    return replace(finding, evidence=evidence, remedy=remedy.marked())

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from armid.measurement.recording import Recording
 from armid.values import Array
 
-__all__ = ["longest", "stuck_stretches", "without_stuck"]
-
 STUCK_SECONDS, STUCK_SAMPLES = 0.2, 20
 """Shortest time at one value, while the arm moves, that counts as stuck."""
 

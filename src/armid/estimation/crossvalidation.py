@@ -23,18 +23,6 @@ from armid.errors import EstimationError
 from armid.information.information import Information, merge, select, total
 from armid.values import Array
 
-__all__ = [
-    "FOLDS",
-    "Fold",
-    "can_cross_validate",
-    "folds",
-    "held_out_error",
-    "held_out_squares",
-    "one_standard_error",
-    "split",
-    "training_information",
-]
-
 FOLDS = 5
 """Folds where nothing else is said: each estimate sees four fifths of the data, the usual compromise between the
 bias of small training sets and folds that are too short to be unlike their neighbours [Hastie2009]."""
@@ -68,7 +56,7 @@ def folds(information: Information, count: int = FOLDS) -> NDArray[np.int64]:
         EstimationError: A recording with parameters of its own is too short to leave a part of it out.
     """
     rows = information.rows.sum(axis=1).astype(np.float64)
-    if count > 1 and any(name.endswith("]") for name in information.names):
+    if count > 1 and any(name.recording for name in information.names):
         return _parts_of_each(information, rows, count)
     fold = np.zeros(information.blocks, dtype=np.int64)
     first = 0

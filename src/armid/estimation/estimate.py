@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from armid.errors import Finding
 from armid.estimation.fit import Fit
 from armid.estimation.standard_fit import StandardFit, Status
+from armid.information.information import FactorOrigin
 from armid.model.base_parameters import BaseParameters
+from armid.model.parameter_name import ParameterName
 from armid.notebook import Displayed, Summary, percent, plural
+from armid.text_value import TextValue
 from armid.values import Array
-
-__all__ = ["Estimate", "Status", "TermUse", "averaged", "standard_parameters", "torque_parameters"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,28 @@ class TermUse:
         # A file gives lists where tuples were.
         shapes = {key: tuple(value) if isinstance(value, list) else value for key, value in self.shapes.items()}
         object.__setattr__(self, "shapes", shapes)
+
+
+@dataclass(frozen=True, slots=True)
+class InputDigest(TextValue):
+    """Digest of an input of an estimate: `robot 1f2e…`.
+
+    Attributes:
+        role: `robot`, `train`, `validate`, `earlier run` or `options`.
+        sha256: Digest.
+    """
+
+    role: str
+    sha256: str
+
+    def __str__(self) -> str:
+        return f"{self.role} {self.sha256}"
+
+    @classmethod
+    def read(cls, text: str) -> InputDigest:
+        """The digest of this text."""
+        role, _, sha256 = text.rpartition(" ")
+        return cls(role, sha256)
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -63,8 +86,8 @@ class Estimate(Displayed):
     base: BaseParameters
     fit: Fit
     findings: tuple[Finding, ...] = ()
-    made_from: tuple[str, ...] = ()
-    made_by: str = ""
+    made_from: tuple[InputDigest, ...] = ()
+    made_by: FactorOrigin = field(default_factory=FactorOrigin)
     seconds: float = 0.0
     speeds: Array | None = None
 
@@ -72,7 +95,7 @@ class Estimate(Displayed):
         """Base parameters with deviations and intervals."""
         units = dict(zip(self.base.names, self.base.units, strict=True))
         rows = tuple(
-            (name, f"{value:.5g}", units[name.split("[", 1)[0]], percent(deviation), f"{low:.5g} … {high:.5g}")
+            (name, f"{value:.5g}", units[name.of_all], percent(deviation), f"{low:.5g} … {high:.5g}")
             for name, value, deviation, (low, high) in zip(
                 self.fit.names, self.fit.values, self.fit.relative_deviation, self.intervals, strict=True
             )
@@ -80,6 +103,11 @@ class Estimate(Displayed):
         columns = ("parameter", "value", "unit", "σ", "95 % interval")
         note = f"condition number {self.fit.condition:.4g}; {plural(len(self.findings), 'finding')}"
         return Summary(f"{self.robot}: {len(rows)} base parameters, {self.method}", columns, rows, note)
+
+    @property
+    def recording_digests(self) -> tuple[str, ...]:
+        """Digests (sha256) of the recordings of training and validation, in the study's order."""
+        return tuple(each.sha256 for each in self.made_from if each.role in ("train", "validate"))
 
     @property
     def intervals(self) -> Array:
@@ -104,20 +132,20 @@ def collapse(names: Sequence[str], fit: Fit | StandardFit) -> Array:
     """Values of parameters by name; the mean where there is one for each recording, `FV_1[2]`."""
     groups: dict[str, list[float]] = {}
     for name, value in zip(fit.names, fit.values, strict=True):
-        groups.setdefault(name.split("[", 1)[0], []).append(float(value))
+        groups.setdefault(name.of_all, []).append(float(value))
     return np.array([float(np.mean(groups[name])) for name in names], dtype=np.float64)
 
 
-def averaged(names: tuple[str, ...], fit: Fit) -> Fit:
+def averaged(names: tuple[ParameterName, ...], fit: Fit) -> Fit:
     """The fit in parameters by name; the mean where it has one for each recording, `FV_1[2]`."""
-    copies = [name.split("[", 1)[0] for name in fit.names]
+    copies = [name.of_all for name in fit.names]
     mean = np.array([[name == copy for copy in copies] for name in names], dtype=np.float64)
     mean /= mean.sum(axis=1, keepdims=True)
     return replace(
         fit,
         names=names,
         values=mean @ fit.values,
-        deviation=np.sqrt(np.diag(mean @ np.diag(fit.deviation**2) @ mean.T)),
+        white_deviation=np.sqrt(np.diag(mean @ np.diag(fit.white_deviation**2) @ mean.T)),
         covariance=mean @ fit.covariance @ mean.T,
         freedom=mean @ fit.freedom,
         prior_precision=None,

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from armid.errors import Finding
 from armid.estimation.standard_fit import StandardFit
 from armid.information.information import Information
+from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary, percent
 from armid.values import Array, array
 
-__all__ = ["POORLY_IDENTIFIED", "CovarianceReport", "Fit"]
-
-POORLY_IDENTIFIED = 10.0
-"""A relative deviation above so many times the smallest marks a parameter as poorly identified [Khalil2004]."""
+POORLY_IDENTIFIED = 20.0
+"""Relative deviation above which a parameter counts as poorly identified [%]. The rule of ten times the smallest
+[Khalil2004] condemns nearly all parameters where one is known very well."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,9 +53,9 @@ class Fit(Displayed):
     Attributes:
         names: Names of the parameters.
         values: Shape (b,).
-        deviation: Standard deviations under white residuals, (2.44) to (2.46), shape (b,).
+        white_deviation: Standard deviations under white residuals, (2.44) to (2.46), shape (b,).
         covariance: What intervals are made of, shape (b, b).
-        covariance_kind: How it was made: `white` as an estimator gives it, or after `cover` also `period`, `spectral`
+        covariance_kind: How it was made: `white` as an estimator solves, from `estimate` also `period`, `spectral`
             or `block`.
         freedom: Degrees of freedom of each parameter's interval, shape (b,); one number stands for all.
         residual_rms: Root mean square of each joint's residual in the band, shape (n,) [N·m or N].
@@ -75,9 +75,9 @@ class Fit(Displayed):
             inverse times so much, as the data do.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     values: Array
-    deviation: Array
+    white_deviation: Array = field(metadata={"stored": "deviation"})
     covariance: Array
     covariance_kind: str
     freedom: Array | float
@@ -96,9 +96,9 @@ class Fit(Displayed):
 
     def __post_init__(self) -> None:
         b, n = len(self.names), len(self.rows)
-        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "names", parameter_names(self.names))
         object.__setattr__(self, "values", array(self.values, (b,), "values"))
-        object.__setattr__(self, "deviation", array(self.deviation, (b,), "deviation"))
+        object.__setattr__(self, "white_deviation", array(self.white_deviation, (b,), "white_deviation"))
         object.__setattr__(self, "covariance", array(self.covariance, (b, b), "covariance"))
         object.__setattr__(self, "freedom", array(_for_each(self.freedom, b), (b,), "freedom"))
         weights = self.weights if np.size(self.weights) else np.ones(n)
@@ -123,8 +123,13 @@ class Fit(Displayed):
         """Student's 95 % intervals of the parameters, shape (b, 2)."""
         from scipy.special import stdtrit  # a third of a second to import
 
-        half = stdtrit(self.freedom, 0.975) * np.sqrt(np.diag(self.covariance))
+        half = stdtrit(self.freedom, 0.975) * self.deviation
         return np.stack([self.values - half, self.values + half], axis=1)
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations of the parameters by the covariance, as in the intervals, shape (b,)."""
+        return np.sqrt(np.diag(self.covariance))
 
     @property
     def noise(self) -> Array:
@@ -139,9 +144,8 @@ class Fit(Displayed):
 
     @property
     def poorly_identified(self) -> NDArray[np.bool_]:
-        """Parameters whose relative deviation is more than ten times the smallest, shape (b,)."""
-        relative = self.relative_deviation
-        return relative > POORLY_IDENTIFIED * np.nanmin(relative)
+        """Parameters whose relative deviation is above `POORLY_IDENTIFIED`, shape (b,)."""
+        return self.relative_deviation > POORLY_IDENTIFIED
 
 
 def _for_each(value: ArrayLike, count: int) -> ArrayLike:

@@ -16,8 +16,6 @@ from armid.information.information import Information, stack, total
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 from armid.values import Array
 
-__all__ = ["Solution", "fit_of", "residual_deviation", "solve"]
-
 NAMED = 0.01
 """Share of the largest entry from which on a parameter is named as part of a direction, columns of unit length."""
 

@@ -21,8 +21,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.notebook import Displayed, Summary, plural
 from armid.values import Array, array
 
-__all__ = ["ENTERING", "QUANTITIES", "UNITS", "LinkProperties", "LinkTable", "link_record", "link_table"]
-
 QUANTITIES = ("mass", "com x", "com y", "com z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Quantities that describe a body: mass, centre of mass and inertia about it, with the axes of the link frame."""
 

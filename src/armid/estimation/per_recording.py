@@ -18,9 +18,8 @@ from armid.information.information import Information, JointFactors
 from armid.kernel import factor_columns
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
+from armid.model.parameter_name import ParameterName
 from armid.model.terms import Offset
-
-__all__ = ["contrasted", "offset_names", "separate_by_recording", "standard_per_recording"]
 
 
 def offset_names(model: DynamicsModel) -> tuple[str, ...]:
@@ -44,7 +43,7 @@ def separate_by_recording(information: Information, own: NDArray[np.bool_]) -> I
     shared = np.flatnonzero(~own)
     separate = np.flatnonzero(own)
     names = tuple(information.names[k] for k in shared) + tuple(
-        f"{information.names[k]}[{r + 1}]" for r in recordings for k in separate
+        information.names[k].of_recording(int(r) + 1) for r in recordings for k in separate
     )
     joints: list[JointFactors] = []
     for joint in information.joints:
@@ -92,7 +91,7 @@ def contrasted(information: Information, names: Collection[str]) -> Information:
         )
         factors = [factor_columns(np.ascontiguousarray(each.T))[0] for each in wide]
         joints.append(JointFactors(np.append(joint.parameters, added), np.stack(factors)))
-    names_of = [f"{information.names[k]}~{r + 1}" for k in own for r in recordings[:-1]]
+    names_of = [ParameterName(f"{information.names[k]}~{r + 1}") for k in own for r in recordings[:-1]]
     return replace(information, names=(*information.names, *names_of), joints=tuple(joints))
 
 
@@ -112,8 +111,8 @@ def standard_per_recording(
     if base is None or (information.count == len(base.names) and tuple(information.names) == tuple(base.names)):
         return standard
     index = {name: k for k, name in enumerate(base.names)}
-    row = np.array([index[name.split("[", 1)[0]] for name in information.names])
-    copy = np.array([int(name[name.index("[") + 1 : -1]) if "[" in name else 0 for name in information.names])
+    row = np.array([index[name.of_all] for name in information.names])
+    copy = np.array([name.recording or 0 for name in information.names])
     copied = np.zeros(len(base.names), dtype=np.bool_)
     copied[row[copy > 0]] = True
     seen = standard.regrouping != 0.0
@@ -124,7 +123,7 @@ def standard_per_recording(
     which, number = np.array([k for k, _ in source]), np.array([c for _, c in source])
     regrouping = standard.regrouping[row][:, which] * ((number == 0) | (number == copy[:, None]))
     place = {int(k): at for at, (k, c) in enumerate(source) if c == 0}
-    names = [standard.names[k] + (f"[{c}]" if c else "") for k, c in source]
+    names = [standard.names[k].of_recording(int(c)) if c else standard.names[k] for k, c in source]
     return StandardParameters(
         tuple(names),
         tuple(standard.units[k] for k in which),

@@ -33,8 +33,6 @@ from armid.maths.inertia import (
 from armid.maths.linalg import half_of
 from armid.values import Array
 
-__all__ = ["LENGTH", "MASS", "Prior", "make_prior", "project_covariance", "relative_precision", "size_of_bodies"]
-
 LENGTH = 0.3
 """Length that makes masses, first moments and inertias of an arm comparable [m]: half of a link's."""
 

@@ -1,4 +1,4 @@
-"""Problem of an estimator: the information, and as far as a method needs it, what lies behind it."""
+"""Problem of an estimator: the information, and what lies behind it. `build_problem` makes it from observations."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import EstimationError
+from armid.information.accumulate import Progress, accumulate_information
 from armid.information.information import Information
 from armid.measurement.observations import Observations
-from armid.model.base_parameters import BaseParameters
+from armid.model.base_parameters import BaseParameters, find_base_parameters
 from armid.model.dynamics import DynamicsModel
+from armid.model.parameter_name import ParameterName, parameter_names
 from armid.values import Array, array
-
-__all__ = ["EstimationProblem", "StandardParameters", "bare_standard", "standard_of"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,7 +31,7 @@ class StandardParameters:
         nominal: Values that the robot's description gives, other terms zero, shape (p,); `None` where it gives none.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     units: tuple[str, ...]
     regrouping: Array
     inertial: NDArray[np.intp]
@@ -40,7 +40,7 @@ class StandardParameters:
 
     def __post_init__(self) -> None:
         p = len(self.names)
-        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "names", parameter_names(self.names))
         object.__setattr__(self, "units", tuple(self.units))
         object.__setattr__(self, "regrouping", array(self.regrouping, (None, p), "regrouping"))
         if self.nominal is not None:
@@ -80,7 +80,7 @@ class EstimationProblem:
         if self.standard is None:
             raise EstimationError(
                 f"The method {method} needs the standard parameters behind the base parameters.",
-                remedy="give Problem(information, standard_of(model, base)).",
+                remedy="make the problem by build_problem(model, observations).",
             )
         return self.standard
 
@@ -93,9 +93,39 @@ class EstimationProblem:
         if self.model is None or self.base is None or self.observations is None:
             raise EstimationError(
                 f"The method {method} goes through the samples a second time and has none.",
-                remedy="give Problem(information, standard, model, base, observations).",
+                remedy="make the problem by build_problem(model, observations).",
             )
         return self.model, self.base, self.observations
+
+
+def build_problem(
+    model: DynamicsModel,
+    observations: Observations,
+    *,
+    base: BaseParameters | None = None,
+    scale_deviation: Array | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> EstimationProblem:
+    """Builds the estimation problem of a model and observations of its arm.
+
+    Args:
+        model: Arm and torque terms.
+        observations: Processed recordings.
+        base: The model's base parameters, where they are known already.
+        scale_deviation: Relative standard deviation of each joint's torque scale, shape (n,); zero where not given.
+        threads: Threads of the kernel.
+        progress: Called with the finished and the total number of samples.
+
+    Raises:
+        ArmidError: The observations have other joints than the model, or no row counts; or a model with hysteresis
+            cannot follow its states.
+    """
+    base = find_base_parameters(model) if base is None else base
+    information = accumulate_information(model, base, observations, threads=threads, progress=progress)
+    if scale_deviation is not None:
+        information = replace(information, scale_deviation=scale_deviation)
+    return EstimationProblem(information, standard_of(model, base), model, base, observations)
 
 
 def standard_of(model: DynamicsModel, base: BaseParameters) -> StandardParameters:

@@ -15,25 +15,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.maths.linalg import half_of, inverse_of, orthonormal
+from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary
 from armid.values import Array, array
-
-__all__ = [
-    "IDENTIFIED",
-    "UNSEEN",
-    "PriorTrial",
-    "PriorUse",
-    "Proof",
-    "StandardFit",
-    "StandardMap",
-    "Status",
-    "map_to_standard",
-    "shares",
-    "stated",
-    "status_of",
-]
 
 Status = Literal["identified", "prior-dominated", "not identifiable"]
 
@@ -141,7 +128,7 @@ class StandardFit(Displayed):
         lift: How these follow from the base parameters' uncertainty, until that is settled; `None` afterwards.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     units: tuple[str, ...]
     values: Array
     covariance: Array
@@ -154,7 +141,8 @@ class StandardFit(Displayed):
 
     def __post_init__(self) -> None:
         p = len(self.names)
-        for name in ("names", "units", "status"):
+        object.__setattr__(self, "names", parameter_names(self.names))
+        for name in ("units", "status"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         for name in ("values", "resolution"):
             object.__setattr__(self, name, array(getattr(self, name), (p,), name))
@@ -177,12 +165,14 @@ class StandardFit(Displayed):
         return Summary(f"{len(rows)} standard parameters", ("parameter", "value", "unit", "95 % interval", ""), rows)
 
 
-def status_of(resolution: Array, told: bool, given: Array, held: Array) -> tuple[Status, ...]:
+def status_of(
+    resolution: Array, informed: bool, given: NDArray[np.bool_], held: NDArray[np.bool_]
+) -> tuple[Status, ...]:
     """Status of each parameter.
 
     Args:
         resolution: Share of the data, shape (p,).
-        told: Whether a prior says where parameters are that the data do not determine.
+        informed: Whether a prior says where parameters are that the data do not determine.
         given: Which parameters the study gives, shape (p,).
         held: Which parameters stand at a bound that the data would cross, shape (p,).
     """
@@ -193,7 +183,7 @@ def status_of(resolution: Array, told: bool, given: Array, held: Array) -> tuple
         elif share >= IDENTIFIED:
             result.append("prior-dominated" if is_held else "identified")
         else:
-            result.append("prior-dominated" if told and share >= UNSEEN else "not identifiable")
+            result.append("prior-dominated" if informed and share >= UNSEEN else "not identifiable")
     return tuple(result)
 
 

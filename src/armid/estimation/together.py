@@ -23,9 +23,6 @@ from armid.information.information import Information, stack
 from armid.maths.linalg import root_of, unit_columns
 from armid.values import Array
 
-__all__ = ["JointCovariance", "PriorInformation", "prior_information"]
-
-
 ROUNDING = 1e-9
 """Share of the earlier rows outside the span of the earlier parameters that counts as rounding error."""
 

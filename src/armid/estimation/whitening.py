@@ -15,9 +15,8 @@ import numpy as np
 from armid.errors import EstimationError
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import RANK_TOLERANCE, orthonormal, unit_columns
+from armid.remedy import Remedy, setting
 from armid.values import Array
-
-__all__ = ["WhitenedSystem", "minimum_norm_solution", "rows_of", "whiten"]
 
 ITERATIONS = 1000
 STANDSTILL = 1e-6
@@ -99,7 +98,7 @@ def whiten(information: Information, *, plain: bool = False, resolution: float =
         deviation = updated
     raise EstimationError(
         f"The weights of the joints did not settle in {ITERATIONS} iterations.",
-        remedy='use method = "ols" and look at the residual of each joint.',
+        remedy=Remedy("use ", setting("method", "ols"), " and look at the residual of each joint."),
     )
 
 

@@ -7,8 +7,6 @@ from pathlib import Path
 from armid.errors import ArmidError, did_you_mean
 from armid.excitation.fourier import Excitation, load_plan
 
-__all__ = ["PLANS", "builtin_plan"]
-
 TABLES = Path(__file__).parent / "tables"
 
 PLANS = {

@@ -20,8 +20,6 @@ from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.limits.workspace import SCALE, Workspace
 from armid.values import Array
 
-__all__ = ["Margin", "certified", "fine_grid", "margins"]
-
 RATE = 1000.0
 """Rate of the grid [Hz]."""
 
@@ -30,6 +28,11 @@ CHUNK = 2000
 
 STEPS = 40
 """Largest number of times that a plan is shrunk before it counts as infeasible."""
+
+BLOCK, STRIDE, FAR = 256, 16, 0.0
+"""Points of the grid for which distances of bodies are evaluated at a time, and the stride of those that come first.
+Pairs whose utilisation stays below the last number between these, `SCALE` beyond the required distance, are not
+evaluated at the others."""
 
 SLACK = 2e-4
 """Smallest relative decrease of the amplitude in one step of shrinking."""
@@ -85,17 +88,42 @@ def _peaks(problem: DescentProblem, grid: tuple[Objective, ...], x: Array) -> Pe
     for chunk in grid:
         states = States(chunk, x)
         for channel, parts in zip(problem.channels, by_channel, strict=True):
-            values = channel.values(states)
-            at = values.argmax(axis=0)
-            times = chunk.times[at] if len(values) > 1 else np.full(len(at), np.nan)
-            highest = values.max(axis=0)
-            parts.append((highest, highest + channel.between(states, step), times))
+            if isinstance(channel, Clearance):
+                blocks = np.split(chunk.times, range(BLOCK, len(chunk.times), BLOCK))
+                parts += [_peaks_of_distances(problem, channel, times, x, step) for times in blocks]
+            else:
+                parts.append(_peaks_of(channel, states, step))
     result: Peaks = []
     for parts in by_channel:
         shares, totals, times = (np.array([part[k] for part in parts]) for k in range(3))
         best = shares.argmax(axis=0)
         every = np.arange(shares.shape[1])
         result.append((shares[best, every], totals.max(axis=0), times[best, every]))
+    return result
+
+
+def _peaks_of(channel: ConstraintChannel, states: States, step: float) -> tuple[Array, Array, Array]:
+    """Maximum and certified utilisations (m,) and times (m,) [s] of a channel on a grid of a given step [s]."""
+    values = channel.values(states)
+    at, highest = values.argmax(axis=0), values.max(axis=0)
+    times = states.objective.times[at] if len(values) > 1 else np.full(len(at), np.nan)
+    return highest, highest + channel.between(states, step), times
+
+
+def _peaks_of_distances(
+    problem: DescentProblem, channel: Clearance, times: Array, x: Array, step: float
+) -> tuple[Array, Array, Array]:
+    """The same for distances of bodies, with fewer points and wider bounds for pairs that are far apart."""
+
+    def states(times: Array) -> States:
+        return States(Objective(problem.goal, problem.basis, len(times), times=times), x, rough=True)
+
+    some = times[np.minimum(np.arange(STRIDE // 2, len(times) + STRIDE // 2, STRIDE), len(times) - 1)]
+    result = _peaks_of(channel, states(some), (STRIDE + 1) * step)
+    near = np.flatnonzero(result[1] > FAR)
+    if len(near):
+        for every, some in zip(result, _peaks_of(channel.only(near), states(times), step), strict=True):
+            every[near] = some
     return result
 
 

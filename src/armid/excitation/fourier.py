@@ -21,8 +21,6 @@ from armid.model.motion import Motion
 from armid.notebook import Displayed, Summary
 from armid.values import Array, array, replace_file
 
-__all__ = ["Excitation", "load_plan", "required_series", "save_plan"]
-
 SUMMARY_RATE = 40
 """Samples per period of the highest harmonic from which a summary is computed."""
 

@@ -16,8 +16,6 @@ from armid.model.motion import Motion
 from armid.notebook import Displayed, Summary
 from armid.values import Array, array
 
-__all__ = ["Plan", "seconds_for"]
-
 PEAKS = (1.0, 1.875, 10.0 / 3.0**0.5, 60.0)
 """Largest position, velocity, acceleration and jerk of the polynomial for one radian in one second."""
 

@@ -22,8 +22,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["Moves", "choose_poses", "free_ranges", "poses_plan", "straight_way", "sweeps_plan"]
-
 CANDIDATES = 600
 """Random poses from which the static poses are chosen."""
 

@@ -9,18 +9,18 @@ from typing import Literal
 
 import numpy as np
 
+from armid.errors import Finding
 from armid.excitation.certification import Margin, fine_grid, margins
 from armid.excitation.collision.closest_approach import RATE, ClosestApproach, closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions, IgnoredPair
 from armid.excitation.design.objective import CriterionGoal, Objective
 from armid.excitation.design.sensitivity import Columns
 from armid.excitation.design.sqp import DescentProblem
+from armid.model.parameter_name import ParameterName
 from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
-__all__ = ["Expectation", "Preflight", "expectation", "preflight", "worst"]
-
-Verdict = Literal["pass", "fail", "not checked"]
+Verdict = Literal["pass", "fail", "weak", "not checked"]
 
 NAMED = 3
 """Largest number of limits and pairs that a sentence names."""
@@ -39,7 +39,7 @@ class Expectation:
         log_det: Logarithm of the determinant of the information.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     units: tuple[str, ...]
     deviation: Array
     torque: Array
@@ -55,21 +55,29 @@ class Preflight:
         margins: Margin to every limit, joint by joint.
         approaches: Closest approach of every pair of bodies, nearest first.
         skipped: Pairs that touch by construction and are not checked.
-        expected: Predicted uncertainty of the parameters.
+        expected: Predicted uncertainty of the parameters; `None` for poses and sweeps.
         unchecked: Reason why collisions are not checked; empty where they are.
+        weak: Finding that the plan cannot identify the arm; `None` where it can.
     """
 
     margins: tuple[Margin, ...]
     approaches: tuple[ClosestApproach, ...]
     skipped: tuple[IgnoredPair, ...]
-    expected: Expectation
+    expected: Expectation | None
     unchecked: str = ""
+    weak: Finding | None = None
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict: `fail` where a limit is missed or bodies are too close, `not checked` without collision check."""
+        """Verdict on the plan.
+
+        It is `fail` where a limit is missed or bodies are too close, `weak` where the motion cannot identify the arm,
+        and `not checked` without collision check.
+        """
         if self._missed or self._close:
             return "fail"
+        if self.weak is not None:
+            return "weak"
         return "not checked" if self.unchecked else "pass"
 
     @property
@@ -84,9 +92,10 @@ class Preflight:
         if failures:
             more = f"; {len(failures) - NAMED} more" if len(failures) > NAMED else ""
             return "; ".join(failures[:NAMED]) + more
+        weak = "" if self.weak is None else f"; but the motion is too weak to identify {_some(self.weak.channel)}"
         if self.unchecked:
-            return f"every limit holds; collisions not checked: {self.unchecked}"
-        return "every limit holds, and bodies keep apart"
+            return f"every limit holds; collisions not checked: {self.unchecked}{weak}"
+        return f"every limit holds, and bodies keep apart{weak}"
 
     @property
     def _missed(self) -> list[Margin]:
@@ -95,6 +104,12 @@ class Preflight:
     @property
     def _close(self) -> list[ClosestApproach]:
         return [each for each in self.approaches if not each.kept]
+
+
+def _some(joints: str) -> str:
+    """The first of some names, with the number of the others."""
+    names = joints.split(", ")
+    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
 def expectation(goal: CriterionGoal, objective: Objective, x: Array) -> Expectation:

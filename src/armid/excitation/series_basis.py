@@ -22,8 +22,6 @@ from armid.errors import ArmidError
 from armid.excitation.fourier import Excitation
 from armid.values import Array, array
 
-__all__ = ["SeriesBasis"]
-
 ORDERS = 4
 """Position, velocity, acceleration and jerk."""
 

@@ -7,8 +7,6 @@ import math
 from armid.errors import Finding
 from armid.excitation.design.multistart import Search
 
-__all__ = ["unsettled"]
-
 STILL = 0.05
 """Relative improvement in the second half of the time from which a plan counts as still improving."""
 

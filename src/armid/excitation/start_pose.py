@@ -18,8 +18,6 @@ from armid.excitation.collision.collision_model import CollisionModel
 from armid.excitation.limits.joint_limits import Limits
 from armid.values import Array
 
-__all__ = ["Holds", "Start", "TorqueHolds", "any_pose", "choose_start", "free_range", "usual_pose"]
-
 INSIDE = 0.05
 """Share of a joint's range by which a chosen pose stays away from either end."""
 
@@ -116,10 +114,18 @@ def choose_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) 
     Raises:
         ArmidError: Bodies are too close in all of the poses, or the joints can hold none.
     """
+    found = find_start(cell, limits, holds)
+    if found is None:
+        raise _no_start(cell, _good(cell, limits, usual_pose(limits), holds)[0][1:], holds)
+    return found
+
+
+def find_start(cell: CollisionModel, limits: Limits, holds: Holds = any_pose) -> Start | None:
+    """Pose as of `choose_start`; `None` where there is none."""
     usual = usual_pose(limits)
     poses, order = _good(cell, limits, usual, holds)
     if not len(order):
-        raise _no_start(cell, poses[1:], holds)
+        return None
     rooms = np.array([free_range(cell, limits, poses[k], holds) for k in order])
     if order[0] == 0 and rooms[0] >= ROOMY * rooms.max():
         return Start(usual, float(rooms[0]), usual=True)

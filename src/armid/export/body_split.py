@@ -20,8 +20,6 @@ from armid.maths.spatial import homogeneous
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array
 
-__all__ = ["carried_by", "carriers", "placed", "share_out"]
-
 
 def placed(raw: Robot, locked: Mapping[str, float], robot: Robot, joint: int, pose: Array) -> tuple[int, Array, bool]:
     """Link of an arm that a body of its description belongs to, and the body's frame in it.

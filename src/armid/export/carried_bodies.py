@@ -12,8 +12,6 @@ from armid.maths.inertia import pseudo_inertia, transform, vector_from_pseudo_in
 from armid.robot.robot import InertialParameters
 from armid.values import Array
 
-__all__ = ["SPECK", "as_carried", "is_possible", "is_thin", "moved"]
-
 POSSIBLE = 1e-10
 """Least ratio of smallest to largest eigenvalue of a body's pseudo-inertia; above the rounding errors of readers."""
 

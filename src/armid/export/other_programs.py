@@ -15,8 +15,6 @@ from armid.export.types import Content, Witness
 from armid.robot.pinocchio_model import build, pinocchio
 from armid.values import Array
 
-__all__ = ["mujoco_witness", "pinocchio_witness"]
-
 SOURCE = "the written file"
 
 

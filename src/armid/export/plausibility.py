@@ -10,12 +10,11 @@ from armid.errors import Finding, OutputError
 from armid.estimation.problem import standard_of
 from armid.export.carried_bodies import is_possible, is_thin
 from armid.export.types import Body, Content
+from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters, Robot
 from armid.runs.run import Run
 from armid.study.plausibility import far_masses
 from armid.values import Array
-
-__all__ = ["far_bodies", "refuse_unidentified", "refuse_unphysical", "unphysical_names"]
 
 SEEN = 1e-6
 """Largest distance of a mass from what base parameters determine, over one, of a mass that they do."""
@@ -56,7 +55,7 @@ def refuse_unphysical(run: Run, names: Sequence[str], *, allowed: bool) -> tuple
     what = f"not physically consistent: {', '.join(names)}; no body of positive density has these parameters"
     if allowed:
         return (Finding("unphysical", "warning", "", what),)
-    again = 'identify again with method = "physical".'
+    again = Remedy("identify again with ", setting("method", "physical"), ".")
     other = "correct these in the description, or write a file of another format."
     raise OutputError(
         f"{what[0].upper()}{what[1:]}.",

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from armid.errors import OutputError
 from armid.estimation.estimate import Estimate, collapse
 from armid.export.types import Content
 from armid.model.base_formulas import base_formulas
 from armid.runs.run import Run
 from armid.study.records import finding_record
 from armid.values import Array
-
-__all__ = ["KIND", "side_record"]
 
 KIND = "armid-model 1"
 """Kind and format number of the file; the number increases when a key changes its meaning."""
@@ -38,7 +38,7 @@ def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str
         "run": Path(run.folder).name,
         "method": estimate.method,
         "standard_parameters": kind,
-        "made_from": estimate.made_from,
+        "made_from": [str(each) for each in estimate.made_from],
         "gravity": model.robot.gravity,
         "locked": dict(content.locked),
         "joints": model.robot.joint_names,
@@ -48,6 +48,24 @@ def side_record(run: Run, content: Content, theta: Array, data: bytes, name: str
         "load_parameters": model.load_parameters,
         "warnings": [finding_record(finding) for finding in estimate.findings],
     }
+
+
+def refuse_overwriting(others: Sequence[Path], run: Run) -> None:
+    """Check that no file is overwritten that this run's export has not written.
+
+    Args:
+        others: Existing files of another origin.
+        run: The run.
+
+    Raises:
+        OutputError: There is one.
+    """
+    if others:
+        more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+        raise OutputError(
+            f"{others[0]}{more} would be overwritten, and is not an export of {run.folder}.",
+            remedy="name another place with --out, or remove what is there.",
+        )
 
 
 def _parameters(run: Run, content: Content, theta: Array) -> list[dict[str, Any]]:

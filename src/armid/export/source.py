@@ -20,8 +20,6 @@ from armid.runs.locate_recording import read_recording_of
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice, parse_robot
 
-__all__ = ["Unseen", "find_source", "unseen_recordings"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unseen:
@@ -78,11 +76,9 @@ def unseen_recordings(run: Run, data: Path | str | None = None) -> Unseen:
         data: Folder that is searched first, for their paths in the study or their names.
     """
     study = _record(run)
-    digests = [entry.rpartition(" ") for entry in run.estimate.made_from]
-    known = [sha256 for role, _, sha256 in digests if role in ("train", "validate")]
     recordings: list[tuple[RecordingChoice, Recording]] = []
     missing: list[str] = []
-    for each, sha256 in zip(study["recordings"], known, strict=True):
+    for each, sha256 in zip(study["recordings"], run.estimate.recording_digests, strict=True):
         if each["role"] != "validate":
             continue
         try:

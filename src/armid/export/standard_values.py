@@ -19,11 +19,10 @@ from armid.estimation.problem import StandardParameters, standard_of
 from armid.export.carried_bodies import is_possible
 from armid.maths.cones import Cone, solve_cones, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia, vector_from_pseudo_inertia
+from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters
 from armid.runs.run import Run
 from armid.values import Array
-
-__all__ = ["distance_to_description", "values_to_write"]
 
 EPSILONS = (1e-6, 1e-8)
 """Required smallest eigenvalues of the pseudo-inertias, tried in turn from a speck of dust downwards."""
@@ -33,6 +32,9 @@ LIGHTEST = 0.01
 
 SAME = 1e-9
 """Largest tolerated change of a base parameter relative to the largest, due to rounding of the regrouping."""
+
+
+AGAIN = Remedy("identify again with ", setting("method", "physical"), ".")
 
 
 def values_to_write(
@@ -80,7 +82,8 @@ def values_to_write(
             return theta, "estimated", ()
         consistent = _search(standard, every, anchor, empty, room)
         if consistent is not None:
-            return consistent, "nearest", (_choice_finding(run, standard, theta, consistent, nearest),)
+            why = _reason(run, theta, empty, nearest=nearest, usable=usable)
+            return consistent, "nearest", (_choice_finding(run, standard, theta, consistent, why),)
     if theta is not None and not theta[empty].any():
         # The writer reports inconsistent links.
         return theta, "estimated", (_none_nearer(),) if nearest else ()
@@ -92,7 +95,7 @@ def values_to_write(
         f"No physically consistent links have exactly the base parameters that {run.estimate.method} estimated; "
         "nothing was written.",
         possible="armid certify gives the distance to the nearest consistent ones",
-        remedy='identify again with method = "physical".' if theta is None else "give the file a body for each link.",
+        remedy=AGAIN if theta is None else "give the file a body for each link.",
     )
 
 
@@ -147,7 +150,7 @@ def _nearest(
     epsilon: float,
     room: Array,
 ) -> Array:
-    """Consistent parameters with these base values that are nearest to the anchor."""
+    """Consistent parameters with the given base parameters, nearest to the anchor, or smallest without one."""
     if np.abs(particular[empty]).max(initial=0.0) > SAME * np.abs(particular).max():
         raise EstimationError(
             "Links without a body cannot be empty with these base values.",
@@ -252,23 +255,29 @@ def distance_to_description(run: Run, theta: Array) -> float:
     return float(np.linalg.norm(rows @ (theta - standard.nominal)))
 
 
-def _choice_finding(
-    run: Run, standard: StandardParameters, theta: Array | None, found: Array, nearest: bool
-) -> Finding:
-    why = (
-        "--nearest was asked for"
-        if nearest
-        else "the file has other bodies than the estimate"
-        if theta is not None
-        else f"{run.estimate.method} estimates only base parameters, which do not determine how links share mass"
-    )
+def _reason(run: Run, theta: Array | None, empty: NDArray[np.intp], *, nearest: bool, usable: bool) -> str:
+    """Reason in words for other links than those of the estimate."""
+    if nearest:
+        return "--nearest was asked for"
+    if theta is None:
+        return f"{run.estimate.method} estimates only base parameters, which do not determine how links share mass"
+    if theta[empty].any():
+        return "the estimate has mass in links for which the file has no place"
+    if usable:
+        return "the estimated links cannot contain the bodies that the file attaches to them"
+    return "the estimated links are not physically consistent"
+
+
+def _choice_finding(run: Run, standard: StandardParameters, theta: Array | None, found: Array, why: str) -> Finding:
     what = "the file has the physically consistent links with exactly its base parameters that"
     if standard.nominal is not None:
-        before = f" (of the estimate {distance_to_description(run, theta):.3g})" if theta is not None else ""
+        change = f"{distance_to_description(run, found):.3g}"
+        if theta is not None:
+            change += f" ({distance_to_description(run, theta):.3g} for the estimated links)"
         what = (
-            f"{what} are nearest to the description: the relative change of the pseudo-inertias, which hold mass, "
-            f"first moment and inertia, is least for all links together, {distance_to_description(run, found):.3g}"
-            f"{before}; the mass of a single link may be further from the description"
+            f"{what} are nearest to the description: relative to it, the pseudo-inertias (mass, first moment and "
+            f"inertia) of all links together change by {change}; the mass of a single link may be further from the "
+            "description"
         )
     elif theta is not None:
         what = f"the description gives no masses, so {what} are nearest to the estimate"
@@ -287,4 +296,6 @@ def _unphysical(run: Run) -> Finding:
         f"no physically consistent links have the base parameters of {run.estimate.method}; the nearest inconsistent "
     )
     what += "ones that have are written"
-    return Finding("bodies-unphysical", "warning", "", what, 'identify again with method = "physical"')
+    return Finding(
+        "bodies-unphysical", "warning", "", what, Remedy("identify again with ", setting("method", "physical"))
+    )

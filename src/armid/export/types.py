@@ -11,21 +11,9 @@ import numpy as np
 from armid.errors import Finding, OutputError
 from armid.maths.inertia import vector_to_com_inertia
 from armid.maths.spatial import rotation_z
+from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array
-
-__all__ = [
-    "PLACED",
-    "Body",
-    "Content",
-    "DescriptionSource",
-    "Witness",
-    "WrittenDescription",
-    "com_form",
-    "rpy_of",
-    "text_of",
-    "unique_names",
-]
 
 PLACED = ("viscous", "coulomb", "rotor-inertia")
 """Terms whose parameters some format can store."""
@@ -143,7 +131,7 @@ def com_form(body: InertialParameters, name: str) -> tuple[float, Array, Array]:
         if body.vector.any():
             raise OutputError(
                 f"{name} has zero mass but a nonzero first moment or inertia, which a file cannot store.",
-                remedy='identify with method = "physical".',
+                remedy=Remedy("identify with ", setting("method", "physical"), "."),
             )
         return 0.0, np.zeros(3), np.zeros((3, 3))
     return vector_to_com_inertia(body.vector)

@@ -22,8 +22,6 @@ from armid.study.processed import process_each
 from armid.validation.prediction import Check
 from armid.values import Array
 
-__all__ = ["Prediction", "Verified", "verify"]
-
 STATES = 50
 """Number of random states for comparing torque: more than an arm has parameters, and fast."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from armid.excitation.limits.joint_limits import with_limits
 from armid.export.body_split import carried_by, carriers, share_out
 from armid.export.formats import EXPORTERS, Exporter
 from armid.export.plausibility import far_bodies, refuse_unidentified, refuse_unphysical, unphysical_names
-from armid.export.sidecar import side_record
+from armid.export.sidecar import refuse_overwriting, side_record
 from armid.export.source import find_source, unseen_recordings
 from armid.export.standard_values import values_to_write
 from armid.export.types import Body, Content, DescriptionSource
@@ -24,8 +25,6 @@ from armid.runs.run import Run
 from armid.study.records import finding_record, to_json
 from armid.validation.prediction import Check
 from armid.values import Array, replace_file
-
-__all__ = ["Exported", "export_record", "export_run"]
 
 SIDE = ".armid.json"
 
@@ -87,12 +86,12 @@ def export_run(
         allow_unidentified: Also write links whose mass neither torque nor the description determines.
 
     Raises:
-        OutputError: The file cannot be written, or would differ from the identified model; nothing is written.
+        OutputError: The file is of another origin, cannot be written or would differ from the model; none is written.
     """
     exporter = _exporter(to)
     source = find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
-    _refuse_source(path, source)
+    _refuse_target(path, source, None if out is None else run)
     bodies = _bodies(exporter, source, run.robot) if exporter.EDITS and source.format == to else None
     _refuse_options(source, limits, bodies, lumped=lumped)
     placeless = set[int]() if bodies is None else set(range(run.robot.n)) - {body.link for body in bodies}
@@ -172,12 +171,25 @@ def _default(run: Run, source: DescriptionSource, exporter: Exporter) -> Path:
     return Path(run.folder) / (re.sub(r"[^\w.+-]+", "-", stem).strip(".-") + exporter.SUFFIX)
 
 
-def _refuse_source(path: Path, source: DescriptionSource) -> None:
-    """Check that the output does not overwrite the description."""
+def _refuse_target(path: Path, source: DescriptionSource, run: Run | None) -> None:
+    """Check that the output overwrites neither the description nor, of a run, what is no export of it."""
     if any(path.exists() and path.samefile(part) for part in source.files):
         raise OutputError(
             f"{path} is the description itself, or a part of it.", remedy="name another file with --out."
         )
+    if run is not None and not _is_free(path, run):
+        refuse_overwriting([path], run)
+
+
+def _is_free(path: Path, run: Run) -> bool:
+    """True where nothing stands but an earlier export of this run, by the digests in its sidecar file."""
+    if not path.exists():
+        return True
+    try:
+        side = json.loads(path.with_name(f"{path.name}{SIDE}").read_text(encoding="utf-8"))
+        return side["made_from"] == [str(each) for each in run.estimate.made_from]
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _refuse_options(
@@ -214,7 +226,7 @@ def _sidecar_only(run: Run, exporter: Exporter, side: str) -> list[Finding]:
         what = f"the format cannot store {', '.join(names)}; {side} has them"
         severe = term == "rotor-inertia"
         findings.append(Finding("no-place", "warning" if severe else "info", term, what))
-    if any("[" in name for name in run.estimate.fit.names):
+    if any(name.recording for name in run.estimate.fit.names):
         what = "friction was estimated for each recording; its mean is written"
         findings.append(Finding("friction-averaged", "info", "", what))
     for use in run.estimate.terms:

@@ -13,8 +13,6 @@ from typing import Any
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
-__all__ = ["Document", "XmlNode", "element_text"]
-
 ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 TAG_END = re.compile(rb"\s*(/?)>")
 STEP = "  "
@@ -23,18 +21,18 @@ STEP = "  "
 
 @dataclass(eq=False, slots=True)
 class XmlNode:
-    """Element of a document with its position.
+    """Element of an XML document with byte offsets in its text.
 
     Attributes:
-        tag: As written, with its prefix.
+        tag: Tag as written, with its prefix.
         values: Decoded attributes.
-        start: Offset of its first byte.
-        named: Offset behind the tag's name.
-        spans: For each attribute the offsets of its blanks, of its value's first byte and of the byte behind it.
-        inner: Offset behind the start tag.
+        start: Offset of the element.
+        named: Offset after the tag's name.
+        spans: Offsets of each attribute: of the blanks before it, of its value, and after the value.
+        inner: Offset after the start tag.
         closing: Offset of the end tag; `inner` if there is none.
-        end: Offset behind the element.
-        children: Elements in it.
+        end: Offset after the element.
+        children: Child elements.
     """
 
     tag: str

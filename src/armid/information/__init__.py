@@ -1,1 +1,1 @@
-"""Evidence of the data: observations, streaming factors, square-root information."""
+"""Square-root information: streaming triangular factors of the regressor's rows."""

@@ -1,9 +1,9 @@
-"""From observations to information in one pass, without ever holding the regressor at full rate.
+"""Information of observations in one pass, without the regressor at full rate in memory.
 
-Where the band is open, samples go straight into the factors. Where it filters, every column of the regressor and
-the torque pass the same filter: first a linear-phase decimation inside the kernel's stream, then the sharp filter on
-what is left, a segment at a time, so that memory does not grow with the length of the recording. What a model
-remembers of a run is followed once, over the whole run at full rate, before any of it is filtered.
+Without a filter, samples enter the factors directly. With a filter, every column of the regressor and the torque pass
+the same one: first a linear-phase decimation inside the kernel's stream, then the sharp filter, a segment at a time,
+so that memory does not grow with the length of the recording. Hysteresis states are computed before any filtering,
+once over the whole run at full rate.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from armid.errors import ArmidError
 from armid.information.column_source import ColumnSource, column_source
 from armid.information.filtering import filtered_columns, filtered_torque
 from armid.information.hysteresis_states import require_consecutive, with_hysteresis_states
-from armid.information.information import Information, JointFactors, merge, stack, total
+from armid.information.information import FactorOrigin, Information, JointFactors, merge, stack, total
 from armid.maths.linalg import scaled_condition
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
@@ -29,23 +29,21 @@ from armid.model.dynamics import DynamicsModel
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["Progress", "accumulate_information"]
-
 Progress = Callable[[int, int], None]
-"""Told how many samples are done, and of how many."""
+"""Callback for progress: number of samples done, and number of all samples."""
 
 CHUNK = 8192
-"""Samples whose term columns are held at a time: 1 MB for a seven-joint arm."""
+"""Samples whose term columns are in memory at a time: 1 MB for a seven-joint arm."""
 
 GRAM_ROWS = 20_000
-"""Below so many rows a QR takes milliseconds, and the faster way is not worth a thought."""
+"""Number of rows up to which QR is used: it takes milliseconds there."""
 
 GRAM_CONDITION = 60.0
-"""Largest scaled condition number at which factors made from products are as good as a QR: their error is
-ε times its square, so below 1e-12."""
+"""Largest scaled condition number at which factors from products replace a QR: their error, ε times its square, is
+below 1e-12."""
 
 GRAM_RESIDUAL = 1e-5
-"""Smallest residual, over the torque, that factors made from products resolve: ε under the root, with room."""
+"""Smallest residual, over the torque, that factors from products resolve: √ε with a margin."""
 
 
 @one_blas_thread
@@ -59,24 +57,24 @@ def accumulate_information(
 ) -> Information:
     """Accumulates the information of observations on the base parameters.
 
-    Factors are made by QR. Long unfiltered recordings first try the columns' products, twice as fast, and keep the
-    result only where the condition number and the residual prove it as exact.
+    Factors are computed by QR. For long unfiltered recordings the Cholesky factor of the columns' products is tried
+    first, which is twice as fast; it is kept only where condition number and residual prove that it is as accurate.
 
     Args:
         model: Arm and torque terms.
         base: Base parameters of the model.
         observations: Runs and their band.
-        threads: Blocks of unfiltered runs are shared among so many threads.
-        progress: Told of samples done.
+        threads: Number of threads that share the blocks of unfiltered runs.
+        progress: Callback with the samples done.
 
     Raises:
-        ArmidError: The observations have other joints than the model, or no row counts; or a model with memory
-            meets samples that do not follow each other, or a motion that never decides what it remembers.
+        ArmidError: The observations have other joints than the model, or no row is in use. With hysteresis also: the
+            samples are not consecutive, or the motion never determines the hysteresis states.
     """
     if not any(run.mask.any() for run in observations.runs):
         raise ArmidError(
-            "No row of the recordings counts: every one is masked or trimmed away.",
-            remedy="record longer, trim less, or look at what `slow`, `saturation` and `exclude` mask.",
+            "No row of the recordings is in use: every one is masked or trimmed.",
+            remedy="record longer, trim less, or mask less by `slow`, `saturation` and `exclude`.",
         )
     for run in observations.runs:
         if run.motion.n != model.n:
@@ -95,18 +93,18 @@ def accumulate_information(
 
 
 def _is_raw(run: ObservedRun, band: Band) -> bool:
-    """Checks whether the columns of this run go into the factors as they are."""
+    """Checks whether the columns of this run enter the factors unfiltered."""
     return band.is_open or not run.consecutive or not band.columns
 
 
 def _is_exact(information: Information) -> bool:
-    """Checks whether products of columns, instead of a QR, have cost no accuracy."""
+    """Checks whether factors from products of columns are as accurate as those of a QR."""
     whole = total(information)
     torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
     residual = np.array([abs(joint.R[0, -1, -1]) for joint in whole.joints])
     if (residual < GRAM_RESIDUAL * torque).any():
         return False
-    # Weights by joint change the condition; the two that estimation uses are looked at.
+    # Weights of joints change the condition number; it is checked for the two sets that estimation uses.
     by_residual = 1.0 / np.where(residual > 0.0, residual, 1.0)
     return all(scaled_condition(stack(whole, weights)[0]) <= GRAM_CONDITION for weights in (None, by_residual))
 
@@ -119,7 +117,7 @@ def _inform(
     *,
     by_gram: bool,
 ) -> Information:
-    """Information of all runs, the blocks of each counted on."""
+    """Information of all runs, with blocks numbered through all runs."""
     samples = sum(run.motion.samples for run in observations.runs)
     done = 0
     parts: list[Information] = []
@@ -149,7 +147,7 @@ def _inform(
 def _collect(
     pieces: tuple[Array, ...], blocks: NDArray[np.intp], factors: list[Array], filled: NDArray[np.bool_]
 ) -> None:
-    """Put each joint's factors of pieces where their blocks stand; a further piece joins what stands there."""
+    """Stores the joints' factors of pieces by block; further pieces of a block are merged."""
     for piece, k in enumerate(blocks):
         for joint, R in enumerate(pieces):
             whole = factors[joint]
@@ -158,11 +156,11 @@ def _collect(
 
 
 def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Array], method: str) -> Information:
-    """Information of one run from the factors of its joints, which are taken out of the list one by one."""
+    """Information of one run from the factors of its joints; the list of factors is emptied."""
     borders = _borders(run)
     names, stretches = np.unique(run.block[borders[:-1]], return_inverse=True)
     rows = np.zeros((len(names), source.tree.n), dtype=np.int64)
-    masked = not run.mask.all()  # counting takes milliseconds, and most runs have nothing masked
+    masked = not run.mask.all()  # counting takes milliseconds; most runs have no mask
     for k, (begin, end) in zip(stretches, pairwise(borders), strict=True):
         rows[k] += run.mask[begin:end].sum(axis=0) if masked else end - begin
     return Information(
@@ -171,12 +169,12 @@ def _of_run(source: ColumnSource, run: ObservedRun, index: int, factors: list[Ar
         rows,
         np.full(len(names), index),
         np.full(len(names), run.recording),
-        made_by=f"{kernel.in_use()} {method}",
+        made_by=FactorOrigin(kernel.in_use(), method),
     )
 
 
 def _borders(run: ObservedRun) -> NDArray[np.intp]:
-    """Rows at which a stretch of one block begins, and the end of the last, shape (stretches + 1,)."""
+    """First rows of stretches of one block, and the end of the last stretch, shape (stretches + 1,)."""
     changes = np.flatnonzero(run.block[1:] != run.block[:-1]) + 1
     return np.concatenate([[0], changes, [len(run.block)]])
 
@@ -191,7 +189,7 @@ class _Piece:
 
 
 def _pieces(run: ObservedRun) -> list[_Piece]:
-    """The output grid cut at the borders of blocks, and within long blocks every CHUNK rows."""
+    """Pieces of the output grid: it is cut at the borders of blocks, and long blocks every CHUNK rows."""
     return [
         _Piece(a, min(a + CHUNK, end), int(run.block[begin]))
         for begin, end in pairwise(_borders(run).tolist())
@@ -200,7 +198,7 @@ def _pieces(run: ObservedRun) -> list[_Piece]:
 
 
 def _chunks(pieces: list[_Piece]) -> Iterator[list[_Piece]]:
-    """Neighbouring pieces together while they hold at most CHUNK rows."""
+    """Groups of neighbouring pieces with at most CHUNK rows."""
     group: list[_Piece] = []
     for piece in pieces:
         if group and piece.end - group[0].begin > CHUNK:
@@ -251,7 +249,7 @@ def _filtered_blocks(
         column = 0
         for j in range(source.tree.n):
             a, b = source.layout.offset[j], source.layout.offset[j + 1]
-            # Masked rows become zero rows, which say nothing.
+            # Masked rows become zero rows, which add no information.
             factors = kernel.factor_columns(x[a:b] * mask[:, j], bounds)
             R[:, column : column + (b - a) ** 2] = factors.reshape(len(factors), -1)
             column += (b - a) ** 2

@@ -1,4 +1,4 @@
-"""Layout of a model for the stream: where each base parameter's column stands, and the terms' columns."""
+"""Column layout of a model for the stream: the column of each base parameter, and the columns of the terms."""
 
 from __future__ import annotations
 
@@ -10,26 +10,25 @@ from armid.kernel import ColumnLayout, Tree, make_layout
 from armid.model.base_parameters import BaseParameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
+from armid.model.parameter_name import ParameterName
 from armid.values import Array
-
-__all__ = ["ColumnSource", "column_source"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColumnSource:
-    """Makes the kept columns of a model along a motion.
+    """Source of a model's kept columns along a motion.
 
     Attributes:
         model: Arm and torque terms.
         tree: The arm's geometry.
-        layout: Where each base parameter's column stands.
+        layout: Column of each base parameter.
         names: Names of the base parameters.
     """
 
     model: DynamicsModel
     tree: Tree
     layout: ColumnLayout
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
 
     def term_rows(self, motion: Motion) -> Array:
         """Kept rows of the terms' columns, shape (e, N)."""
@@ -37,7 +36,7 @@ class ColumnSource:
 
 
 def column_source(model: DynamicsModel, base: BaseParameters) -> ColumnSource:
-    """The columns of a model's base parameters, joint by joint."""
+    """Source of the columns of a model's base parameters, joint by joint."""
     number = np.full(len(model.parameters), -1, dtype=np.int32)
     number[base.kept] = np.arange(base.count)
     joint = np.array([entry[0] for entry in model.entries], dtype=np.int32)

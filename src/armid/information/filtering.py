@@ -1,7 +1,7 @@
-"""The band applied: torque and regressor columns through one zero-phase filter.
+"""Zero-phase filter of a band, the same for torque and regressor columns.
 
 At a high rate the columns are first decimated inside the kernel's stream by a linear-phase filter that is flat over
-the band, then filtered sharply. Both steps act alike on torque and columns, so neither biases the estimate.
+the band, then filtered sharply. Both steps are the same for torque and columns, so neither biases the estimate.
 """
 
 from __future__ import annotations
@@ -28,20 +28,18 @@ from armid.measurement.band import Band
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
 
-__all__ = ["filtered_columns", "filtered_torque", "in_band"]
-
 SEGMENT = 8192
-"""Rows that the sharp filter works on at a time: 14 MB for a seven-joint arm."""
+"""Rows that the sharp filter processes at a time: 14 MB for a seven-joint arm."""
 
 CHUNK = 16384
-"""Samples whose term columns are held at a time."""
+"""Samples whose term columns are in memory at a time."""
 
 OVERLAP = 16
-"""Early rows beside those wanted that interpolation looks at: its filter spans seven to each side."""
+"""Additional early rows on each side for the interpolation: its filter needs seven."""
 
 
 def in_band(x: Array, rate: float, band: Band) -> Array:
-    """Signals (N, ...) of one run at full rate, filtered as the band says."""
+    """Signals (N, ...) of one run at full rate, filtered by the band."""
     filter = low_pass(band.family, band.order, band.cutoff, rate)
     if filter is None:
         return x
@@ -49,15 +47,15 @@ def in_band(x: Array, rate: float, band: Band) -> Array:
 
 
 def filtered_torque(run: ObservedRun, band: Band) -> Array:
-    """The run's torque through the band, at full rate, shape (N, n)."""
+    """Filtered torque of a run, at full rate, shape (N, n)."""
     return in_band(run.torque, run.rate, band)
 
 
 def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
-    """Columns and torque on the output grid, filtered, a segment at a time.
+    """Filtered columns and torque on the output grid, a segment at a time.
 
-    The sharp filter works at an early rate: that of a divisor of the output grid's step, or, where the grid is
-    denser than the band needs, at a coarser step between which the filtered columns are interpolated.
+    The sharp filter works on early rows: their step is a divisor of the output grid's step. Where the grid is denser
+    than the band needs, their step is coarser and the filtered columns are interpolated.
 
     Yields:
         First row of the segment, and its columns (columns, rows).
@@ -91,7 +89,7 @@ def filtered_columns(source: ColumnSource, run: ObservedRun, band: Band) -> Iter
 
 
 def _rows_between(run: ObservedRun, band: Band) -> int:
-    """Rows of the output grid for each row that the band needs; a divisor of the period where that matters."""
+    """Rows of the output grid for each row that the band needs; with periodic edges a divisor of the period."""
     factor = max(1, coarsest_step(run.rate, band.cutoff) // run.step)
     if band.edges == "periodic":
         while run.motion.samples % (factor * run.step):
@@ -126,18 +124,18 @@ class _EarlyColumns:
 
     @property
     def available(self) -> int:
-        """Rows that the run has."""
+        """Number of rows of the run."""
         return len(range(self.first, self.run.motion.samples, self.step))
 
     def between(self, a: int, b: int) -> Array:
-        """Rows a to b - 1, the ends of the run reflected."""
+        """Rows a to b - 1 of the run, continued by reflection at its ends."""
         out = self._inside(a, b)
         if len(self.taps) > 1:
             _reflect_ends(self.source, self.run, self.taps, self.step, self.first, a, b, out)
         return out
 
     def periodic(self) -> Array:
-        """All rows, the run continued by itself."""
+        """All rows of the run, continued periodically."""
         out = self._inside(0, self.available)
         half, N = len(self.taps) // 2, self.run.motion.samples
         lowest, highest = self.first - half, self.first + (self.available - 1) * self.step + half
@@ -177,7 +175,7 @@ class _EarlyColumns:
 def _reflect_ends(
     source: ColumnSource, run: ObservedRun, taps: Array, step: int, first: int, a: int, b: int, out: Array
 ) -> None:
-    """Rows whose taps reach past an end of the run are made again with the end reflected."""
+    """Recomputes the rows whose taps reach past an end of the run, with the end reflected."""
     half = len(taps) // 2
     N = run.motion.samples
     length = min(N, 2 * half + 1 + half)

@@ -1,7 +1,7 @@
-"""Memory along a run: the states of a model's memory nodes at full rate, and the rows before they are known.
+"""Hysteresis states along a run at full rate, and the mask of the rows before they are known.
 
-A run begins with unknown states, whatever was before it. Until the motion alone decides them, the columns that read
-them are a guess, and a filter carries that guess further; such rows do not count, neither to estimate nor to judge.
+The initial states of a run are unknown. Until the motion determines them, the columns that depend on them are wrong,
+and a filter spreads this error; such rows are used neither for the estimate nor for validation.
 """
 
 from __future__ import annotations
@@ -17,33 +17,31 @@ from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics import DynamicsModel
 
-__all__ = ["memory_findings", "require_consecutive", "with_hysteresis_states"]
-
 NOTABLE = 0.2
-"""Share of a joint's rows whose loss to an unknown memory is worth a finding; a second of five."""
+"""Share of a joint's rows with unknown states above which there is a finding: one second of five."""
 
 
 def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -> ObservedRun:
-    """A run with what a model remembers along it; the same run where it remembers nothing, or has it already.
+    """Adds the hysteresis states of a model to a run, unless there are none or the run has them already.
 
     Args:
         model: Arm and torque terms.
         run: One contiguous run at full rate.
-        band: Filter that columns will pass.
+        band: Filter of the columns.
 
     Returns:
-        The run, its motion with states; rows of a joint that its unknown states reach are masked.
+        The run with states in its motion; rows of a joint that unknown states influence are masked.
 
     Raises:
-        ArmidError: The run's samples do not follow each other in time.
+        ArmidError: The run's samples are not consecutive.
     """
     if not model.nodes or run.motion.memory is not None:
         return run
     if not run.consecutive:
         raise ArmidError(
-            f"The term {model.nodes[0].term!r} needs to know what happened before, but the samples of recording "
-            f"{run.recording + 1} do not follow each other in time.",
-            remedy=f"leave {model.nodes[0].term!r} out, or leave this recording out.",
+            f"The term {model.nodes[0].term!r} depends on the earlier motion, but the samples of recording "
+            f"{run.recording + 1} are not consecutive.",
+            remedy=f"remove {model.nodes[0].term!r} from the model, or leave this recording out.",
         )
     motion, known = model.remembered(run.motion)
     mask = run.mask & ~_unknown(run, band, _known_joints(model, known))
@@ -51,15 +49,15 @@ def with_hysteresis_states(model: DynamicsModel, run: ObservedRun, band: Band) -
 
 
 def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray[np.int64]) -> None:
-    """Refuse a model whose memory leaves no row of a joint that has rows.
+    """Refuse a model with hysteresis states that are unknown in all rows of a joint.
 
     Args:
         model: Arm and torque terms.
-        given: Observations as they were before anything was remembered.
-        rows: Rows that were left of each joint, shape (n,).
+        given: Observations before the rows with unknown states were masked.
+        rows: Number of remaining rows of each joint, shape (n,).
 
     Raises:
-        ArmidError: There is such a joint.
+        ArmidError: A joint has no rows left.
     """
     had = np.sum([run.mask.any(axis=0) for run in given.runs], axis=0) > 0
     lost = np.flatnonzero(had & (rows == 0))
@@ -67,28 +65,28 @@ def require_consecutive(model: DynamicsModel, given: Observations, rows: NDArray
         names = ", ".join(model.robot.joint_names[j] for j in lost)
         widest = max(n.memory.width for n in model.nodes if any(j in lost for j, _ in n.coordinate))
         raise ArmidError(
-            f"No row of {names} is left: the motion never sweeps the {2.0 * widest:g} rad or m, and the time of the "
-            f"filter after that, from which on the memory of {model.nodes[0].term!r} is known.",
+            f"No row of {names} remains: the state of {model.nodes[0].term!r} is known only after a motion over "
+            f"{2.0 * widest:g} rad or m and the settling time of the filter, which these joints never reach.",
             remedy="choose smaller widths, restrict the term to joints that move more, or record longer.",
         )
 
 
 def memory_findings(model: DynamicsModel, observations: Observations) -> tuple[Finding, ...]:
-    """Joints and runs of which many rows do not count because the memory is not known yet."""
+    """Findings about joints and runs with many rows before the hysteresis states are known."""
     findings: list[Finding] = []
     for run in observations.runs if model.nodes else ():
-        left = with_hysteresis_states(model, run, observations.band).mask.sum(axis=0)
-        had = run.mask.sum(axis=0)
+        known = with_hysteresis_states(model, run, observations.band).mask.sum(axis=0)
+        rows = run.mask.sum(axis=0)
         findings += [
             Finding(
                 "memory-unknown",
-                "warning" if left[j] == 0 else "info",
+                "warning" if known[j] == 0 else "info",
                 model.robot.joint_names[j],
-                f"{had[j] - left[j]} of {had[j]} rows of a run of recording {run.recording + 1} come before the "
-                f"motion has decided what {model.nodes[0].term!r} remembers.",
-                "They do not count for this joint.",
+                f"{rows[j] - known[j]} of {rows[j]} rows of a run of recording {run.recording + 1} come before the "
+                f"motion has determined the state of {model.nodes[0].term!r}.",
+                "They are not used for this joint.",
             )
-            for j in np.flatnonzero(had - left > NOTABLE * had)
+            for j in np.flatnonzero(rows - known > NOTABLE * rows)
         ]
     return tuple(findings)
 
@@ -103,12 +101,12 @@ def _known_joints(model: DynamicsModel, known: NDArray[np.int64]) -> NDArray[np.
 
 
 def _unknown(run: ObservedRun, band: Band, since: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Rows that samples before `since`, of each joint, reach through the filter, shape (M, n)."""
+    """Rows that samples before `since` of each joint influence through the filter, shape (M, n)."""
     filter = None if not band.columns else low_pass(band.family, band.order, band.cutoff, run.rate)
     reach = 0 if filter is None else edge_samples(filter)
     rows = run.rows[:, None]
     reached = (rows < since + reach) & (since > 0)
     if filter is not None and band.edges == "periodic":
-        # The run goes round: its end stands before its beginning.
+        # The run is periodic: its end comes before its beginning.
         reached |= (rows >= run.motion.samples - reach) & (since > 0)
     return reached

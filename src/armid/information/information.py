@@ -1,9 +1,9 @@
-"""Square-root information: what a recording says about the base parameters, compressed to triangular factors.
+"""Square-root information: triangular factors of a recording's rows, the data of every least-squares estimate.
 
-A row of the regressor touches only the links above its joint, so each joint keeps a small factor of its own: with
-X_j the joint's columns and torque over a block of rows, R_jᵀ R_j = X_jᵀ X_j. These factors are sufficient for every
-least-squares estimate with one noise level a joint; no estimate reads the recording again. Blocks stay apart, which
-later gives covariances that cover, cross-validation and bootstrap from the same factors.
+A row of the regressor depends only on the links that its joint carries. So each joint has a small factor of its own:
+with X_j the joint's columns and torque over a block of rows, R_jᵀ R_j = X_jᵀ X_j. These factors are sufficient for
+every least-squares estimate with one noise level for each joint, without a second pass over the recording. Blocks
+stay separate, for covariances under correlated noise, cross-validation and bootstrap from the same factors.
 """
 
 from __future__ import annotations
@@ -16,19 +16,41 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.kernel import factor_columns
+from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary, plural
+from armid.text_value import TextValue
 from armid.values import Array, array
 
-__all__ = ["Information", "JointFactors", "merge", "restrict", "select", "stack", "total"]
+
+@dataclass(frozen=True, slots=True)
+class FactorOrigin(TextValue):
+    """Kernel and method that factors were made by: `native qr`.
+
+    Attributes:
+        kernel: `native` or `numpy`.
+        method: Factorisation.
+    """
+
+    kernel: str = ""
+    method: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.kernel} {self.method}".strip()
+
+    @classmethod
+    def read(cls, text: str) -> FactorOrigin:
+        """The origin of this text."""
+        kernel, _, method = text.partition(" ")
+        return cls(kernel, method)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JointFactors:
-    """Triangular factors of one joint's rows, one a block.
+    """Triangular factors of one joint's rows, one for each block.
 
     Attributes:
-        parameters: Base parameters that the joint's rows touch, shape (k,).
-        R: Upper triangular, last column the torque, shape (blocks, k + 1, k + 1) [units of the columns].
+        parameters: Base parameters that the joint's rows depend on, shape (k,).
+        R: Upper triangular factors, last column the torque, shape (blocks, k + 1, k + 1) [units of the columns].
     """
 
     parameters: NDArray[np.int32]
@@ -49,23 +71,23 @@ class Information(Displayed):
     Attributes:
         names: Names of the base parameters, b of them.
         joints: Factors of each joint, n of them.
-        rows: Rows that counted, shape (blocks, n).
+        rows: Number of rows in use, shape (blocks, n).
         run: Contiguous run that each block is part of, counted through all recordings, shape (blocks,).
         recording: Recording that each block is part of, shape (blocks,).
         scale_deviation: Relative standard deviation of each joint's torque scale, such as a drive gain's, shape (n,).
         made_by: How the factors were made: kernel and method.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     joints: tuple[JointFactors, ...]
     rows: NDArray[np.int64]
     run: NDArray[np.int64]
     recording: NDArray[np.int64]
     scale_deviation: Array = field(default_factory=lambda: np.zeros(0))
-    made_by: str = ""
+    made_by: FactorOrigin = field(default_factory=FactorOrigin)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "names", parameter_names(self.names))
         object.__setattr__(self, "joints", tuple(self.joints))
         scale = self.scale_deviation if np.size(self.scale_deviation) else np.zeros(len(self.joints))
         object.__setattr__(self, "scale_deviation", array(scale, (len(self.joints),), "scale_deviation"))
@@ -86,7 +108,7 @@ class Information(Displayed):
             for j, joint in enumerate(self.joints)
         )
         title = f"{self.count} base parameters, {plural(self.blocks, 'block')} of rows"
-        return Summary(title, ("joint", "rows", "parameters"), rows, self.made_by)
+        return Summary(title, ("joint", "rows", "parameters"), rows, str(self.made_by))
 
     @property
     def n(self) -> int:
@@ -105,10 +127,10 @@ class Information(Displayed):
 
 
 def merge(parts: Sequence[Information]) -> Information:
-    """All blocks of several pieces of information, in order. Associative: chunks and machines combine by it.
+    """All blocks of several pieces of information, in order; the operation is associative.
 
     Raises:
-        ArmidError: Nothing to merge, or the pieces are about different parameters.
+        ArmidError: There is nothing to merge, or the pieces have different parameters.
     """
     if not parts:
         raise ArmidError("There is no information to merge.", remedy="give at least one.")
@@ -121,9 +143,10 @@ def merge(parts: Sequence[Information]) -> Information:
         )
         if not alike:
             raise ArmidError(
-                "Only information about the same base parameters can be merged.",
-                remedy="merge what the same model, robot and terms gave.",
+                "Only information on the same base parameters can be merged.",
+                remedy="merge information of the same model, robot and terms.",
             )
+    origins = list(dict.fromkeys(part.made_by for part in parts))
     joints = tuple(
         JointFactors(joint.parameters, np.concatenate([part.joints[j].R for part in parts]))
         for j, joint in enumerate(first.joints)
@@ -135,7 +158,7 @@ def merge(parts: Sequence[Information]) -> Information:
         run=np.concatenate([part.run for part in parts]),
         recording=np.concatenate([part.recording for part in parts]),
         scale_deviation=np.max([part.scale_deviation for part in parts], axis=0),
-        made_by=", ".join(dict.fromkeys(part.made_by for part in parts)),
+        made_by=FactorOrigin(origins[0].kernel, ", ".join([origins[0].method, *map(str, origins[1:])])),
     )
 
 
@@ -152,11 +175,11 @@ def select(information: Information, blocks: NDArray[np.integer] | NDArray[np.bo
 
 
 def restrict(information: Information, kept: NDArray[np.intp]) -> Information:
-    """The information about some parameters had the others been left out of the model.
+    """Information on some parameters for a model without the others.
 
     Args:
-        information: Any number of blocks.
-        kept: Numbers of the parameters, rising.
+        information: Information of any number of blocks.
+        kept: Numbers of the parameters, ascending.
     """
     number = np.full(information.count, -1, dtype=np.int32)
     number[kept] = np.arange(len(kept))
@@ -170,7 +193,7 @@ def restrict(information: Information, kept: NDArray[np.intp]) -> Information:
 
 
 def total(information: Information) -> Information:
-    """All blocks as one: the factor of the stacked factors, joint by joint."""
+    """Merges all blocks into one: the factor of the stacked factors, joint by joint."""
     if information.blocks == 1:
         return information
     joints = tuple(
@@ -187,11 +210,11 @@ def total(information: Information) -> Information:
 
 
 def stack(information: Information, weights: Array | None = None) -> tuple[Array, Array]:
-    """Rows and right-hand side of the least-squares problem that the information stands for.
+    """Rows and right-hand side of the equivalent least-squares problem.
 
     Args:
-        information: Any number of blocks.
-        weights: Multiplies the rows of each joint, shape (n,); one where not given.
+        information: Information of any number of blocks.
+        weights: Factor of the rows of each joint, shape (n,); one where not given.
 
     Returns:
         A (rows, b) and y (rows,): minimising |A π - y| gives the estimate.

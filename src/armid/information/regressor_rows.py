@@ -1,7 +1,7 @@
-"""The regressor's rows of a run, a segment at a time, for what factors cannot say: a second pass over the samples.
+"""Second pass over the samples: the regressor's rows of a run, a segment at a time.
 
-Robust weights, whiteness and bands need rows one by one. They come in the band and on the output grid, exactly those
-that went into the factors, and never all at once.
+Robust weights, tests of whiteness and noise spectra need single rows, which factors do not give. The rows are
+filtered and on the output grid, the same that entered the factors, and never in memory all at once.
 """
 
 from __future__ import annotations
@@ -18,28 +18,26 @@ from armid.measurement.band import Band
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
 
-__all__ = ["all_rows", "rows"]
-
 SEGMENT = 8192
 """Rows held at a time: 14 MB for a seven-joint arm."""
 
 
 def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[int, Array]]:
-    """Columns and torque of every joint on the output grid in the band, a segment at a time.
+    """Filtered columns and torque of every joint on the output grid, a segment at a time.
 
-    Which rows count is not said here, and where the model has a memory it is fewer than the run's own mask says:
-    give a run that has passed `armid.information.hysteresis_states.with_hysteresis_states`, and use its mask.
+    The mask is not applied. With hysteresis the run's own mask still holds rows with unknown states: pass a run from
+    `armid.information.hysteresis_states.with_hysteresis_states` and use its mask.
 
     Args:
-        source: Makes the columns; joint j has rows `layout.offset[j]` to `layout.offset[j + 1] - 1`, torque last.
-        run: The run; what the model remembers of it is followed here where that has not been done.
-        band: Filter of both sides, or of the torque alone where the band says so.
+        source: Source of the columns; joint j has rows `layout.offset[j]` to `layout.offset[j + 1] - 1`, torque last.
+        run: The run; hysteresis states are computed where it has none yet.
+        band: Filter of both sides, or of the torque alone where `band.columns` is false.
 
     Yields:
         First row of the segment, and its columns, shape (columns, M).
 
     Raises:
-        ArmidError: The model has a memory, and the run's samples do not follow each other in time.
+        ArmidError: The model has hysteresis, and the run's samples are not consecutive.
     """
     run = with_hysteresis_states(source.model, run, band)
     if not band.is_open and run.consecutive and band.columns:
@@ -57,5 +55,5 @@ def rows(source: ColumnSource, run: ObservedRun, band: Band) -> Iterator[tuple[i
 
 
 def all_rows(source: ColumnSource, run: ObservedRun, band: Band) -> Array:
-    """All rows at once, shape (columns, M); for runs that are known to be short."""
+    """All rows of a run, shape (columns, M), for short runs."""
     return np.concatenate([x for _, x in rows(source, run, band)], axis=1)

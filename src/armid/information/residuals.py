@@ -1,4 +1,4 @@
-"""Measured less predicted torque on the output grid: a second pass over a run, in the band and as recorded."""
+"""Measured less predicted torque on the output grid, filtered and as recorded, from a second pass over a run."""
 
 from __future__ import annotations
 
@@ -14,19 +14,17 @@ from armid.measurement.observations import ObservedRun
 from armid.model.dynamics import DynamicsModel
 from armid.values import Array
 
-__all__ = ["Comparison", "compare"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Comparison:
-    """Torque of one run on its output grid, M rows.
+    """Measured and predicted torque of one run on its output grid, M rows.
 
     Attributes:
-        measured: In the band, shape (M, n) [N·m or N].
-        predicted: In the same band, shape (M, n).
-        measured_raw: As recorded, shape (M, n).
-        predicted_raw: As the model says it, shape (M, n).
-        mask: Which rows count, shape (M, n).
+        measured: Filtered measured torque, shape (M, n) [N·m or N].
+        predicted: Predicted torque through the same filter, shape (M, n).
+        measured_raw: Measured torque as recorded, shape (M, n).
+        predicted_raw: Predicted torque without a filter, shape (M, n).
+        mask: Rows in use, shape (M, n).
     """
 
     measured: Array
@@ -47,19 +45,19 @@ class Comparison:
 
 
 def compare(model: DynamicsModel, standard: Array, run: ObservedRun, band: Band) -> Comparison:
-    """Compare a run with a model.
+    """Compare the torque of a run with that of a model.
 
     Args:
         model: Arm and torque terms.
-        standard: Standard parameters, or any with the same torque, shape (p,).
+        standard: Standard parameters, or others with the same torque, shape (p,).
         run: The run.
-        band: Filter of both sides; of the torque alone where the band says so.
+        band: Filter of both sides, or of the torque alone where `band.columns` is false.
 
     Returns:
-        Both torques; where the model has a memory, rows before it is known do not count.
+        Both torques; rows with unknown hysteresis states are masked.
 
     Raises:
-        ArmidError: The model has a memory, and the run's samples do not follow each other in time.
+        ArmidError: The model has hysteresis, and the run's samples are not consecutive.
     """
     run = with_hysteresis_states(model, run, band)
     predicted = model.torque(run.motion, standard)

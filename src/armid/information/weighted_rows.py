@@ -1,7 +1,7 @@
-"""Information from rows that are weighted one by one: a second pass over the samples, repeated as weights change.
+"""Information from rows with a weight each, by further passes over the samples as the weights change.
 
-Rows are made again in every pass, a segment at a time, and kept between passes only while all of them are few. So
-memory does not grow with the recording, and short recordings are not filtered ten times.
+Every pass computes the rows anew, a segment at a time. They are stored between passes only where all of them fit into
+`KEPT`. So memory does not grow with the recording, and short recordings are filtered only once.
 """
 
 from __future__ import annotations
@@ -15,26 +15,24 @@ from numpy.typing import NDArray
 from armid import kernel
 from armid.information.column_source import ColumnSource
 from armid.information.hysteresis_states import with_hysteresis_states
-from armid.information.information import Information, JointFactors, merge
+from armid.information.information import FactorOrigin, Information, JointFactors, merge
 from armid.information.regressor_rows import rows
 from armid.measurement.observations import Observations, ObservedRun
 from armid.values import Array
 
-__all__ = ["Segment", "Weigh", "WeightedRows", "weighted_information"]
-
 KEPT = 64_000_000
-"""Bytes of rows that are kept from one pass to the next: some 40 000 rows of a seven-joint arm."""
+"""Largest size of the rows that are stored between passes [bytes]: some 40 000 rows of a seven-joint arm."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Segment:
-    """Some rows of a run on its output grid, in the band.
+    """Some filtered rows of a run on its output grid.
 
     Attributes:
         run: Number of the run.
         begin: First row.
         x: Columns and torque of all joints, shape (columns, M), of `armid.information.regressor_rows.rows`.
-        mask: Which rows count, shape (M, n).
+        mask: Rows in use, shape (M, n).
         block: Block of each row, shape (M,).
     """
 
@@ -46,15 +44,15 @@ class Segment:
 
 
 Weigh = Callable[[Segment, int], Array]
-"""Weight (M,) of each row of a segment for one joint; masked rows are left out whatever it says."""
+"""Weight (M,) of each row of a segment for one joint; masked rows are always left out."""
 
 
 class WeightedRows:
-    """All rows of observations, as often as wanted.
+    """Iterable over all rows of observations, which can be repeated.
 
     Attributes:
-        source: Makes the columns.
-        observations: The samples; where the model has a memory, rows before it is known do not count.
+        source: Source of the columns.
+        observations: The samples, with rows of unknown hysteresis states masked.
     """
 
     def __init__(self, source: ColumnSource, observations: Observations) -> None:
@@ -79,7 +77,7 @@ class WeightedRows:
         self._kept = kept
 
     def _made(self) -> Iterator[Segment]:
-        """Segments made from the samples."""
+        """Segments computed from the samples."""
         for index, run in enumerate(self.observations.runs):
             for begin, x in rows(self.source, run, self.observations.band):
                 end = begin + x.shape[1]
@@ -87,15 +85,15 @@ class WeightedRows:
 
 
 def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = True) -> Information:
-    """Factors of rows that are multiplied by the roots of their weights.
+    """Factors of rows that are multiplied by the square roots of their weights.
 
     Args:
         every: The rows.
         weigh: Weight of each row, joint by joint.
-        blocks: Keep the blocks apart; without, every run is one block, which is faster.
+        blocks: Keep the blocks separate; otherwise every run is one block, which is faster.
 
     Returns:
-        Information whose `rows` still counts rows, whatever their weight.
+        Information; its `rows` is the number of rows, independent of their weights.
     """
     runs = every.observations.runs
     names = [np.unique(run.block) if blocks else np.zeros(1, dtype=np.int64) for run in runs]
@@ -110,7 +108,7 @@ def weighted_information(every: WeightedRows, weigh: Weigh, *, blocks: bool = Tr
 def _add(
     source: ColumnSource, segment: Segment, weigh: Weigh, number: NDArray[np.int64], factors: list[Array]
 ) -> None:
-    """Join a segment's rows to the factors of the blocks, by number, that they belong to."""
+    """Merges a segment's rows into the factors of their blocks."""
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [len(number)]])
     for j, whole in enumerate(factors):
         a, b = source.layout.offset[j], source.layout.offset[j + 1]
@@ -134,5 +132,5 @@ def _of_run(
         counted,
         np.full(len(names), index),
         np.full(len(names), run.recording),
-        made_by=f"{kernel.in_use()} qr of weighted rows",
+        made_by=FactorOrigin(kernel.in_use(), "qr of weighted rows"),
     )

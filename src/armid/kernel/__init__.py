@@ -1,8 +1,8 @@
 """The compiled kernel, its NumPy twin and the choice between them.
 
-`reference` is the twin: short, and the meaning of everything here. The compiled kernel holds one build for each
-instruction set and takes the widest that the machine runs. The environment variable `ARMID_KERNEL` chooses
-another: `avx512`, `avx2`, `baseline` or `numpy` (the twin). `in_use()` says which one runs.
+`reference` is the twin: it is short and defines the result of every function. The compiled kernel has one build for
+each instruction set and uses the widest that the machine supports. The environment variable `ARMID_KERNEL` chooses
+another: `avx512`, `avx2`, `baseline` or `numpy` (the twin). `in_use()` returns the name of the build in use.
 """
 
 from armid.kernel.dispatch import (

@@ -1,4 +1,4 @@
-"""Entry points of the kernel: shapes checked, output made, the chosen build called.
+"""Entry points of the kernel: they check shapes, allocate the output and call the chosen build.
 
 N samples, n joints, all arrays float64 in C order. `chosen` names an instruction set; by default the one in use.
 """
@@ -11,31 +11,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import armid.kernel._native as _native
 from armid.errors import ArmidError
-from armid.kernel import _native, reference, reference_factor, reference_memory
+from armid.kernel import reference, reference_factor, reference_memory
 from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
-
-__all__ = [
-    "TWIN",
-    "columns",
-    "compiled_arm",
-    "coriolis_matrix",
-    "decimate",
-    "factor",
-    "factor_columns",
-    "gravity_torque",
-    "in_use",
-    "instruction_sets",
-    "inverse_dynamics",
-    "mass_matrix",
-    "play",
-    "potential_energy",
-    "regressor",
-    "states_of",
-    "unpack_factors",
-]
 
 TWIN = "numpy"
 NO_MASK = np.empty(0, dtype=np.uint8)
@@ -46,22 +27,22 @@ potential_energy = reference.potential_energy
 
 
 def instruction_sets() -> tuple[str, ...]:
-    """Builds of the kernel that this machine runs, fastest first; the last is the NumPy twin."""
+    """Builds of the kernel that this machine supports, fastest first; the last is the NumPy twin."""
     return (*_native.instruction_sets(), TWIN)
 
 
 @lru_cache(maxsize=1)
 def in_use() -> str:
-    """The build that runs unless told otherwise: `ARMID_KERNEL`, or the fastest.
+    """Name of the default build: that of `ARMID_KERNEL`, or the fastest.
 
     Raises:
-        ArmidError: `ARMID_KERNEL` names a build that this machine does not run.
+        ArmidError: `ARMID_KERNEL` names a build that this machine does not support.
     """
     possible = instruction_sets()
     wanted = os.environ.get("ARMID_KERNEL", "") or possible[0]
     if wanted not in possible:
         raise ArmidError(
-            f"ARMID_KERNEL asks for {wanted!r}, which this machine does not run.",
+            f"ARMID_KERNEL is {wanted!r}, which this machine does not support.",
             possible=", ".join(possible),
         )
     return wanted
@@ -69,15 +50,15 @@ def in_use() -> str:
 
 @lru_cache(maxsize=64)
 def compiled_arm(tree: Tree) -> _native.Arm:
-    """The tree as the compiled kernel holds it."""
+    """Tree in the form of the compiled kernel."""
     return _native.Arm(tree.parent, tree.prismatic, tree.axis, tree.rotation, tree.translation, tree.gravity)
 
 
 def states_of(tree: Tree, *arrays: ArrayLike) -> list[Array]:
-    """Arrays (N, n) as the kernel reads them.
+    """Arrays (N, n) in the form of the kernel.
 
     Raises:
-        ArmidError: Another shape.
+        ArmidError: An array has another shape.
     """
     result = [np.ascontiguousarray(x, dtype=np.float64) for x in arrays]
     shapes = [x.shape for x in result]
@@ -87,7 +68,7 @@ def states_of(tree: Tree, *arrays: ArrayLike) -> list[Array]:
 
 
 def _output(out: Array | None, shape: tuple[int, ...]) -> Array:
-    """The array to fill: `out`, or a new one."""
+    """Output array: `out`, or a new one."""
     if out is None:
         return np.empty(shape)
     if out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous or not out.flags.writeable:
@@ -106,7 +87,7 @@ def regressor(
 ) -> Array:
     """Rigid-body regressor, shape (N, n, 10 n), with τ = Y θ for the inertial parameters link by link.
 
-    Where `out` is given it is filled and returned: a fresh array of some size costs more than its contents.
+    Where `out` is given, it is filled and returned; the allocation of a large array costs more than its computation.
     """
     q, dq, ddq = states_of(tree, q, dq, ddq)
     chosen = chosen or in_use()
@@ -162,17 +143,17 @@ def columns(
     out: Array | None = None,
     chosen: str | None = None,
 ) -> Array:
-    """Every joint's columns, torque last, along N samples: shape (columns, N).
+    """Columns of every joint, torque last, along N samples: shape (columns, N).
 
     Args:
         tree: The arm.
-        layout: Which columns are kept.
+        layout: Layout of the kept columns.
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
         torque: Joint torques, shape (N, n).
         terms: Kept rows of the terms' columns, shape (e, N).
-        out: Filled and returned where given.
+        out: Output array, filled and returned where given.
         chosen: Build of the kernel.
     """
     q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)
@@ -203,25 +184,25 @@ def factor(
     threads: int = 1,
     chosen: str | None = None,
 ) -> Array:
-    """Triangular factors of every joint's columns, one set a block, without holding the columns.
+    """Triangular factors of every joint's columns for each block, without storing the columns.
 
     Args:
         tree: The arm.
-        layout: Which columns are kept.
+        layout: Layout of the kept columns.
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
         torque: Joint torques, shape (N, n).
         terms: Kept rows of the terms' columns, shape (e, N).
         bounds: Block k holds samples `bounds[k]` to `bounds[k + 1] - 1`, shape (blocks + 1,).
-        mask: Which rows count, shape (N, n).
-        by_gram: Make the factors from the columns' products instead of by QR: half the arithmetic, but an error
-            of ε times the square of the scaled condition number, which the caller must look at.
-        threads: Blocks are shared among so many threads.
+        mask: Rows in use, shape (N, n).
+        by_gram: Compute the factors from the columns' products instead of by QR: half the arithmetic, but an error of
+            ε times the square of the scaled condition number, which the caller must check.
+        threads: Number of threads that share the blocks.
         chosen: Build of the kernel.
 
     Returns:
-        Factors behind one another, shape (blocks, sum of widths squared); see `unpack_factors`.
+        Factors of all joints in one row, shape (blocks, sum of widths squared); see `unpack_factors`.
     """
     q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)
     terms = np.ascontiguousarray(terms, dtype=np.float64)
@@ -239,7 +220,7 @@ def factor(
 
 
 def unpack_factors(layout: ColumnLayout, factors: Array) -> tuple[Array, ...]:
-    """For each joint its factors, shape (blocks, width, width), upper triangular."""
+    """Upper triangular factors of each joint, shape (blocks, width, width)."""
     sizes = layout.widths.astype(np.int64) ** 2
     starts = np.concatenate([[0], np.cumsum(sizes)])
     return tuple(
@@ -249,11 +230,11 @@ def unpack_factors(layout: ColumnLayout, factors: Array) -> tuple[Array, ...]:
 
 
 def factor_columns(x: ArrayLike, bounds: ArrayLike | None = None, *, chosen: str | None = None) -> Array:
-    """Triangular factors (blocks, K, K) of columns held in memory.
+    """Triangular factors (blocks, K, K) of columns in memory.
 
     Args:
         x: Columns, shape (K, rows).
-        bounds: Block k holds rows `bounds[k]` to `bounds[k + 1] - 1`; one block where none are given.
+        bounds: Block k holds rows `bounds[k]` to `bounds[k + 1] - 1`; one block where not given.
         chosen: Build of the kernel.
     """
     x = np.ascontiguousarray(x, dtype=np.float64)
@@ -281,13 +262,13 @@ def decimate(
     *,
     chosen: str | None = None,
 ) -> None:
-    """Add every joint's columns, filtered and decimated, to `out` without holding them at full rate.
+    """Adds every joint's columns, filtered and decimated, to `out`, without storing them at full rate.
 
-    Row r gets the sum over samples s of taps[s - first - r step] · column[s].
+    The sum of taps[s - first - r step] · column[s] over samples s is added to row r.
 
     Args:
         tree: The arm.
-        layout: Which columns are kept.
+        layout: Layout of the kept columns.
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
@@ -296,7 +277,7 @@ def decimate(
         taps: Filter coefficients, shape (length,).
         step: Samples from one output row to the next.
         first: Sample under the first tap of output row 0; may be negative.
-        out: Shape (columns, rows), added to.
+        out: Array to which the result is added, shape (columns, rows).
         chosen: Build of the kernel.
     """
     q, dq, ddq, torque = states_of(tree, q, dq, ddq, torque)
@@ -319,13 +300,13 @@ def play(
 
     Args:
         x: Coordinates, shape (N, k).
-        column: Coordinate that each operator follows, shape (m,).
-        width: Half-width r of each, shape (m,).
+        column: Coordinate that drives each operator, shape (m,).
+        width: Half-width r of each operator, shape (m,).
         chosen: Build of the kernel.
 
     Returns:
-        States (N, m), and the first sample at which each is known, whatever the run began with, shape (m,); N where
-        it never is. Before that, the state is the middle of what it may be.
+        States (N, m), and for each the first sample at which it is known for every initial state, shape (m,); N where
+        it never is. Before that sample the state is the middle of its possible range.
     """
     x = np.ascontiguousarray(x, dtype=np.float64)
     column = np.ascontiguousarray(column, dtype=np.int32)

@@ -1,7 +1,7 @@
-"""Entry points of what designs of motions need: information along N samples, and gradients by the states.
+"""Entry points of the kernel for the design of motions: information along N samples, and its gradients by the states.
 
-Everywhere `tree` is the arm, `layout` says which columns are kept, q, dq and ddq are the states, shape (N, n), and
-`chosen` is a build of the kernel.
+In all functions `tree` is the arm, `layout` the layout of the kept columns, q, dq and ddq the states, shape (N, n),
+and `chosen` a build of the kernel.
 """
 
 from __future__ import annotations
@@ -11,22 +11,21 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import armid.kernel._native as _native
 from armid.errors import ArmidError
-from armid.kernel import _native, reference_adjoint, reference_factor
+from armid.kernel import reference_adjoint, reference_factor
 from armid.kernel.dispatch import TWIN, compiled_arm, in_use, states_of
 from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 
-__all__ = ["columns_adjoint", "information", "information_adjoint"]
-
 WIDEST = 8
-"""Samples in the widest register: the adjoint goes through so many at once, and through no fewer."""
+"""Number of samples in the widest register: the adjoint processes so many at once, and needs at least so many."""
 
 
 @lru_cache(maxsize=64)
 def _parameter(layout: ColumnLayout) -> NDArray[np.int32]:
-    """The parameter of every column, made once a layout."""
+    """Parameter of every column, computed once for each layout."""
     return layout.parameter
 
 
@@ -42,15 +41,15 @@ def columns_adjoint(
 ) -> tuple[Array, Array, Array]:
     """Gradient of Σ cotangent · columns by positions, velocities and accelerations, each (N, n).
 
-    The rigid bodies' columns are differentiated; entries of the cotangent for terms and torques do not count.
+    Only the columns of rigid bodies are differentiated; entries of the cotangent for terms and torques are not used.
 
     Args:
         tree: The arm.
-        layout: Which columns are kept.
+        layout: Layout of the kept columns.
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
-        cotangent: What each entry of `columns` is worth, shape (columns, N).
+        cotangent: Weight of each entry of `columns`, shape (columns, N).
         chosen: Build of the kernel.
     """
     q, dq, ddq = states_of(tree, q, dq, ddq)
@@ -84,16 +83,16 @@ def information(
     *,
     chosen: str | None = None,
 ) -> Array:
-    """G = Σ_j weights_j X_jᵀ X_j without torque and without holding the columns, shape (count, count).
+    """G = Σ_j weights_j X_jᵀ X_j without torque, shape (count, count); the columns are not stored.
 
     Args:
         tree: The arm.
-        layout: Which columns are kept.
+        layout: Layout of the kept columns.
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
         terms: Kept rows of the terms' columns, shape (e, N).
-        weights: Of each joint's rows, shape (n,).
+        weights: Weight of each joint's rows, shape (n,).
         count: Number of chosen parameters.
         chosen: Build of the kernel.
     """
@@ -127,12 +126,12 @@ def information_adjoint(
 
     Args:
         tree: The arm.
-        layout: Which columns are kept.
+        layout: Layout of the kept columns.
         q: Joint positions, shape (N, n).
         dq: Joint velocities, shape (N, n).
         ddq: Joint accelerations, shape (N, n).
         terms: Kept rows of the terms' columns, shape (e, N).
-        weights: Of each joint's rows, shape (n,).
+        weights: Weight of each joint's rows, shape (n,).
         slopes: Derivative of the function by the information, symmetric, shape (count, count).
         chosen: Build of the kernel.
     """

@@ -1,4 +1,4 @@
-"""Columns of the regressor that each joint's rows keep, and where the terms' columns go."""
+"""Layout of the kept columns of each joint's rows, and the positions of the terms' columns."""
 
 from __future__ import annotations
 
@@ -10,24 +10,22 @@ from numpy.typing import NDArray
 
 from armid.kernel.tree import Tree
 
-__all__ = ["ColumnLayout", "make_layout"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ColumnLayout:
-    """Columns of each joint's rows: a joint touches the links that it carries and its own terms.
+    """Columns of each joint's rows, which depend on the links that the joint carries and on its own terms.
 
-    Joint j owns columns `offset[j]` to `offset[j + 1] - 1`; the last of them is the torque, the others belong to
-    `parameters[j]`, in rising order.
+    Joint j has columns `offset[j]` to `offset[j + 1] - 1`; the last of them is the torque, the others belong to
+    `parameters[j]`, in ascending order.
 
     Attributes:
         offset: First column of each joint, shape (n + 1,).
-        target: For each pair of link i and joint j that carries it (links in order, joints from the base) and each
-            of the ten parameters the column within the joint's own, -1 where it is not kept, shape (10 pairs,);
-            empty where there are no rigid bodies.
+        target: Column within the joint's own, for each pair of link i and joint j that carries it (links in order,
+            joints from the base) and each of the ten parameters, shape (10 pairs,); -1 where the column is not kept;
+            empty without rigid bodies.
         term: Column of each row of the terms, shape (e,).
-        kept: Which rows of the model's term columns are kept, shape (e,).
-        parameters: For each joint, which of the chosen parameters its columns stand for.
+        kept: Kept rows of the model's term columns, shape (e,).
+        parameters: Chosen parameters of each joint's columns.
     """
 
     offset: NDArray[np.int32]
@@ -43,13 +41,13 @@ class ColumnLayout:
 
     @property
     def parameter(self) -> NDArray[np.int32]:
-        """Chosen parameter of every column, 0 in the place of torques, shape (columns,)."""
+        """Chosen parameter of every column, 0 for torques, shape (columns,)."""
         torque = np.zeros(1, dtype=np.int32)
         return np.concatenate([part for own in self.parameters for part in (own, torque)])
 
     @property
     def widths(self) -> NDArray[np.int32]:
-        """Columns of each joint, torque included, shape (n,)."""
+        """Number of columns of each joint, torque included, shape (n,)."""
         return np.diff(self.offset)
 
 
@@ -59,14 +57,14 @@ def make_layout(
     term_joint: NDArray[np.integer],
     term_parameter: NDArray[np.integer],
 ) -> ColumnLayout:
-    """Lay out the columns of chosen parameters.
+    """Layout of the columns of chosen parameters.
 
     Args:
         tree: The arm.
-        inertial: For each of the 10 n inertial parameters the number of the chosen parameter it is, -1 where it is
-            not chosen, shape (10 n,); empty where there are no rigid bodies.
+        inertial: Number of the chosen parameter for each of the 10 n inertial parameters, shape (10 n,); -1 where it
+            is not chosen; empty without rigid bodies.
         term_joint: Joint of each row of the terms' columns, shape (e,).
-        term_parameter: Number of the chosen parameter of each row of the terms' columns, or -1.
+        term_parameter: Number of the chosen parameter of each row of the terms' columns, -1 where it is not chosen.
     """
     carried = [tree.subtree(j) for j in range(tree.n)]
     parameters = [_of_joint(j, carried[j], inertial, term_joint, term_parameter) for j in range(tree.n)]
@@ -94,7 +92,7 @@ def _of_joint(
     term_joint: NDArray[np.integer],
     term_parameter: NDArray[np.integer],
 ) -> NDArray[np.int32]:
-    """Chosen parameters that the rows of joint j touch, rising."""
+    """Chosen parameters that the rows of joint j depend on, ascending."""
     chosen = {int(x) for x, at in zip(term_parameter, term_joint, strict=True) if at == j and x >= 0}
     for i in carried if len(inertial) else ():
         chosen |= {int(x) for x in inertial[10 * i : 10 * i + 10] if x >= 0}

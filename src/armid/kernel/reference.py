@@ -1,9 +1,9 @@
 """The NumPy twin of the kernel: rigid-body dynamics of a tree, batched over N samples.
 
-This file is what the compiled kernel means. Everything follows from three things that each link i has at its own
-origin, in its own frame, angular part first [Featherstone2008]: its Jacobian J_i (v_i = J_i q̇), the derivative of
-that Jacobian D_i (acceleration = J_i q̈ + D_i q̇) and gravity G_i as a spatial acceleration. The base stands still
-while everything accelerates with -G.
+This file defines the results of the compiled kernel. All functions follow from three quantities of each link i, at
+its origin, in its own frame, angular part first [Featherstone2008]: its Jacobian J_i (v_i = J_i q̇), the derivative
+of that Jacobian D_i (acceleration = J_i q̈ + D_i q̇) and gravity G_i as a spatial acceleration. Gravity enters as the
+acceleration -G of all links.
 """
 
 from __future__ import annotations
@@ -17,22 +17,12 @@ from armid.maths.inertia import spatial_inertia
 from armid.maths.spatial import axis_rotation, skew
 from armid.values import Array
 
-__all__ = [
-    "coriolis_matrix",
-    "gravity_torque",
-    "inverse_dynamics",
-    "kinetic_energy",
-    "mass_matrix",
-    "potential_energy",
-    "regressor",
-]
-
 _UNIT_BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
 
 
 @dataclass(slots=True)
 class _Link:
-    """One link at N samples: rotation R_0i, origin in the base, and J, D, G as above."""
+    """Link at N samples: rotation R_0i, origin in the base frame, and J, D, G as above."""
 
     rotation: Array  # (N, 3, 3)
     origin: Array  # (N, 3)
@@ -81,7 +71,7 @@ def coriolis_matrix(tree: Tree, inertial: Array, q: Array, dq: Array) -> Array:
 
 
 def gravity_torque(tree: Tree, inertial: Array, q: Array) -> Array:
-    """g(q), shape (N, n): what holds the arm still."""
+    """g(q), shape (N, n): the torque that holds the arm at rest."""
     still = np.zeros_like(q)
     return inverse_dynamics(tree, inertial, q, still, still)
 
@@ -101,7 +91,7 @@ def potential_energy(tree: Tree, inertial: Array, q: Array) -> Array:
 
 
 def _links(tree: Tree, q: Array, dq: Array) -> list[_Link]:
-    """Every link of the tree at N samples, base to tips."""
+    """All links of the tree at N samples, from base to tips."""
     samples, n = q.shape
     still = np.zeros((samples, 6, n))
     gravity = np.broadcast_to(np.concatenate([np.zeros(3), tree.gravity]), (samples, 6))
@@ -141,7 +131,7 @@ def _momentum_columns(v: Array) -> Array:
 
 
 def _motion_transform(R: Array, p: Array) -> Array:
-    """X (N, 6, 6): spatial motion of the parent's frame as seen from frame (R, p)."""
+    """X (N, 6, 6): transform of spatial motion from the parent's frame to the frame at (R, p)."""
     X = np.zeros((len(R), 6, 6))
     X[:, :3, :3] = X[:, 3:, 3:] = _transpose(R)
     X[:, 3:, :3] = -_transpose(R) @ skew(p)

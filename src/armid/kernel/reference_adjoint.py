@@ -1,7 +1,7 @@
-"""NumPy twin of the adjoint: the derivative of columns by differences that are exact.
+"""NumPy twin of the adjoint: derivatives of columns by exact differences.
 
-By Lagrange's equations every column is linear in q̈, quadratic in q̇, and in the position of one joint a
-trigonometric polynomial of degree two if it turns, a polynomial of degree two if it slides. Central differences of
+By Lagrange's equations every column is linear in q̈ and quadratic in q̇. In the position of one joint it is a
+trigonometric polynomial of degree two (revolute) or a polynomial of degree two (prismatic). Central differences of
 quadratics are exact, and for f = Σ_{k ≤ 2} a_k cos kx + b_k sin kx
 
     f'(x) = (½ - √½) (f(x + π/2) - f(x - π/2)) + f(x + π/4) - f(x - π/4).
@@ -17,8 +17,6 @@ from armid.kernel import reference_factor
 from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
-
-__all__ = ["columns_adjoint", "information_adjoint"]
 
 TURNS = ((math.pi / 2.0, 0.5 - math.sqrt(0.5)), (math.pi / 4.0, 1.0))
 STEPS = ((1.0, 0.5),)

@@ -1,6 +1,6 @@
-"""NumPy twin of the streaming half of the kernel: columns, triangular factors, decimation.
+"""NumPy twin of the kernel's streaming functions: columns, triangular factors, decimation.
 
-It holds the whole regressor, which the compiled kernel never does; that is the price of being short.
+For brevity it stores the whole regressor, which the compiled kernel never does.
 """
 
 from __future__ import annotations
@@ -13,11 +13,9 @@ from armid.kernel.layout import ColumnLayout
 from armid.kernel.tree import Tree
 from armid.values import Array
 
-__all__ = ["columns", "decimate", "factor", "factor_columns", "information"]
-
 
 def columns(tree: Tree, layout: ColumnLayout, q: Array, dq: Array, ddq: Array, torque: Array, terms: Array) -> Array:
-    """Every joint's columns, torque last, shape (columns, N)."""
+    """Columns of every joint, torque last, shape (columns, N)."""
     out = np.zeros((layout.columns, len(q)))
     if len(layout.target):
         Y = reference.regressor(tree, q, dq, ddq)
@@ -51,7 +49,7 @@ def factor(
     bounds: NDArray[np.int64],
     mask: NDArray[np.bool_] | None,
 ) -> Array:
-    """Factors of every joint's columns, one behind another, shape (blocks, sum of widths squared)."""
+    """Factors of every joint's columns in one row, shape (blocks, sum of widths squared)."""
     x = columns(tree, layout, q, dq, ddq, torque, terms)
     factors: list[Array] = []
     for j, (a, b) in enumerate(zip(layout.offset[:-1], layout.offset[1:], strict=True)):

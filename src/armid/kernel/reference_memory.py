@@ -1,4 +1,4 @@
-"""NumPy twin of the kernel's memory: play operators along a contiguous run."""
+"""NumPy twin of the kernel's play operators along a contiguous run."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from numpy.typing import NDArray
 
 from armid.values import Array
 
-__all__ = ["play"]
-
 
 def play(x: Array, column: NDArray[np.int32], width: Array) -> tuple[Array, NDArray[np.int64]]:
     """States (N, m) of z ← min(max(z, q - r), q + r), and the first sample at which each is known, shape (m,).
 
-    What the run began with lies between q - r and q + r; both are followed, and where they agree the state is known.
+    The initial state lies between q - r and q + r; both are propagated, and the state is known where they agree.
     """
     states = np.empty((len(x), len(column)))
     known = np.full(len(column), len(x), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Arm as the kernel needs it: a tree of joints, each with one degree of freedom."""
+"""Arm in the form of the kernel: a tree of joints, each with one degree of freedom."""
 
 from __future__ import annotations
 
@@ -10,19 +10,17 @@ from numpy.typing import NDArray
 from armid.errors import RobotError
 from armid.values import Array, array
 
-__all__ = ["Tree"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Tree:
-    """Constant geometry of n joints in an order where parents stand before children.
+    """Constant geometry of n joints; parents come before their children.
 
-    Frame i moves with link i. At q_i = 0 it is placed at (rotation_i, translation_i) in frame parent_i; a
-    revolute joint then turns it about `axis_i`, a prismatic joint shifts it along `axis_i`.
+    Frame i moves with link i. At q_i = 0 its pose in frame parent_i is (rotation_i, translation_i). A revolute joint
+    then turns it about `axis_i`; a prismatic joint shifts it along `axis_i`.
 
     Attributes:
-        parent: Index of the joint before, -1 for the base, shape (n,).
-        prismatic: Which joints are prismatic, shape (n,).
+        parent: Index of the parent joint, -1 for the base, shape (n,).
+        prismatic: Mask of the prismatic joints, shape (n,).
         axis: Unit axes in the joint's own frame, shape (n, 3).
         rotation: R of frame i in frame parent_i at q_i = 0, shape (n, 3, 3).
         translation: Origin of frame i in frame parent_i at q_i = 0, shape (n, 3) [m].
@@ -51,9 +49,9 @@ class Tree:
         set_(self, "translation", array(self.translation, (n, 3), "translation"))
         set_(self, "gravity", array(self.gravity, (3,), "gravity"))
         if n == 0 or prismatic.shape != (n,):
-            raise RobotError(f"A tree needs at least one joint and one kind a joint; found {n} joints.")
+            raise RobotError(f"A tree needs at least one joint and one kind for each joint; found {n} joints.")
         if any(not -1 <= p < i for i, p in enumerate(parent)):
-            raise RobotError(f"Parents must stand before their children; found parents {parent.tolist()}.")
+            raise RobotError(f"Parents must come before their children; found parents {parent.tolist()}.")
         if np.abs(np.linalg.norm(axis, axis=1) - 1.0).max() > UNIT_TOLERANCE:
             raise RobotError("Joint axes must have unit length.")
 
@@ -79,4 +77,4 @@ class Tree:
 
 
 UNIT_TOLERANCE = 1e-12
-"""Axes are normalised by whoever makes the tree; what is left is rounding."""
+"""Largest deviation of an axis' length from 1: axes are normalised before, so the rest is rounding."""

@@ -1,11 +1,11 @@
 """Joint controllers and drives of the closed loop.
 
-Every controller here is a feed-forward along the planned motion plus linear feedback of the drive's own position and
-velocity, τ = feed-forward(t) + KP e + KD ė + KI ∫e. They differ in the feed-forward alone:
+Every controller adds a feed-forward along the planned motion to linear feedback of the drive's position and velocity,
+τ = feed-forward(t) + KP e + KD ė + KI ∫e. They differ in the feed-forward alone:
 
 - computed-torque: inverse dynamics of a nominal model along the plan, without friction;
-- pd-gravity: its torque of gravity along the plan;
-- pid: nothing; the integral holds the arm.
+- pd-gravity: gravity torque of the nominal model along the plan;
+- pid: none; the integral part holds the arm.
 """
 
 from __future__ import annotations
@@ -22,8 +22,6 @@ from armid.lab.known_arms import KnownArm
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["CONTROLLERS", "Controller", "ControllerGains", "Drive", "feedforward", "gains", "some_poses"]
-
 CONTROLLERS = ("computed-torque", "pd-gravity", "pid")
 """Kinds of controllers."""
 
@@ -31,8 +29,7 @@ UNKNOWN_EFFORT = 100.0
 """Effort limit [N·m or N] where none is known."""
 
 SLOWER = 0.25
-"""Largest natural frequency of the loop in radians per sample of the controller, or relative to the corner of the
-current loop."""
+"""Largest natural frequency of the loop, in radians per sample or over the corner of the current loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +58,7 @@ class Controller:
     def __post_init__(self) -> None:
         if self.kind not in CONTROLLERS:
             raise LabError(
-                f"There is no controller {self.kind!r}.",
+                f"Unknown controller {self.kind!r}.",
                 possible=", ".join(CONTROLLERS),
                 remedy=did_you_mean(self.kind, CONTROLLERS),
             )
@@ -75,7 +72,7 @@ class Drive:
     """Dynamics and limits between commanded and actual torque.
 
     Attributes:
-        bandwidth: Corner frequency of the current loop, of first order [Hz]; 0 for one without delay.
+        bandwidth: Corner frequency of the first-order current loop [Hz]; 0 for an ideal one.
         saturation: Largest torque over the joint's effort limit; 0 for no saturation.
     """
 
@@ -110,16 +107,17 @@ def gains(controller: Controller, drive: Drive, truth: KnownArm, motion: Motion,
     """Feedback gains that suit an arm along a motion.
 
     Args:
-        controller: What is asked.
-        drive: Its current loop limits the gains.
+        controller: The controller.
+        drive: The drive, whose current loop limits the gains.
         truth: The arm.
-        motion: Where it moves; its mean inertias count.
-        step: Time from one sample of the controller to the next [s].
+        motion: Motion whose mean inertias determine the gains.
+        step: Sample time of the controller [s].
     """
     mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, some_poses(motion.q))
     mass = mass + np.diag(truth.rotor)
     inertia = np.einsum("njj->nj", mass).mean(axis=0)
-    # A joint that others yield to is lighter than its inertia; that mode must not outrun the clock.
+    # Where other joints yield, a joint acts with less than its inertia; this mode must not be too fast for the
+    # sampling.
     lightest = 1.0 / np.einsum("njj->nj", np.linalg.inv(mass)).max(axis=0)
     limits = np.array([joint.effort_limit for joint in truth.robot.joints])
     wanted = np.where(np.isfinite(limits), limits, UNKNOWN_EFFORT) / controller.compliance

@@ -1,7 +1,7 @@
 """Faults of logs, with one class for each kind.
 
-Each class of `FAULTS` is a table of a `lab.toml`. What a fault does is that and nothing else: whatever it does not
-name stays bit for bit as it was.
+Each class of `FAULTS` is a table of a `lab.toml`. A fault changes only the quantities that it names; all others stay
+the same bit for bit.
 """
 
 from __future__ import annotations
@@ -29,34 +29,12 @@ from armid.maths.signals import butterworth
 from armid.measurement.recording import Recording
 from armid.values import Array, digest
 
-__all__ = [
-    "FAULTS",
-    "DeadChannel",
-    "Degrees",
-    "Delayed",
-    "Fault",
-    "Filtered",
-    "Gap",
-    "LostRows",
-    "NoClock",
-    "PositionOffset",
-    "RepeatedRows",
-    "Saturated",
-    "Scaled",
-    "ShuffledRows",
-    "StuckChannel",
-    "SwappedJoints",
-    "TorqueSign",
-    "WrappedPosition",
-    "spoil",
-]
-
 
 class Fault(Protocol):
     """Interface of a fault."""
 
     name: ClassVar[str]
-    """Its name in a `lab.toml`."""
+    """Name of the fault in a `lab.toml`."""
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
         """The recording with the fault."""
@@ -98,7 +76,7 @@ class Delayed:
     name: ClassVar[str] = "delayed"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the quantity late; it holds its first value until it has any."""
+        """The recording with the quantity delayed; it has its first value until then."""
         del rng
         time = clock_of(recording)
         rate = (recording.samples - 1) / (time[-1] - time[0])
@@ -114,7 +92,7 @@ class Filtered:
     Attributes:
         cutoff: Corner frequency [Hz].
         quantity: `q`, `dq` or `effort`.
-        order: Of the Butterworth filter.
+        order: Order of the Butterworth filter.
     """
 
     cutoff: float = 20.0
@@ -191,7 +169,7 @@ class Saturated:
 
     Attributes:
         joint: Index of the joint, from 0.
-        share: The bound over the channel's own largest value.
+        share: Ratio of the bound to the channel's largest value.
         quantity: `q`, `dq` or `effort`.
     """
 
@@ -204,7 +182,7 @@ class Saturated:
         check_share("share", self.share)
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the channel cut off."""
+        """The recording with the channel limited."""
         del rng
         values = _column(recording, self.quantity, self.joint)
         bound = self.share * np.abs(values[:, self.joint]).max()
@@ -230,7 +208,8 @@ class Scaled:
         del rng
         if len(self.factors) not in (1, recording.n):
             raise LabError(
-                f"{len(self.factors)} factors do not fit {recording.n} joints.", remedy="give one factor a joint."
+                f"{len(self.factors)} factors do not fit {recording.n} joints.",
+                remedy="give one for each joint.",
             )
         return replace(recording, **{self.quantity: _column(recording, self.quantity, 0) * np.array(self.factors)})
 
@@ -247,7 +226,7 @@ class TorqueSign:
     name: ClassVar[str] = "torque-sign"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with these torques turned round."""
+        """The recording with the sign of these torques changed."""
         del rng
         effort = _column(recording, "effort", max(self.joints, default=0))
         effort[:, list(self.joints) or slice(None)] *= -1.0
@@ -260,8 +239,8 @@ class SwappedJoints:
 
     Attributes:
         first: Index of a joint, from 0.
-        second: Index of another.
-        quantities: What is swapped.
+        second: Index of another joint.
+        quantities: Quantities that are swapped.
     """
 
     first: int = 0
@@ -307,7 +286,7 @@ class PositionOffset:
     name: ClassVar[str] = "position-offset"
 
     def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
-        """The recording with the joint's positions off."""
+        """The recording with the offset in the joint's positions."""
         del rng
         q = _column(recording, "q", self.joint)
         q[:, self.joint] += self.offset

@@ -5,8 +5,8 @@ Friction is the sum of a dry part between two bounds, which a sticking joint doe
     dry     ±(FS + FT exp(-(|q̇|/v)^shape) + FSL |load|) + FSA     against the motion
     smooth  FV(T) q̇ + FO + FR sin(teeth q + phase) + Σ FH_k (q - z_k) / r_k
 
-T is the joint's own temperature, warmed by the power that its friction takes; z_k is dragged along by q once a spring
-of Maxwell slip is stretched by r_k [AlBender2005]. One class serves a step at a time and whole motions.
+T is the temperature rise of the joint, heated by its friction; q drags z_k along once the deflection of a
+Maxwell-slip spring is r_k [AlBender2005]. `FrictionState` computes single steps, `friction_along` a whole motion.
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ import numpy as np
 from armid.errors import LabError
 from armid.model.motion import Motion
 from armid.values import Array, array
-
-__all__ = ["Friction", "MaxwellSlip", "StribeckEffect", "ToothRipple", "Warmth", "friction_along"]
 
 
 def _columns(kind: object, *names: str) -> None:
@@ -36,9 +34,9 @@ class StribeckEffect:
     """Additional dry friction at low velocities.
 
     Attributes:
-        extra: FT, at standstill, shape (n,) [N·m or N].
-        velocity: Where it has fallen to 1/e, shape (n,) [rad/s or m/s].
-        shape: How sharply it falls.
+        extra: Friction FT at standstill, shape (n,) [N·m or N].
+        velocity: Velocity at which it has fallen to 1/e, shape (n,) [rad/s or m/s].
+        shape: Exponent of the fall with speed.
     """
 
     extra: Array
@@ -56,8 +54,8 @@ class MaxwellSlip:
     """Hysteresis at reversals: E springs per joint that slip at a deflection.
 
     Attributes:
-        torque: FH at which each slips, shape (E, n) [N·m or N].
-        deflection: r of each, shape (E, n), positive [rad or m].
+        torque: Torque FH at which each spring slips, shape (E, n) [N·m or N].
+        deflection: Deflection r at which each spring slips, shape (E, n), positive [rad or m].
     """
 
     torque: Array
@@ -76,15 +74,19 @@ class MaxwellSlip:
         """Stiffness of all springs together, shape (n,) [N·m/rad or N/m]."""
         return (self.torque / self.deflection).sum(axis=0)
 
+    def next(self, ends: Array, q: Array) -> Array:
+        """Ends of the springs (E, n) after a move to positions q (n,) from ends (E, n), or (n,) if all are one."""
+        return np.minimum(np.maximum(ends, q - self.deflection), q + self.deflection)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ToothRipple:
     """Torque that is periodic with the teeth of the gear.
 
     Attributes:
-        amplitude: FR, shape (n,) [N·m or N].
-        teeth: Waves over one radian, shape (n,), times 2π [1/rad or 1/m].
-        phase: At q = 0, shape (n,) [rad].
+        amplitude: Amplitude FR, shape (n,) [N·m or N].
+        teeth: Angular frequency in the position, shape (n,) [1/rad or 1/m].
+        phase: Phase at q = 0, shape (n,) [rad].
     """
 
     amplitude: Array
@@ -100,13 +102,13 @@ class ToothRipple:
 class Warmth:
     """Viscous friction that decreases as the gear warms up: FV(T) = FV exp(-coefficient T).
 
-    T is the rise over a joint that has rested. It grows with the power of friction and falls by itself.
+    T is the temperature rise above a joint at rest. Friction power increases it, and it decays exponentially.
 
     Attributes:
-        coefficient: Shape (n,) [1/K].
+        coefficient: Temperature coefficient of viscous friction, shape (n,) [1/K].
         heating: Rise for each unit of energy, shape (n,) [K/J].
-        time_constant: Of cooling, shape (n,) [s].
-        initial: Rise at the beginning, shape (n,) [K].
+        time_constant: Time constant of cooling, shape (n,) [s].
+        initial: Initial rise, shape (n,) [K].
     """
 
     coefficient: Array
@@ -133,15 +135,15 @@ class Friction:
     """Friction of n joints; arrays have one number per joint, and effects that are not given are absent.
 
     Attributes:
-        viscous: FV, shape (n,) [N·m·s/rad or N·s/m].
-        coulomb: FS, shape (n,) [N·m or N].
-        offset: FO, shape (n,) [N·m or N].
-        asymmetry: FSA, by which it is larger forward than in the mean, shape (n,), at most FS [N·m or N].
-        load: FSL, for each unit of the torque that the gear transmits, shape (n,).
-        stribeck: More of it near standstill.
+        viscous: Viscous friction FV, shape (n,) [N·m·s/rad or N·s/m].
+        coulomb: Coulomb friction FS, shape (n,) [N·m or N].
+        offset: Torque offset FO, shape (n,) [N·m or N].
+        asymmetry: Excess FSA of dry friction in positive direction over its mean, at most FS, shape (n,) [N·m or N].
+        load: Dry friction FSL for unit torque in the gear, shape (n,).
+        stribeck: Additional friction near standstill.
         slip: Hysteresis at reversals.
-        ripple: Ripple of the teeth.
-        warmth: Warm-up.
+        ripple: Ripple of the gear teeth.
+        warmth: Warm-up of the gear.
     """
 
     viscous: Array
@@ -172,11 +174,11 @@ class Friction:
         if lengths != {n}:
             raise LabError(
                 f"Friction of {n} joints has parts for {', '.join(map(str, sorted(lengths)))}.",
-                remedy="give every part one number a joint.",
+                remedy="give every part one number for each joint.",
             )
         if (np.abs(self.asymmetry) > self.coulomb).any() or (self.load < 0.0).any():
             raise LabError(
-                "Friction would drive a joint: asymmetry exceeds coulomb, or load is negative.",
+                "Friction would accelerate a joint: asymmetry exceeds coulomb, or load is negative.",
                 remedy="give less asymmetry than coulomb, and no load below zero.",
             )
 
@@ -233,13 +235,55 @@ class Friction:
         return self.viscous * np.exp(-self.warmth.coefficient * rise)
 
 
+class FrictionState:
+    """Friction of a simulated arm with the state that it has between steps.
+
+    Attributes:
+        law: The friction.
+        is_plain: True for viscous and Coulomb friction alone.
+        is_symmetric: True where dry friction is the same in both directions.
+        signs: Directions of motion, 0 where a joint sticks, shape (n,).
+        load: Torque that the gears transmit, shape (n,) [N·m or N].
+        ends: Ends of the springs of Maxwell slip, shape (E, n) [rad or m].
+        rise: Temperature rise, shape (n,) [K].
+        viscous: Viscous coefficient at this temperature, shape (n,) [N·m·s/rad or N·s/m].
+    """
+
+    def __init__(self, law: Friction, q: Array, load: Array) -> None:
+        self.law, self.is_plain, self.is_symmetric = law, law.is_plain, not law.asymmetry.any()
+        self.signs, self.load = np.zeros(law.n), np.array(load, dtype=np.float64)
+        self.ends = None if law.slip is None else np.broadcast_to(q, law.slip.deflection.shape)
+        self.rise = None if law.warmth is None else law.warmth.initial
+        self.viscous = law.viscosity(self.rise)
+
+    def split(self, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:
+        """Dry friction of sliding joints, its two bounds, and friction that depends on the position q (n,)."""
+        if self.is_plain:
+            level = self.law.coulomb
+            return level * self.signs, level, level, self.law.offset
+        level, rest = self.law.dry(dq, self.load), self.law.of_position(q, self.ends)
+        if self.is_symmetric:
+            return level * self.signs, level, level, rest
+        lower, upper = level - self.law.asymmetry, level + self.law.asymmetry
+        return np.where(self.signs > 0.0, upper, -lower) * np.abs(self.signs), lower, upper, rest
+
+    def update(self, q: Array, load: Array, power: Array, step: float) -> None:
+        """Updates the state after a step [s] to positions q in which friction took a power, shape (n,) each."""
+        self.load = load
+        if self.law.slip is not None and self.ends is not None:
+            self.ends = self.law.slip.next(self.ends, q)
+        if self.law.warmth is not None and self.rise is not None:
+            self.rise = self.law.warmth.next(self.rise, np.maximum(power, 0.0), step)
+            self.viscous = self.law.viscosity(self.rise)
+
+
 def friction_along(friction: Friction, motion: Motion, load: Array) -> tuple[Array, Array | None]:
     """Friction (N, n) along a motion at a constant rate, and the temperature rise (N, n) [K] if any.
 
-    Where a joint rests its dry friction is taken as zero; only a simulation in closed loop knows better.
+    At rest the dry friction of a joint is taken as zero; only a simulation in closed loop determines it.
 
     Args:
-        friction: The truth.
+        friction: True friction.
         motion: Contiguous samples.
         load: Torque that the gears transmit, shape (N, n) [N·m or N].
     """
@@ -251,7 +295,7 @@ def friction_along(friction: Friction, motion: Motion, load: Array) -> tuple[Arr
     rise = np.empty_like(q)
     now = friction.warmth.initial
     steps = np.diff(motion.time, append=motion.time[-1:])
-    for k in range(motion.samples):  # each temperature is made by the friction of the one before
+    for k in range(motion.samples):  # each temperature follows from the friction at the one before
         rise[k] = now
         viscous = friction.viscosity(now) * dq[k]
         power = np.maximum((torque[k] + viscous) * dq[k], 0.0)
@@ -264,11 +308,7 @@ def _springs(friction: Friction, q: Array) -> Array | None:
     """Ends of the springs (N, E, n) along positions (N, n), relaxed at the beginning."""
     if friction.slip is None:
         return None
-    widths = friction.slip.deflection
-    springs = np.empty((len(q), *widths.shape))
-    for e, width in enumerate(widths):
-        end = q[0]
-        for k, here in enumerate(q):
-            end = np.minimum(np.maximum(end, here - width), here + width)
-            springs[k, e] = end
+    springs, ends = np.empty((len(q), *friction.slip.deflection.shape)), q[0]
+    for k, here in enumerate(q):
+        springs[k] = ends = friction.slip.next(ends, here)
     return springs

@@ -1,7 +1,7 @@
 """Recordings of a simulated arm by inverse dynamics along a plan, with sensor noise.
 
-The motion is exact and the torque is the model's own, so whatever an identification misses of the truth is its own
-doing. There is no controller and no elasticity here.
+The motion is exact and the torque is that of the model, so every error of an identification is its own. There is no
+controller and no elasticity.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array, digest
 
-__all__ = ["THESIS_FRICTION", "Sensors", "record", "thesis_truth"]
-
 THESIS_FRICTION = {
     "FV": (28.404, 29.136, 11.133, 17.658, 5.953, 2.750, 2.814),
     "FS": (10.506, 13.207, 6.656, 7.437, 6.951, 3.111, 3.030),
@@ -26,7 +24,7 @@ THESIS_FRICTION = {
 
 
 WHOLE = 1e-6
-"""Part of a sample by which a period may miss a whole number of samples: far below the noise of any encoder."""
+"""Largest deviation of a period from a whole number of samples [samples]: far below the noise of any encoder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +69,7 @@ def record(
         excitation: The motion.
         sensors: Noise and rate.
         rng: Source of the noise.
-        repetitions: How often the motion is run through, without a pause.
+        repetitions: Number of repetitions of the motion, without a pause.
 
     Returns:
         The recording, the true motion of one period and its true torque (N, n).
@@ -83,7 +81,7 @@ def record(
     torque = model.torque(motion, parameters)
     samples = excitation.period * sensors.rate
     repeats, along, load = repetitions, motion, torque
-    if abs(samples - round(samples)) > WHOLE:  # then no two repetitions have their samples at the same phases
+    if abs(samples - round(samples)) > WHOLE:  # otherwise repetitions have their samples at different phases
         repeats, along = 1, excitation.sample(sensors.rate, repetitions)
         load = model.torque(along, parameters)
 

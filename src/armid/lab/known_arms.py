@@ -1,7 +1,7 @@
 """Arms with known parameters, published or assumed, for simulation.
 
-The numbers of friction, rotors and springs of the Panda and the UR10e are armid's own: of the size that drives of
-this kind have, and no measurement. The iiwa's friction is that of Table 4.1 of the thesis.
+The numbers of friction, rotors and springs of the Panda and the UR10e are assumptions of the usual size for such
+drives, not measurements. The iiwa's friction is that of Table 4.1 of the thesis.
 """
 
 from __future__ import annotations
@@ -19,16 +19,6 @@ from armid.robot.missing_inertia import inertial_key, massless_joints
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array, array
 
-__all__ = [
-    "EFFECTS",
-    "TYPICAL_COULOMB",
-    "UNKNOWN_EFFORT",
-    "KnownArm",
-    "friction_of_limits",
-    "truth_of",
-    "with_effects",
-]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class KnownArm:
@@ -37,10 +27,10 @@ class KnownArm:
     Attributes:
         robot: Geometry, limits and gravity.
         inertial: Inertial parameters of the links, shape (n, 10).
-        friction: On the drives' side.
-        rotor: Inertia of the drives, seen at the joints, shape (n,) [kg·m² or kg].
-        stiffness: Of the gears between drive and link, shape (n,) [N·m/rad or N/m]; `None` for rigid ones.
-        spring_damping: Of the gears, shape (n,) [N·m·s/rad or N·s/m].
+        friction: Friction on the drives' side.
+        rotor: Inertia of the drives, reflected to the joints, shape (n,) [kg·m² or kg].
+        stiffness: Stiffness of the gears between drive and link, shape (n,) [N·m/rad or N/m]; `None` for rigid ones.
+        spring_damping: Damping of the gears, shape (n,) [N·m·s/rad or N·s/m].
     """
 
     robot: Robot
@@ -59,7 +49,7 @@ class KnownArm:
         if self.friction.n != n:
             raise LabError(
                 f"Friction of {self.friction.n} joints does not fit the {n} of {self.robot.name}.",
-                remedy="give friction one number a joint.",
+                remedy="give friction one number for each joint.",
             )
         if (self.rotor < 0.0).any():
             raise LabError(f"Rotor inertia must not be negative; found {self.rotor.min():g}.")
@@ -82,7 +72,7 @@ PANDA_BODIES = (
     (1.6, (0.05, 0.0, -0.01), 0.14, 0.05, 0),
     (0.8, (0.01, 0.01, 0.06), 0.10, 0.04, 2),
 )
-"""Bodies of the virtual Panda: homogeneous cylinders that together weigh about what the data sheet says, 18 kg."""
+"""Bodies of the virtual Panda: homogeneous cylinders with a total mass of about 18 kg, as in the data sheet."""
 
 OWN = {
     "panda": {
@@ -119,11 +109,11 @@ UNKNOWN_EFFORT = 100.0
 def truth_of(robot: Robot) -> KnownArm:
     """Simulated arm of a robot description, with rigid drives, no rotor inertia and viscous and Coulomb friction.
 
-    A built-in arm has the numbers in `OWN`; any other its description's inertias and friction in proportion to its
-    effort limits.
+    A built-in arm has the numbers in `OWN`; any other arm has the inertias of its description and friction in
+    proportion to its effort limits.
 
     Raises:
-        LabError: The description gives no inertias, or none to what some joints move.
+        LabError: The description gives no inertias, or none to the bodies that some joints move.
     """
     own = OWN.get(robot.source if robot.source in OWN else robot.name)
     if own is not None and len(own["coulomb"]) != robot.n:
@@ -155,7 +145,7 @@ def _bodies(robot: Robot) -> Array:
     if robot.name == "panda" and robot.n == len(PANDA_BODIES):
         return np.array([_cylinder(*each) for each in PANDA_BODIES])
     raise LabError(
-        f"{robot.name} comes without inertial parameters; there is nothing to simulate.",
+        f"The description of {robot.name} has no inertial parameters, which a simulation needs.",
         possible=", ".join(OWN),
         remedy=f"give {inertial_key(robot)} with mass, centre of mass and inertia for each link.",
     )
@@ -182,7 +172,7 @@ def _elastic(truth: KnownArm) -> KnownArm:
         truth = _rotor(truth)
     known = own is not None and len(own["stiffness"]) == truth.robot.n
     stiffness = np.array(own["stiffness"]) if own is not None and known else 2e3 * truth.friction.coulomb + 5e3
-    # Gears swing out within some ten waves: a damping ratio of 2 % of the rotor against the spring.
+    # Gear oscillations decay within some ten periods: a damping ratio of 2 % of rotor and spring.
     return replace(truth, stiffness=stiffness, spring_damping=0.04 * np.sqrt(stiffness * truth.rotor))
 
 
@@ -228,7 +218,7 @@ def with_effects(truth: KnownArm, names: Sequence[str]) -> KnownArm:
     for name in names:
         if name not in EFFECTS:
             raise LabError(
-                f"There is no effect {name!r}.", possible=", ".join(EFFECTS), remedy=did_you_mean(name, EFFECTS)
+                f"Unknown effect {name!r}.", possible=", ".join(EFFECTS), remedy=did_you_mean(name, EFFECTS)
             )
     for name, change in EFFECTS.items():
         if name in names:

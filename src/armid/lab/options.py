@@ -22,8 +22,6 @@ from armid.lab.known_arms import KnownArm, with_effects
 from armid.lab.sensors import Sensing
 from armid.values import Array
 
-__all__ = ["Arm", "LabOptions", "load_options", "parse_options"]
-
 T = TypeVar("T")
 
 MODES = ("closed-loop", "inverse-dynamics")
@@ -38,8 +36,8 @@ class Arm:
         effects: Names in `armid.lab.known_arms.EFFECTS`, in proportion to the friction that the arm has.
         friction: Friction instead of the built-in one.
         rotor: Rotor inertia, shape (n,) [kg·m²].
-        stiffness: Of elastic drives, shape (n,) [N·m/rad].
-        spring_damping: Of elastic drives, shape (n,) [N·m·s/rad].
+        stiffness: Stiffness of elastic drives, shape (n,) [N·m/rad].
+        spring_damping: Damping of elastic drives, shape (n,) [N·m·s/rad].
     """
 
     effects: tuple[str, ...] = ()
@@ -63,14 +61,14 @@ class LabOptions:
 
     Attributes:
         mode: `closed-loop` in MuJoCo, or `inverse-dynamics` along the plan.
-        repetitions: How often the motion is run through.
+        repetitions: Number of repetitions of the motion.
         lead_in: Time from rest to the plan in closed loop [s].
-        physics_rate: Steps a second, at least [Hz]; the next multiple of the log's rate is taken.
-        arm: The arm beyond its built-in truth.
-        controller: What asks for torque.
-        drive: What gives it.
-        sensing: What is logged.
-        faults: What goes wrong with the log.
+        physics_rate: Smallest step rate [Hz]; the next multiple of the log's rate is used.
+        arm: Properties that replace or extend the built-in ones.
+        controller: Controller of the joints.
+        drive: Dynamics and limits of the drives.
+        sensing: Sensors, rate and clock of the log.
+        faults: Faults of the log.
     """
 
     mode: Literal["closed-loop", "inverse-dynamics"] = "closed-loop"
@@ -85,9 +83,9 @@ class LabOptions:
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
-            raise LabError(f"There is no mode {self.mode!r}.", possible=", ".join(MODES))
+            raise LabError(f"Unknown mode {self.mode!r}.", possible=", ".join(MODES))
         if self.repetitions < 1 or isinstance(self.repetitions, bool):
-            raise LabError(f"A motion is run through at least once; found {self.repetitions} repetitions.")
+            raise LabError(f"repetitions must be at least 1; found {self.repetitions}.")
         if not (self.lead_in >= 0.0 and self.physics_rate > 0.0):
             raise LabError("lead_in must not be negative, and physics_rate positive.")
 
@@ -96,7 +94,7 @@ def load_options(path: Path | str) -> LabOptions:
     """Reads a `lab.toml`.
 
     Raises:
-        LabError: It is missing, no TOML, or has an unknown key or a wrong value.
+        LabError: The file is missing or not TOML, or has an unknown key or a wrong value.
     """
     path = Path(path)
     try:
@@ -104,9 +102,7 @@ def load_options(path: Path | str) -> LabOptions:
     except (OSError, UnicodeDecodeError) as error:
         raise LabError(f"{path} cannot be read: {error}.", remedy="give the path of a lab.toml.") from error
     except tomllib.TOMLDecodeError as error:
-        raise LabError(
-            f"{path} is no valid TOML: {error}.", remedy="correct the line that the reason names."
-        ) from error
+        raise LabError(f"{path} is not valid TOML: {error}.", remedy="correct the named line.") from error
     return parse_options(table)
 
 

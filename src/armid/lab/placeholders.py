@@ -10,11 +10,8 @@ from armid.errors import Finding
 from armid.lab.known_arms import TYPICAL_COULOMB, UNKNOWN_EFFORT, KnownArm, friction_of_limits
 from armid.values import Array
 
-__all__ = ["placeholder_finding"]
-
 MUCH = 0.5
-"""Friction relative to the largest torque of the links, in the joint where it is smallest, above which limits are
-suspicious."""
+"""Smallest ratio over the joints of friction to the links' largest torque above which limits are suspicious."""
 
 MUCH_OF_EQUAL = 0.25
 """The same threshold where all joints have the same limit."""
@@ -34,10 +31,10 @@ def placeholder_finding(truth: KnownArm, transmitted: Array) -> Finding | None:
 
     Args:
         truth: The arm.
-        transmitted: Torque that its links take along the motion, shape (N, n) [N·m or N].
+        transmitted: Torque of its links along the motion, shape (N, n) [N·m or N].
     """
     robot, friction = truth.robot, friction_of_limits(truth.robot)
-    if not np.array_equal(truth.friction.viscous, friction.viscous):  # which effects leave as it is
+    if not np.array_equal(truth.friction.viscous, friction.viscous):  # effects do not change it
         return None
     limits = np.array([joint.effort_limit for joint in robot.joints])
     known, peak = np.isfinite(limits), np.abs(transmitted).max(axis=0)

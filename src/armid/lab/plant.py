@@ -1,38 +1,37 @@
-"""Simulated arm in MuJoCo, with friction of our own and drives that may be elastic.
+"""Simulated arm in MuJoCo, with a separate friction model and drives that may be elastic.
 
-MuJoCo says what rigid bodies do: the acceleration of a state under given torques. Friction is a torque of ours, since
-MuJoCo's own is a soft constraint, whose sign depends on the acceleration too. Time goes on by leapfrog,
+MuJoCo computes the acceleration of the rigid bodies under given torques. Friction is an applied torque, since
+MuJoCo's friction is a soft constraint, whose sign depends on the acceleration as well. The integrator is leapfrog,
 
     v(k+1/2) = v(k-1/2) + h a(k),    q(k+1) = q(k) + h v(k+1/2)
 
-which is of second order, keeps energy, asks MuJoCo once a step, and leaves position, acceleration and torque of a
-sample belonging to one instant: torque held over a step would lead the motion by half a step. Viscous friction acts
-on the mean velocity of the step, through h/2 FV on the diagonal of the mass matrix, so that it is stable at any step.
-Dry friction is that of the step's last velocity, whose sign is found together with it (`armid.maths.stiction`).
+which is of second order, conserves energy, calls MuJoCo once a step, and gives position, acceleration and torque of a
+sample at the same instant: a torque held over a step would lead the motion by half a step. Viscous friction acts on
+the mean velocity of the step, through h/2 FV on the diagonal of the mass matrix, so that it is stable at any step.
+Dry friction is that of the velocity at the end of the step, and both are solved together (`armid.maths.stiction`).
 
-An elastic drive is a rotor of its own, a hinge at rest in the world, tied to its joint by a spring of MuJoCo's. What
-turns the rotor about other axes is neglected [Spong1987].
+An elastic drive is a separate rotor with a hinge fixed to the world, connected to its joint by a MuJoCo spring.
+Rotations of the rotor about other axes are neglected [Spong1987].
 """
 
 from __future__ import annotations
 
 import math
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armid import kernel
 from armid.errors import LabError, MissingExtraError
+from armid.lab.friction import FrictionState
 from armid.lab.known_arms import KnownArm
 from armid.maths.inertia import vector_to_com_inertia
 from armid.maths.stiction import solve_stiction
 from armid.robot.missing_inertia import inertial_key
 from armid.robot.robot import Robot
 from armid.values import Array
-
-__all__ = ["EXTRA", "Plant", "stable_rate", "write_mjcf"]
 
 EXTRA = "lab"
 
@@ -58,7 +57,7 @@ def write_mjcf(robot: Robot, inertial: Array, truth: KnownArm | None = None) -> 
         truth: Its rotor inertia and elasticity, if any.
 
     Raises:
-        LabError: A link that no real body can be.
+        LabError: A link is not physically consistent.
     """
     elastic = truth is not None and truth.stiffness is not None
     lines = [
@@ -118,16 +117,16 @@ def _inertial(robot: Robot, i: int, vector: Array) -> str:
             f"Link {name!r}, which {robot.joints[i].name} moves, has a mass of {vector[0]:g} kg; a simulation in "
             "closed loop needs a body on every joint.",
             possible="--mode inverse-dynamics, which needs none on a link that carries others",
-            remedy=f"give {inertial_key(robot)} for it; a gram will do for a link that is a mere frame.",
+            remedy=f"give {inertial_key(robot)} for it; for a mere frame a gram is enough.",
         )
     mass, com, inertia = vector_to_com_inertia(vector)
     moments = np.linalg.eigvalsh(inertia)
-    # A triangle inequality that holds with equality, as of a thin rod, may miss by rounding.
+    # Rounding may violate a triangle inequality that holds with equality, as for a thin rod.
     if moments[0] <= 0.0 or moments[2] > moments[0] + moments[1] + 1e-9 * moments[2]:
         raise LabError(
-            f"Link {name!r} of {robot.name} has principal moments {', '.join(f'{m:.3g}' for m in moments)} kg·m²; no "
-            "real body has these.",
-            remedy=f"give an inertia that a body of some extent can have in {inertial_key(robot)}.",
+            f"Link {name!r} of {robot.name} has principal moments {', '.join(f'{m:.3g}' for m in moments)} kg·m², "
+            "which no real body has.",
+            remedy=f"give the inertia of a real body in {inertial_key(robot)}.",
         )
     order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     full = _numbers([inertia[a, b] for a, b in order])
@@ -143,14 +142,14 @@ def _attribute(text: str) -> str:
 
 
 def stable_rate(truth: KnownArm, q: Array) -> float:
-    """Steps per second [Hz] that springs of gears and friction need at positions q (N, n); 0 without springs."""
+    """Smallest stable step rate [Hz] for the springs of gears and friction at positions q (N, n); 0 without any."""
     slip = truth.friction.slip
     dry = np.zeros(truth.robot.n) if slip is None else slip.stiffness
     mass = kernel.mass_matrix(truth.robot.tree, truth.inertial, q)
     diagonal = np.eye(truth.robot.n, dtype=bool)
     if truth.stiffness is None:
         mobility, spring = np.linalg.inv(mass + np.where(diagonal, truth.rotor, 0.0)), dry
-    else:  # both ends give way
+    else:  # both ends of the spring move
         mobility = np.linalg.inv(mass) + np.where(diagonal, 1.0 / truth.rotor, 0.0)
         spring = truth.stiffness + dry
     root = np.sqrt(spring)
@@ -158,175 +157,183 @@ def stable_rate(truth: KnownArm, q: Array) -> float:
     return math.sqrt(max(float(squared.max(initial=0.0)), 0.0)) / STABLE
 
 
+class Instant(NamedTuple):
+    """Motion and torque of a simulated arm at one instant.
+
+    Attributes:
+        q: Positions of the joints, shape (n,) [rad or m].
+        dq: Velocities, shape (n,).
+        ddq: Accelerations, shape (n,).
+        effort: Torque of the drives, shape (n,) [N·m or N].
+        friction: Friction, shape (n,) [N·m or N].
+        drive_q: Positions of the drives, on the joint side, shape (n,).
+        drive_dq: Velocities of the drives, shape (n,).
+        drive_ddq: Accelerations of the drives, shape (n,).
+        rise: Temperature rise, shape (n,) [K], where there is one.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    effort: Array
+    friction: Array
+    drive_q: Array
+    drive_dq: Array
+    drive_ddq: Array
+    rise: Array | None
+
+
+class _RigidBodies:
+    """Links and rotors of an arm in MuJoCo.
+
+    Attributes:
+        joints: Addresses of the joints in MuJoCo's state.
+        drives: Those of the rotors; of the joints where drives are rigid.
+        size: Number of coordinates.
+    """
+
+    def __init__(self, truth: KnownArm, step: float) -> None:
+        try:
+            self._mujoco: Any = import_module("mujoco")
+        except ImportError as error:
+            raise MissingExtraError("mujoco", "Simulating an arm", EXTRA) from error
+        model = self._mujoco.MjModel.from_xml_string(write_mjcf(truth.robot, truth.inertial, truth))
+        flags = self._mujoco.mjtDisableBit
+        model.opt.disableflags |= flags.mjDSBL_CONSTRAINT | flags.mjDSBL_CONTACT | flags.mjDSBL_ACTUATION
+        model.opt.timestep = step
+        self._model, self._data, self.size = model, self._mujoco.MjData(model), int(model.nv)
+        self.joints = self._addresses("joint", truth.robot.n)
+        self.drives = self.joints if truth.stiffness is None else self._addresses("rotor", truth.robot.n)
+        self._armature = model.dof_armature[self.drives].copy()
+        self._identity = np.eye(self.size)
+
+    def _addresses(self, kind: str, n: int) -> Any:
+        """Indices of joints of a kind in MuJoCo's state; a slice where they are in the robot's order."""
+        at = [int(self._model.joint(f"{kind}_{i}").dofadr[0]) for i in range(n)]
+        return slice(at[0], at[0] + n) if at == list(range(at[0], at[0] + n)) else np.array(at)
+
+    def add_inertia(self, inertia: Array) -> None:
+        """Sets the inertia (n,) that is added to that of the drives."""
+        self._model.dof_armature[self.drives] = self._armature + inertia
+
+    def acceleration(self, q: Array, dq: Array, torque: Array) -> Array:
+        """Accelerations of all coordinates, shape (size,), under a torque of the drives (n,)."""
+        data = self._data
+        data.qpos[:], data.qvel[:], data.qfrc_applied[self.drives] = q, dq, torque
+        self._mujoco.mj_forward(self._model, data)
+        return data.qacc.copy()
+
+    def mobility(self) -> Array:
+        """Accelerations of all coordinates for a unit of each drive's torque, shape (size, n), in the last state."""
+        inverse = np.empty_like(self._identity)
+        self._mujoco.mj_solveM(self._model, self._data, inverse, self._identity)
+        return inverse[:, self.drives]
+
+
 class Plant:
     """Simulated arm that is advanced step by step.
 
-    Between steps `q`, `dq` and `torque` are those of the present instant as far as it is known: `dq` is extrapolated
-    from half a step before. After `step` the attributes `at_*` hold the instant that has been passed, complete.
-
     Args:
         truth: The arm.
-        step: h [s].
-        q: Positions at the beginning, shape (n,) [rad or m].
-        effort: Torque of the drives at the beginning, which elastic drives are wound up by, shape (n,) [N·m or N].
+        step: Step h [s].
+        q: Initial positions, shape (n,) [rad or m].
+        effort: Initial torque of the drives, which deflects elastic drives, shape (n,) [N·m or N].
 
     Raises:
-        LabError: The step is too long for what is stiff, or a link is no real body.
+        LabError: The step is too long for the springs, or a link is not physically consistent.
         MissingExtraError: MuJoCo is not installed.
     """
 
     def __init__(self, truth: KnownArm, step: float, q: Array, effort: Array) -> None:
-        try:
-            mujoco: Any = import_module("mujoco")
-        except ImportError as error:
-            raise MissingExtraError("mujoco", "Simulating an arm", EXTRA) from error
         if 1.0 / step < (1.0 - ROUNDING) * stable_rate(truth, q[None]):
             raise LabError(
                 f"A step of {1e6 * step:.0f} µs is too long for the springs of this arm.",
                 remedy=f"simulate at {stable_rate(truth, q[None]):.0f} Hz or more.",
             )
-        self.truth, self.h, self.n = truth, step, truth.robot.n
-        model = mujoco.MjModel.from_xml_string(write_mjcf(truth.robot, truth.inertial, truth))
-        flags = mujoco.mjtDisableBit
-        model.opt.disableflags |= flags.mjDSBL_CONSTRAINT | flags.mjDSBL_CONTACT | flags.mjDSBL_ACTUATION
-        model.opt.timestep = step
-        self._model, self._data = model, mujoco.MjData(model)
-        self._forward, self._solve = mujoco.mj_forward, mujoco.mj_solveM
-        self.links = self._addresses("joint")
-        self.elastic = truth.stiffness is not None
-        self.drives = self._addresses("rotor") if self.elastic else self.links
-        self._armature = model.dof_armature[self.drives].copy()
-        self._places = np.arange(model.nv)[self.drives]
-        self._everything = np.eye(model.nv)
-        self._mobility = np.empty((model.nv, model.nv))
-        self._start(q, effort)
-
-    def _addresses(self, kind: str) -> Any:
-        """Indices of joints of a kind in MuJoCo's state; a slice where they are in the robot's order."""
-        at = [int(self._model.joint(f"{kind}_{i}").dofadr[0]) for i in range(self.n)]
-        return slice(at[0], at[0] + self.n) if at == list(range(at[0], at[0] + self.n)) else np.array(at)
-
-    def _start(self, q: Array, effort: Array) -> None:
-        """Sets the initial state at rest."""
-        truth, model = self.truth, self._model
-        self._q, self._half = np.zeros(model.nv), np.zeros(model.nv)
-        self._acceleration = np.zeros(model.nv)
-        self._q[self.links] = q
+        self.truth, self.h, self.steps = truth, step, 0
+        self._bodies = _RigidBodies(truth, step)
+        self._q, self._half = np.zeros((2, self._bodies.size))
+        self._q[self._bodies.joints] = q
         if truth.stiffness is not None:
-            self._q[self.drives] = q + effort / truth.stiffness
-        self._dq = self._half.copy()
-        self._load = np.array(effort, dtype=np.float64)
-        friction = truth.friction
-        self._signs = np.zeros(self.n)
-        self._ends = None if friction.slip is None else np.broadcast_to(q, friction.slip.deflection.shape).copy()
-        self.rise = None if friction.warmth is None else friction.warmth.initial
-        self._viscous = friction.viscosity(self.rise)
-        model.dof_armature[self.drives] = self._armature + 0.5 * self.h * self._viscous
-        self._plain, self._asymmetric = friction.is_plain, bool(friction.asymmetry.any())
-        self.steps = 0
-        self.at_dq = self.at_ddq = self.at_drive_dq = self.at_drive_ddq = self.at_friction = np.zeros(self.n)
+            self._q[self._bodies.drives] = q + effort / truth.stiffness
+        self._dq = self._half
+        self._friction = FrictionState(truth.friction, q, effort)
+        self._bodies.add_inertia(0.5 * step * self._friction.viscous)
 
     @property
     def q(self) -> Array:
         """Current positions of the joints, shape (n,) [rad or m]."""
-        return self._q[self.links]
+        return self._q[self._bodies.joints]
 
     @property
     def drive_q(self) -> Array:
         """Current positions of the drives, on the joint side, shape (n,) [rad or m]."""
-        return self._q[self.drives]
+        return self._q[self._bodies.drives]
 
     @property
     def drive_dq(self) -> Array:
         """Current velocities of the drives, extrapolated over half a step, shape (n,) [rad/s or m/s]."""
-        return self._dq[self.drives]
+        return self._dq[self._bodies.drives]
 
-    def step(self, effort: Array) -> None:
-        """Advances by one step under torques of the drives (n,) [N·m or N].
+    def step(self, effort: Array) -> Instant:
+        """Advances by one step under torques of the drives (n,) [N·m or N], and returns the instant passed.
 
         Raises:
-            LabError: The simulation has run away.
+            LabError: The simulation has diverged.
         """
-        data, drives, h = self._data, self.drives, self.h
-        half = self._half
-        dry, lower, upper, rest = self._friction()
-        data.qpos[:] = self._q
-        data.qvel[:] = self._dq
-        data.qfrc_applied[drives] = effort - rest - self._viscous * half[drives] - dry
-        self._forward(self._model, data)
-        a = data.qacc.copy()
+        bodies, friction, half, h = self._bodies, self._friction, self._half, self.h
+        joints, drives = bodies.joints, bodies.drives
+        dry, lower, upper, rest = friction.split(self._q[drives], self._dq[drives])
+        a = bodies.acceleration(self._q, self._dq, effort - rest - friction.viscous * half[drives] - dry)
         new = half + h * a
-        turned = new[drives] * self._signs <= 0.0
-        if turned.any():
+        turned = new[drives] * friction.signs <= 0.0
+        if np.count_nonzero(turned):  # much faster than `any`
             dry, new = self._reversal(turned, dry, lower, upper, new)
             a = (new - half) / h
-            self._signs = np.sign(new[drives])
+            friction.signs = np.sign(new[drives])
         mean = 0.5 * (half + new)
-        self.at_dq, self.at_drive_dq = mean[self.links], mean[drives]
-        self.at_ddq, self.at_drive_ddq = a[self.links], a[drives]
-        self.at_friction = rest + dry + self._viscous * self.at_drive_dq
-        self._q += h * new
-        self._half = new
-        self._dq = new + (0.5 * h) * a
-        if not self._plain:
-            self._remember(effort)
+        drive_dq, drive_ddq = mean[drives], a[drives]
+        torque = rest + dry + friction.viscous * drive_dq
+        q, self._q, self._half, self._dq = self._q, self._q + h * new, new, new + (0.5 * h) * a
+        passed = Instant(
+            q[joints], mean[joints], a[joints], effort, torque, q[drives], drive_dq, drive_ddq, friction.rise
+        )
+        if not friction.is_plain:
+            load = effort - torque - self.truth.rotor * drive_ddq
+            friction.update(self._q[drives], load, torque * drive_dq, h)
+            if friction.rise is not None:
+                bodies.add_inertia(0.5 * h * friction.viscous)
         self.steps += 1
         if self.steps % CHECKED == 0 and not np.abs(new).max() < RUNAWAY:
             raise LabError(
-                f"The simulation has run away after {self.steps * h:.3f} s.",
+                f"The simulation diverged after {self.steps * h:.3f} s.",
                 remedy="lower the controller's bandwidth, or simulate with a shorter step.",
             )
-
-    def _friction(self) -> tuple[Array, Array, Array, Array | float]:
-        """Dry friction of sliding joints, its two bounds, and friction that depends on the position."""
-        friction, signs = self.truth.friction, self._signs
-        if self._plain:
-            level = friction.coulomb
-            return level * signs, level, level, 0.0
-        level = friction.dry(self._dq[self.drives], self._load)
-        rest = friction.of_position(self._q[self.drives], self._ends)
-        if not self._asymmetric:
-            return level * signs, level, level, rest
-        lower, upper = level - friction.asymmetry, level + friction.asymmetry
-        return np.where(signs > 0.0, upper, -lower) * np.abs(signs), lower, upper, rest
+        return passed
 
     def _reversal(
         self, turned: NDArray[np.bool_], dry: Array, lower: Array, upper: Array, new: Array
     ) -> tuple[Array, Array]:
         """Dry friction of the drives and velocities of all joints where some drive sticks or reverses."""
-        self._solve(self._model, self._data, self._mobility, self._everything)
-        columns = self.h * self._mobility[:, self.drives]
+        drives = self._bodies.drives
+        columns = self.h * self._bodies.mobility()
+        coupling = columns[drives]
         at = turned.nonzero()[0]
-        if len(at) == 1:  # nearly always; the others are hardly touched
+        if len(at) == 1:  # the usual case
             j = int(at[0])
-            i = int(self._places[j])
-            torque = min(max(dry[j] + new[i] / columns[i, j], -lower[j]), upper[j])
-            moved = new + columns[:, j] * (dry[j] - torque)
+            torque = min(max(dry[j] + new[drives][j] / coupling[j, j], -lower[j]), upper[j])
+            slid = new + columns[:, j] * (dry[j] - torque)
+            velocity = slid[drives]
             if -lower[j] < torque < upper[j]:
-                moved[i] = 0.0
-            still = moved[self.drives] * self._signs > 0.0
+                velocity[j] = 0.0
+            still = velocity * self._friction.signs > 0.0
             still[j] = True
             if still.all():
                 dry = dry.copy()
-                dry[j] = torque
-                return dry, moved
+                dry[j], slid[drives] = torque, velocity
+                return dry, slid
         free = new + columns @ dry
-        coupling, alone = columns[self.drives], free[self.drives]
-        found, velocity = solve_stiction(coupling[None], alone[None], lower[None], upper[None])
-        torque = found[0]
-        new = free - columns @ torque
-        new[self._places[velocity[0] == 0.0]] = 0.0
-        return torque, new
-
-    def _remember(self, effort: Array) -> None:
-        """Updates the states of friction."""
-        friction = self.truth.friction
-        self._load = effort - self.at_friction - self.truth.rotor * self.at_drive_ddq
-        if self._ends is not None:
-            here, width = self._q[self.drives], friction.slip.deflection  # pyright: ignore[reportOptionalMemberAccess]
-            np.minimum(np.maximum(self._ends, here - width, out=self._ends), here + width, out=self._ends)
-        if friction.warmth is not None and self.rise is not None:
-            power = np.maximum(self.at_friction * self.at_drive_dq, 0.0)
-            self.rise = friction.warmth.next(self.rise, power, self.h)
-            self._viscous = friction.viscosity(self.rise)
-            self._model.dof_armature[self.drives] = self._armature + 0.5 * self.h * self._viscous
+        (dry,), (velocity,) = solve_stiction(coupling[None], free[drives][None], lower[None], upper[None])
+        new = free - columns @ dry
+        new[drives] = np.where(velocity == 0.0, 0.0, new[drives])
+        return dry, new

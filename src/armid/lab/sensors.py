@@ -14,10 +14,8 @@ from armid.maths.signals import butterworth
 from armid.measurement.recording import Recording
 from armid.values import Array, digest
 
-__all__ = ["Sensing", "SensorChannel", "sense"]
-
 NEIGHBOURS = 4
-"""Samples from which a value between samples is interpolated by a cubic."""
+"""Number of samples of the cubic interpolation."""
 
 HIGHEST_RATE = 8000.0
 """Largest rate of a log [Hz]."""
@@ -34,7 +32,7 @@ class SensorChannel:
         drift: Change of the error per second.
         delay: Delay [s].
         cutoff: Corner frequency of the controller's low-pass, a causal Butterworth filter [Hz]; 0 for none.
-        order: Of that filter.
+        order: Order of that filter.
     """
 
     noise: float = 0.0
@@ -50,7 +48,7 @@ class SensorChannel:
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise LabError(f"{name} of a channel must not be negative; found {getattr(self, name)}.")
         if self.delay > MARGIN:
-            raise LabError(f"A channel may be late by {MARGIN:g} s at most; found {self.delay:g} s.")
+            raise LabError(f"The delay of a channel must be at most {MARGIN:g} s; found {self.delay:g} s.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +56,12 @@ class Sensing:
     """Sensors, rate and clock of a log.
 
     Attributes:
-        rate: Rows a second [Hz].
-        position: The channel of positions.
-        effort: The channel of torques.
-        velocity: The channel of velocities; `None` where none are logged.
+        rate: Rate of rows [Hz].
+        position: Sensors of positions.
+        effort: Sensors of torques.
+        velocity: Sensors of velocities; `None` where none are logged.
         side: Where positions and torques are measured: at the `drive`, before friction and rotors, or at the `link`.
-        jitter: Standard deviation of the time at which a row is taken [s]; at most a fifth of a row counts.
+        jitter: Standard deviation of the sample time of a row [s]; shifts are limited to a fifth of a row.
         stamps: Content of the time column: `true` times, `even` ones, or `none`.
     """
 
@@ -79,9 +77,9 @@ class Sensing:
         if not 0.0 < self.rate <= HIGHEST_RATE:
             raise LabError(f"A log has up to {HIGHEST_RATE:g} rows a second; found a rate of {self.rate:g} Hz.")
         if self.side not in ("drive", "link"):
-            raise LabError(f"There is no side {self.side!r}.", possible="drive, link")
+            raise LabError(f"Unknown side {self.side!r}.", possible="drive, link")
         if self.stamps not in ("true", "even", "none"):
-            raise LabError(f"There are no stamps {self.stamps!r}.", possible="true, even, none")
+            raise LabError(f"Unknown stamps {self.stamps!r}.", possible="true, even, none")
         if not 0.0 <= self.jitter < math.inf:
             raise LabError(f"Jitter must not be negative; found {self.jitter}.")
 
@@ -96,7 +94,7 @@ def sense(
     """Log of a simulated motion.
 
     Args:
-        trace: What happened, at a multiple of the log's rate or finer than it.
+        trace: True motion, at a rate not below the log's.
         sensing: The sensors.
         joint_names: Names of the channels.
         source: Name of the recording.
@@ -149,7 +147,7 @@ def _logged(time: Array, values: Array, taken: Array, channel: SensorChannel, rn
 def interpolate(values: Array, places: Array) -> Array:
     """Values (N, n) at fractional indices (M,), by cubics through four neighbours; exact on samples."""
     whole = np.round(places)
-    if np.abs(places - whole).max(initial=0.0) < 1e-6:  # rounding of times that are on the grid
+    if np.abs(places - whole).max(initial=0.0) < 1e-6:  # times on the grid, to rounding
         return values[np.clip(whole.astype(np.intp), 0, len(values) - 1)].copy()
     first = np.clip(np.floor(places).astype(np.intp) - 1, 0, max(len(values) - NEIGHBOURS, 0))
     s = np.clip(places - first, 0.0, NEIGHBOURS - 1.0)

@@ -26,8 +26,6 @@ from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Vi
 from armid.robot.robot import Joint
 from armid.values import Array
 
-__all__ = ["Simulated", "simulate", "simulation_findings", "true_model", "truth_record"]
-
 POSES = 60
 """Poses of a plan at which the frequency of springs is computed; it depends on the arm's inertia alone."""
 
@@ -74,13 +72,13 @@ def simulate(
         truth: The arm, before `options.arm` adds to it.
         plan: The motion.
         options: Everything else.
-        seed: Of noise and faults; the same seed gives the same log, bit for bit.
-        tell: Told the share that is done.
+        seed: Seed of noise and faults; the same seed gives the same log, bit for bit.
+        tell: Callback with the finished share.
 
     Raises:
-        LabError: The plan does not fit the arm, or the simulation ran away.
-        ArmidError: What was given is no plan.
-        MissingExtraError: Closed loop without MuJoCo.
+        LabError: The plan does not fit the arm, or the simulation diverged.
+        ArmidError: The plan is not a plan.
+        MissingExtraError: Closed loop is chosen, but MuJoCo is not installed.
     """
     options = options or LabOptions()
     truth = options.arm.of(truth)
@@ -114,7 +112,7 @@ def simulate(
 def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
     """Findings where the simulated arm or its motion is not realistic: the lab has no hard stops.
 
-    What the plan itself asks for is told apart from what a controller adds that overshoots.
+    Findings distinguish demands of the plan from the controller's overshoot.
     """
     trace, joints = simulated.trace.from_time(0.0), simulated.truth.robot.joints
     asked = simulated.plan.sample(ASKED)
@@ -127,8 +125,8 @@ def simulation_findings(simulated: Simulated) -> tuple[Finding, ...]:
         found += _speed_doubts(joint, float(np.abs(asked.dq[:, j]).max()), float(np.abs(trace.dq[:, j]).max()))
         share = 0.0 if efforts is None else float(np.mean(np.abs(trace.effort[:, j]) >= FULL * efforts[j]))
         if share > 0.0:
-            evidence = f"is asked for its full effort {100.0 * share:.2g} % of the time."
-            found.append(_doubt("drive-saturated", joint.name, evidence, "play the plan over a longer period."))
+            evidence = f"is at its effort limit {100.0 * share:.2g} % of the time."
+            found.append(_doubt("drive-saturated", joint.name, evidence, "run the plan over a longer period."))
     return tuple(found)
 
 
@@ -155,11 +153,11 @@ def _speed_doubts(joint: Joint, asked: float, reached: float) -> list[Finding]:
     limit, unit = joint.velocity_limit, f"{joint.unit}/s"
     if asked > KEPT * limit:
         evidence = f"is asked for {asked:.3f} {unit}; its limit is {limit:.3f}."
-        return [_doubt("plan-too-fast", joint.name, evidence, "play the plan over a longer period.")]
+        return [_doubt("plan-too-fast", joint.name, evidence, "run the plan over a longer period.")]
     if reached > KEPT * limit:
         evidence = (
-            f"reaches {reached:.3f} {unit}; its limit is {limit:.3f}. The plan asks for {asked:.3f}, the rest is "
-            "what the controller overshoots."
+            f"reaches {reached:.3f} {unit}; its limit is {limit:.3f}. The plan asks for {asked:.3f}; the rest is "
+            "overshoot of the controller."
         )
         remedy = f"design the plan with a margin: --limit {joint.name}.velocity={0.99 * limit**2 / reached:.3g}."
         return [_doubt("limit-overshot", joint.name, evidence, remedy)]

@@ -12,16 +12,14 @@ from armid.errors import LabError
 from armid.measurement.recording import Recording
 from armid.values import Array
 
-__all__ = ["QUANTITIES", "Gap", "LostRows", "NoClock", "RepeatedRows", "ShuffledRows", "check_share", "clock_of"]
-
 QUANTITIES = ("q", "dq", "ddq", "effort")
 """Quantities that a recording may have for each channel."""
 
 
 def check_share(name: str, value: float) -> None:
-    """Raises an error for a number that is no share."""
+    """Raises an error for a number that is not a share."""
     if not 0.0 <= value < 1.0:
-        raise LabError(f"{name} is a share from 0 to 1; found {value}.")
+        raise LabError(f"{name} must be a share from 0 to 1; found {value}.")
 
 
 def clock_of(recording: Recording) -> Array:
@@ -69,8 +67,8 @@ class Gap:
     """Interval without any row.
 
     Attributes:
-        start: When it begins, over the length of the recording.
-        seconds: How long it is [s].
+        start: Begin as a share of the length of the recording.
+        seconds: Length [s].
     """
 
     start: float = 0.5

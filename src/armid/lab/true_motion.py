@@ -17,16 +17,14 @@ from armid.lab.plant import Plant
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["MARGIN", "TrueMotion", "closed_loop", "inverse_dynamics"]
-
 MARGIN = 0.25
 """Time before the recording that is simulated for delays and causal filters [s]."""
 
 WHOLE = 1e-6
-"""Part of a step by which a period may miss a whole number of steps; the motion then repeats exactly."""
+"""Largest deviation of a period from a whole number of steps at which the motion repeats exactly [steps]."""
 
 PROGRESS_INTERVAL = 2000
-"""Steps from one word of progress to the next."""
+"""Number of steps between two calls of the progress callback."""
 
 Tell = Callable[[float], None]
 
@@ -36,13 +34,13 @@ class TrueMotion:
     """True motion at N instants; the recording begins at time 0.
 
     Attributes:
-        time: Shape (N,) [s].
+        time: Time of each instant, shape (N,) [s].
         q: Positions of the joints, shape (N, n) [rad or m].
         dq: Velocities, shape (N, n).
         ddq: Accelerations, shape (N, n).
         effort: Torque of the drives, on the joint side, shape (N, n) [N·m or N].
         friction: Friction, shape (N, n) [N·m or N].
-        transmitted: Torque that the links feel, shape (N, n) [N·m or N].
+        transmitted: Torque on the links, shape (N, n) [N·m or N].
         drive_q: Positions of elastic drives, shape (N, n); `None` for rigid ones.
         drive_dq: Their velocities, shape (N, n).
         rise: Temperature rise, shape (N, n) [K], where there is one.
@@ -72,14 +70,14 @@ def inverse_dynamics(truth: KnownArm, plan: Excitation, rate: float, repetitions
     Args:
         truth: The arm; its drives must be rigid.
         plan: The motion.
-        rate: Instants a second [Hz].
-        repetitions: How often the motion is run through.
+        rate: Rate of instants [Hz].
+        repetitions: Number of repetitions of the motion.
 
     Raises:
         LabError: The truth is elastic, so that drive and link move differently.
     """
     if truth.stiffness is not None:
-        raise LabError("Inverse dynamics knows no elastic drives.", remedy="simulate in closed loop.")
+        raise LabError("Inverse dynamics cannot simulate elastic drives.", remedy="simulate in closed loop.")
     first = -round(MARGIN * rate)
     motion = plan.at(np.arange(first, round(repetitions * plan.period * rate)) / rate)
     robot = truth.robot
@@ -102,24 +100,24 @@ def closed_loop(
 ) -> tuple[TrueMotion, ControllerGains]:
     """Motion of an arm that a controller moves along a plan, from rest through a smooth lead-in.
 
-    During the lead-in the reference goes from rest in the plan's first pose over to the plan, which runs on the same
-    clock; the motion is in step with the plan from time 0 on.
+    During the lead-in the reference changes from rest in the plan's first pose to the plan, which runs on the same
+    clock; the motion follows the plan from time 0 on.
 
     Args:
         truth: The arm.
         plan: The motion.
-        controller: What asks for torque.
-        drive: What gives it.
-        rate: Steps a second [Hz].
-        repetitions: How often the motion is run through.
+        controller: Controller of the joints.
+        drive: Dynamics and limits of the drives.
+        rate: Step rate [Hz].
+        repetitions: Number of repetitions of the motion.
         lead_in: Time from rest to the plan [s].
-        tell: Told the share that is done.
+        tell: Callback with the finished share.
 
     Returns:
-        What happened, from `MARGIN` before time 0 on, and the controller's gains.
+        Motion from `MARGIN` before time 0 on, and the controller's gains.
 
     Raises:
-        LabError: It ran away, or the step is too long.
+        LabError: The simulation diverged, or the step is too long.
     """
     h = 1.0 / rate
     every = max(1, round(rate / controller.rate)) if controller.rate else 1
@@ -130,12 +128,13 @@ def closed_loop(
     along = plan.at(np.arange(round(period) if repeats else steps) * h)
     gain = gains(controller, drive, truth, along, every * h)
     references = [_reference(controller, truth, motion) for motion in (before, along)]
-    run = _Run(truth, h, gain, drive, every, references[0] if lead else references[1], controller.kind == "pid")
+    q, holding = _equilibrium(truth, references[0 if lead else 1][0][:1])
+    actuation = _Actuation(controller, gain, drive, truth, holding, h, every)
     kept = min(lead, round(MARGIN * rate))
-    run.keep(kept + steps)
-    run.go(references[0], lead, keep=kept)
+    run = _Run(Plant(truth, h, q, holding), actuation, kept + steps)
+    run.follow(references[0], lead, keep=kept)
     while run.row < kept + steps:
-        run.go(references[1], min(along.samples, kept + steps - run.row), keep=along.samples, tell=tell)
+        run.follow(references[1], min(along.samples, kept + steps - run.row), keep=along.samples, tell=tell)
     return run.trace(h * np.arange(-kept, steps, dtype=np.float64)), gain
 
 
@@ -170,92 +169,76 @@ def _reference(controller: Controller, truth: KnownArm, motion: Motion) -> Refer
     if truth.stiffness is None:
         return motion.q, motion.dq, torque
     wound = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, motion.q, motion.dq, motion.ddq)
-    return motion.q + wound / truth.stiffness, motion.dq, torque  # drives are ahead by what the gears give
+    return motion.q + wound / truth.stiffness, motion.dq, torque  # drives lead by the deflection of the gears
 
 
-class _Run:
-    """Plant with its controller and the stored motion."""
+def _equilibrium(truth: KnownArm, drive_q: Array) -> tuple[Array, Array]:
+    """Positions of the joints at rest for positions of the drives (1, n), and torque that holds them, (n,) each."""
+    rest = np.zeros_like(drive_q)
+    holding = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, drive_q, rest, rest)[0]
+    return drive_q[0] if truth.stiffness is None else drive_q[0] - holding / truth.stiffness, holding
+
+
+class _Actuation:
+    """Controller and drives, with the torque that they ask for and give."""
 
     def __init__(
         self,
-        truth: KnownArm,
-        h: float,
+        controller: Controller,
         gain: ControllerGains,
         drive: Drive,
+        truth: KnownArm,
+        holding: Array,
+        step: float,
         every: int,
-        first: Reference,
-        integrates: bool,
     ) -> None:
-        start = first[0][0] if truth.stiffness is None else None
-        rest = np.zeros((1, truth.robot.n))
-        q = first[0][:1]
-        holding = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, q, rest, rest)[0]
-        if start is None:
-            q = q - holding / truth.stiffness
-        self.plant = Plant(truth, h, q[0], holding)
-        self.gain, self.every, self.h = gain, every, h
-        self.limits = drive.limits(truth)
-        self.share = 1.0 - np.exp(-2.0 * np.pi * drive.bandwidth * h) if drive.bandwidth else 1.0
-        self.effort = holding
-        # What feedback has integrated so far; a controller without a model holds the arm by it.
-        self.held = holding.copy() if integrates else np.zeros(truth.robot.n)
-        self.integrates = bool(gain.integral.any())
-        self.row = 0
+        self.gain, self.every = gain, every
+        self.lower, self.upper = -drive.limits(truth), drive.limits(truth)
+        self.share = 1.0 - np.exp(-2.0 * np.pi * drive.bandwidth * step) if drive.bandwidth else 1.0
+        self.commanded = self.effort = holding
+        # The integral holds the arm where the controller has no model.
+        self.integral = holding if controller.kind == "pid" else np.zeros_like(holding)
+        self.increment = gain.integral * (every * step) if gain.integral.any() else None
 
-    def keep(self, rows: int) -> None:
-        """Allocates memory for a number of instants."""
-        plant = self.plant
-        names = ["q", "dq", "ddq", "effort", "friction", "drive_ddq"]
-        names += ["drive_q", "drive_dq"] if plant.elastic else []
-        names += ["rise"] if plant.rise is not None else []
-        self.kept = {name: np.empty((rows, plant.n)) for name in names}
+    def update(self, k: int, reference: Reference, plant: Plant) -> Array:
+        """Torque of the drives (n,) in step k of a reference."""
+        if k % self.every == 0:
+            error = reference[0][k] - plant.drive_q
+            torque = reference[2][k] + self.gain.proportional * error
+            torque += self.gain.derivative * (reference[1][k] - plant.drive_dq)
+            torque += self.integral
+            self.commanded = np.minimum(np.maximum(torque, self.lower), self.upper)
+            if self.increment is not None:  # without wind-up
+                self.integral = self.integral + np.where(torque == self.commanded, self.increment * error, 0.0)
+        lag = self.share != 1.0
+        self.effort = self.effort + self.share * (self.commanded - self.effort) if lag else self.commanded
+        return self.effort
 
-    def go(self, reference: Reference, steps: int, *, keep: int, tell: Tell | None = None) -> None:
+
+class _Run:
+    """Plant with its controller, and the motion that is stored."""
+
+    def __init__(self, plant: Plant, actuation: _Actuation, rows: int) -> None:
+        self.plant, self.actuation, self.row = plant, actuation, 0
+        names = ["q", "dq", "ddq", "effort", "friction"]
+        names += ["drive_q", "drive_dq", "drive_ddq"] if plant.truth.stiffness is not None else []
+        names += ["rise"] if plant.truth.friction.warmth is not None else []
+        self.stored = {name: np.empty((rows, plant.truth.robot.n)) for name in names}
+
+    def follow(self, reference: Reference, steps: int, *, keep: int, tell: Tell | None = None) -> None:
         """Follows a reference for a number of steps and stores the last of them."""
-        plant, gain, limits, share = self.plant, self.gain, self.limits, self.share
-        kp, kd, ki = gain.proportional, gain.derivative, gain.integral * (self.every * self.h)
-        lowest, highest = -limits, limits
-        bounded = bool(np.isfinite(limits).any())
-        wanted = self.effort
         for k in range(steps):
-            if k % self.every == 0:
-                error = reference[0][k] - plant.drive_q
-                wanted = reference[2][k] + kp * error + kd * (reference[1][k] - plant.drive_dq)
-                wanted += self.held
-                if bounded:
-                    free = wanted
-                    wanted = np.minimum(np.maximum(wanted, lowest), highest)
-                    if self.integrates:
-                        self.held += np.where(free == wanted, ki * error, 0.0)  # no wind-up
-                elif self.integrates:
-                    self.held += ki * error
-            self.effort = wanted if share == 1.0 else self.effort + share * (wanted - self.effort)
-            if k < steps - keep:
-                plant.step(self.effort)
-            else:
-                self._kept_step()
+            instant = self.plant.step(self.actuation.update(k, reference, self.plant))
+            if k >= steps - keep:
+                for name, values in self.stored.items():
+                    values[self.row] = getattr(instant, name)
+                self.row += 1
             if tell is not None and k % PROGRESS_INTERVAL == 0:
-                tell(self.row / len(self.kept["q"]))
-
-    def _kept_step(self) -> None:
-        plant, kept, row = self.plant, self.kept, self.row
-        kept["q"][row] = plant.q
-        if plant.elastic:
-            kept["drive_q"][row] = plant.drive_q
-        if plant.rise is not None:
-            kept["rise"][row] = plant.rise
-        plant.step(self.effort)
-        kept["dq"][row] = plant.at_dq
-        kept["ddq"][row] = plant.at_ddq
-        kept["effort"][row] = self.effort
-        kept["friction"][row] = plant.at_friction
-        if plant.elastic:
-            kept["drive_dq"][row] = plant.at_drive_dq
-        kept["drive_ddq"][row] = plant.at_drive_ddq
-        self.row += 1
+                tell(self.row / len(self.stored["q"]))
 
     def trace(self, time: Array) -> TrueMotion:
         """Stored motion."""
-        kept = self.kept
-        transmitted = kept["effort"] - kept["friction"] - self.plant.truth.rotor * kept.pop("drive_ddq")
-        return TrueMotion(time, **kept, transmitted=transmitted)
+        stored = self.stored
+        acceleration = stored.pop("drive_ddq", stored["ddq"])
+        transmitted = stored["effort"] - stored["friction"] - self.plant.truth.rotor * acceleration
+        return TrueMotion(time, **stored, transmitted=transmitted)

@@ -1,1 +1,1 @@
-"""Mathematics on arrays: knows no robots, files or plots."""
+"""Mathematics on arrays, independent of robots, files and plots."""

@@ -1,8 +1,7 @@
-"""Least squares with log-det terms and barriers of cones: what it is at a point, and Newton's step from there.
+"""Least squares with log-det terms and barriers of cones: values, derivatives and the Newton step.
 
-A matrix is moved by the few variables of its own body, so that its part of the second derivative is a small block;
-that of the squares is the same everywhere. A root of the whole is made only where the product has lost too many
-digits.
+Each matrix depends on the few variables of its own body, so its part of the Hessian is a small block; the part of the
+squares is constant. A square root of the Hessian is computed only where the normal equations are inaccurate.
 """
 
 from __future__ import annotations
@@ -18,29 +17,27 @@ from numpy.typing import NDArray
 from armid.maths.cones import Cone, symmetric
 from armid.values import Array
 
-__all__ = ["Barriers", "LogDet", "Smooth"]
-
 LOST = 1e-3
-"""Relative difference of two computations of the decrement above which normal equations are not trusted."""
+"""Relative difference of two computations of the decrement above which the normal equations are not used."""
 
 WHOLE = 0.01
-"""Relative change of an eigenvalue along a step up to which all of it is taken: the lowest point is a hundredth away
-at most. Of a step next to nothing rounding would otherwise make any length."""
+"""Relative change of an eigenvalue along a step up to which the whole step is taken: it is then within a hundredth of
+the minimum. Rounding would make a line search along such a small step meaningless."""
 
 LINE = 40
-"""Most evaluations along a step; three or four are usual."""
+"""Largest number of evaluations along a step; three or four are usual."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LogDet:
-    """A term weight · (cost · x + constant - log det X) of a symmetric matrix X = matrix · x + offset.
+    """Term weight · (cost · x + constant - log det X) of a symmetric matrix X = matrix · x + offset.
 
     Attributes:
-        matrix: Shape (m, m, variables).
-        offset: Shape (m, m).
-        cost: Shape (variables,).
-        constant: A number.
-        weight: Positive.
+        matrix: Coefficients of the variables, shape (m, m, variables).
+        offset: Constant part of X, shape (m, m).
+        cost: Linear cost, shape (variables,).
+        constant: Constant of the term.
+        weight: Positive weight.
     """
 
     matrix: Array
@@ -52,14 +49,14 @@ class LogDet:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Smooth:
-    """Objective of the cones' solver.
+    """Objective ½ |A x - y|² + bᵀx with log-det terms, and cones that constrain x.
 
     Attributes:
-        A: Shape (rows, variables).
-        y: Shape (rows,).
+        A: Matrix of the least-squares part, shape (rows, variables).
+        y: Its right-hand side, shape (rows,).
         terms: Log-det terms.
-        cones: `nonnegative` and `semidefinite` ones.
-        cost: b, shape (variables,).
+        cones: Cones of the kinds `nonnegative` and `semidefinite`.
+        cost: Linear cost b, shape (variables,).
     """
 
     A: Array
@@ -81,14 +78,14 @@ class Smooth:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Group:
-    """Matrices of one order m, side by side, each with the few variables that move it.
+    """Group of g matrices of one order m, each with the few variables that it depends on.
 
     Attributes:
-        flat: Entries that each of s variables moves, shape (g, m², s).
-        columns: Which variables, shape (g, s).
-        offsets: Shape (g, m, m).
-        weights: Of the log-determinants, zero for cones, shape (g,).
-        variables: How many there are in all.
+        flat: Derivatives of the entries by each of s variables, shape (g, m², s).
+        columns: Indices of these variables, shape (g, s).
+        offsets: Constant parts, shape (g, m, m).
+        weights: Weights of the log-determinants, zero for cones, shape (g,).
+        variables: Number of all variables.
     """
 
     flat: Array
@@ -99,7 +96,7 @@ class _Group:
 
     @classmethod
     def of(cls, found: Sequence[tuple[Array, Array, float]], variables: int) -> _Group:
-        """From matrices (m, m, variables), offsets (m, m) and weights."""
+        """Group of matrices (m, m, variables) with offsets (m, m) and weights."""
         flat = np.stack([matrix.reshape(-1, variables) for matrix, _, _ in found])
         moves = flat.any(axis=1)
         most = int(moves.sum(axis=1).max())
@@ -116,36 +113,36 @@ class _Group:
         return (entries @ d[self.columns][:, :, None])[:, :, 0]
 
     def whitened(self, x: Array) -> Array:
-        """Entries (g, m², s) that variables move, in coordinates in which the matrices at x are one."""
+        """Derivatives of the entries (g, m², s) in coordinates in which the matrices at x are the identity."""
         half = np.linalg.inv(np.linalg.cholesky(self.matrices(x)))
         both = half[:, :, None, :, None] * half[:, None, :, None, :]
         return both.reshape(len(half), *2 * self.flat.shape[1:2]) @ self.flat
 
     def gradient(self, white: Array, weights: Array) -> Array:
-        """That of the weighted log-determinants, shape (variables,)."""
+        """Gradient of the weighted log-determinants, shape (variables,)."""
         traces = white[:, :: self.offsets.shape[1] + 1].sum(axis=1)
         return self._summed(self.columns, weights[:, None] * traces, self.variables)
 
     def hessian(self, white: Array, weights: Array) -> Array:
-        """Minus that of the weighted log-determinants, shape (variables, variables)."""
+        """Negative Hessian of the weighted log-determinants, shape (variables, variables)."""
         squares = weights[:, None, None] * (white.swapaxes(1, 2) @ white)
         places = self.columns[:, :, None] * self.variables + self.columns[:, None]
         return self._summed(places, squares, self.variables**2).reshape(self.variables, self.variables)
 
     @staticmethod
     def _summed(places: NDArray[np.intp], parts: Array, size: int) -> Array:
-        """Parts added up at their places, shape (size,)."""
+        """Sum of parts by index, shape (size,)."""
         return np.bincount(places.ravel(), parts.ravel(), size).astype(np.float64)
 
     def root(self, white: Array, weights: Array) -> Array:
-        """A root of that, shape (g m², variables)."""
+        """Square root of the negative Hessian, shape (g m², variables)."""
         dense = np.zeros((*white.shape[:2], self.variables))
         np.put_along_axis(dense, self.columns[:, None], np.sqrt(weights)[:, None, None] * white, 2)
         return dense.reshape(-1, self.variables)
 
 
 class Barriers:
-    """All log-det and cone terms, with the matrices of one order side by side."""
+    """All log-det and cone terms, grouped by the order of their matrices."""
 
     def __init__(self, problem: Smooth) -> None:
         self.problem = problem
@@ -175,12 +172,12 @@ class Barriers:
         self.orders = len(self.offsets) + sum(len(offset) for _, offset, _ in found)
         self.costs = np.array([term.cost for term in problem.terms]).reshape(-1, variables)
         self.weights = np.array([term.weight for term in problem.terms])
-        self.constant = sum(term.weight * term.constant for term in problem.terms)
 
     def objective(self, x: Array) -> float:
         """Objective without the barriers of the cones, at an interior point."""
         p = self.problem
-        value = 0.5 * float(np.sum((p.A @ x - p.y) ** 2)) + float(p.cost @ x) + self.constant
+        constant = sum(term.weight * term.constant for term in p.terms)
+        value = 0.5 * float(np.sum((p.A @ x - p.y) ** 2)) + float(p.cost @ x) + constant
         value += float(self.weights @ (self.costs @ x))
         counted = self.row_weights > 0.0
         value -= float(self.row_weights[counted] @ np.log(self.rows[counted] @ x + self.offsets[counted]))
@@ -200,31 +197,31 @@ class Barriers:
             return False
         return True
 
-    def step(self, x: Array, mu: float, left: float) -> tuple[Array, float]:
-        """Newton step, as far as it leads down, and the squared decrement of the whole of it.
+    def step(self, x: Array, mu: float, centred: float) -> tuple[Array, float]:
+        """Newton step with line search, and the squared decrement of the full step.
 
         Args:
-            x: A point inside.
+            x: Strictly feasible point.
             mu: Weight of the barriers.
-            left: Weight whose curvature counts: the same, or that of which x is the centre. The step then follows
-                the path of centres, along which the distance from a border shrinks with the weight; with the
-                curvature of a smaller one it would run into the border and have to be cut.
+            centred: Weight whose curvature is used: `mu`, or the weight for which x is the centre. The step then
+                follows the central path, along which the distance from the boundary shrinks with the weight; with the
+                curvature of a smaller weight the step would hit the boundary.
         """
         p = self.problem
         slack = self.rows @ x + self.offsets
         size = np.maximum(self.row_weights, mu)
         gradient = p.A.T @ (p.A @ x - p.y) + p.cost + np.maximum(self.weights, mu) @ self.costs
         gradient -= self.rows.T @ (size / slack)
-        bounded = (np.sqrt(np.maximum(self.row_weights, left)) / slack)[:, None] * self.rows
+        bounded = (np.sqrt(np.maximum(self.row_weights, centred)) / slack)[:, None] * self.rows
         whitened = [group.whitened(x) for group in self.groups]
         hessian = self.gram + bounded.T @ bounded
         for group, white in zip(self.groups, whitened, strict=True):
             gradient -= group.gradient(white, np.maximum(group.weights, mu))
-            hessian += group.hessian(white, np.maximum(group.weights, left))
+            hessian += group.hessian(white, np.maximum(group.weights, centred))
 
         def root() -> Array:
             parts = [
-                group.root(white, np.maximum(group.weights, left))
+                group.root(white, np.maximum(group.weights, centred))
                 for group, white in zip(self.groups, whitened, strict=True)
             ]
             return np.concatenate([p.A, bounded, *parts])
@@ -232,7 +229,7 @@ class Barriers:
         def curvature(d: Array) -> float:
             squares = float(np.sum((p.A @ d) ** 2) + np.sum((bounded @ d) ** 2))
             for group, white in zip(self.groups, whitened, strict=True):
-                squares += float(np.maximum(group.weights, left) @ np.sum(group.along(white, d) ** 2, axis=1))
+                squares += float(np.maximum(group.weights, centred) @ np.sum(group.along(white, d) ** 2, axis=1))
             return squares
 
         direction = _newton(hessian, gradient, curvature, root)
@@ -248,13 +245,13 @@ class Barriers:
 
 
 def _newton(hessian: Array, gradient: Array, curvature: Callable[[Array], float], root: Callable[[], Array]) -> Array:
-    """The d with hessian · d = -gradient; by QR of its root where the product has lost what matters.
+    """Solves hessian · d = -gradient; by QR of the square root where the normal equations are inaccurate.
 
     Args:
-        hessian: rootᵀ root, shape (variables, variables).
-        gradient: Shape (variables,).
-        curvature: |root · d|² of a direction d.
-        root: Shape (rows, variables), made where it is needed.
+        hessian: Product rootᵀ root, shape (variables, variables).
+        gradient: Right-hand side, shape (variables,).
+        curvature: Function |root · d|² of a direction d.
+        root: Function that computes the square root, shape (rows, variables).
     """
     size = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(np.float64).tiny))
     side = -size * gradient
@@ -274,10 +271,10 @@ def _newton(hessian: Array, gradient: Array, curvature: Callable[[Array], float]
 
 
 def _lowest(square: float, slope: float, rate: Array, scale: Array) -> float:
-    """The α > 0 that minimises ½ square α² + slope α - Σ scale log(1 + rate α), convex: Newton within a bracket.
+    """Minimises the convex ½ square α² + slope α - Σ scale log(1 + rate α) over α > 0: Newton in a bracket.
 
-    A fixed share of the way to the border would bring eigenvalues there that are a long way from it at the minimum,
-    and from there they come back by a factor of two each step.
+    A step of a fixed share of the distance to the boundary would bring eigenvalues close to it that are far from it
+    at the minimum; they would then recover by only a factor of two each step.
     """
     if np.abs(rate).max(initial=0.0) <= WHOLE:
         return 1.0

@@ -2,9 +2,9 @@
 
     minimise cᵀx + ½ Σ_k s_k x_k²    so that for every cone K    A x + b ∈ K
 
-Nothing that a solver says of its answer is taken on trust, neither status nor objective nor gap [Goulart2024]. From
-the variables and multipliers it is computed by how much these really leave each cone, by eigenvalues for semidefinite
-ones, and how far the objective stands above what the multipliers z prove, -½ Σ_k s_k x_k² - Σ bᵀz.
+The solver's status, objective and gap are not relied on [Goulart2024]. The violation of each cone, for semidefinite
+cones by eigenvalues, and the gap between the objective and the dual bound -½ Σ_k s_k x_k² - Σ bᵀz are computed here
+from the variables and multipliers z.
 """
 
 from __future__ import annotations
@@ -22,18 +22,16 @@ from numpy.typing import NDArray
 from armid.errors import UnsolvedError
 from armid.values import Array
 
-__all__ = ["Cone", "ConeSolution", "solve_cones", "symmetric", "upper_triangle"]
-
 SOLVER_TOLERANCE = 1e-9
-"""Gap and infeasibility asked of the solver: a tenth of what a certificate states."""
+"""Gap and infeasibility required of the solver: a tenth of what a certificate states."""
 
 ACCEPTED = 1e-6
-"""Largest gap and violation of an accepted answer, over the size of objective and cone: what the solver reaches on
-badly scaled problems. Anything worse is refused whatever the status says."""
+"""Largest gap and violation of an accepted solution, over the size of objective and cone: what the solver reaches on
+badly scaled problems. A worse solution is refused for any status."""
 
 
 LARGEST = 1e100
-"""Size of a variable that is no answer: its square must still be a number."""
+"""Size from which a variable is invalid: its square must be finite."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,10 +39,10 @@ class Cone:
     """Rows A x + b that must lie in a cone.
 
     Attributes:
-        kind: `nonnegative`; `norm`, the first row being at least the length of the others; or `semidefinite`, the
-            rows being the upper triangle of a symmetric matrix, column by column.
-        matrix: A, shape (rows, variables).
-        offset: b, shape (rows,).
+        kind: `nonnegative`; `norm`, where the first row is at least the Euclidean norm of the others; or
+            `semidefinite`, where the rows are the upper triangle of a symmetric matrix, column by column.
+        matrix: Matrix A, shape (rows, variables).
+        offset: Offset b, shape (rows,).
     """
 
     kind: Literal["nonnegative", "norm", "semidefinite"]
@@ -52,11 +50,11 @@ class Cone:
     offset: Array
 
     def leaves(self, x: Array) -> float:
-        """By how much x lies outside, over the size of the rows; zero or negative inside."""
+        """Violation at x over the size of the rows; zero or negative inside."""
         return self.outside(self.matrix @ x + self.offset)
 
     def outside(self, rows: Array) -> float:
-        """By how much rows, or multipliers of rows, lie outside, over their size; each cone is its own dual."""
+        """Violation of rows or multipliers over their size; each cone is its own dual."""
         size = max(1.0, float(np.abs(rows).max()))
         if self.kind == "nonnegative":
             return float(-rows.min()) / size
@@ -67,15 +65,14 @@ class Cone:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ConeSolution:
-    """Answer of a conic program, checked.
+    """Checked solution of a conic program.
 
     Attributes:
         x: The variables.
-        objective: What was minimised.
-        gap: Objective less what the multipliers prove, over its size.
-        slope: Slope of the objective that no multiplier holds, shape (variables,). Where variables may still move
-            by d, the minimum may lie lower by slope · d.
-        violation: By how much variables or multipliers leave the worst cone, over the size of its rows.
+        objective: Objective at x.
+        gap: Objective less the dual bound, over its size.
+        slope: Dual residual, shape (variables,). A change d of the variables may lower the minimum by slope · d.
+        violation: Largest violation of a cone by variables or multipliers, over the size of its rows.
     """
 
     x: Array
@@ -85,13 +82,13 @@ class ConeSolution:
     violation: float
 
     def doubt(self, size: Array) -> float:
-        """By how much the minimum may lie below the objective, over variables (variables,) up to some size."""
+        """Upper bound of objective less minimum, for variables up to a size (variables,)."""
         return self.gap * max(1.0, abs(self.objective)) + float(np.abs(self.slope) @ size)
 
 
 @cache
 def upper_triangle(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of an upper triangle, column by column."""
+    """Row and column indices of an upper triangle, column by column."""
     j, i = np.tril_indices(size)
     return i, j
 
@@ -106,16 +103,16 @@ def symmetric(entries: Array) -> Array:
 
 
 def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None) -> ConeSolution:
-    """Solve, and check the answer.
+    """Solve, and check the solution.
 
     Args:
-        cost: c, shape (variables,).
-        cones: At least one.
-        squares: s, not negative, shape (variables,); none where not given. They are meant for the length of a
-            residual that a `norm` cone bounds, not for single parameters.
+        cost: Linear cost c, shape (variables,).
+        cones: At least one cone.
+        squares: Quadratic cost s, not negative, shape (variables,); zero where not given. It is meant for the norm of
+            a residual that a `norm` cone bounds, not for single parameters.
 
     Raises:
-        UnsolvedError: The answer is not one: the solver's word, the gap and the violation are in the message.
+        UnsolvedError: The solution fails its check; the message has the solver's status, the gap and the violation.
     """
     clarabel: Any = import_module("clarabel")
     sparse: Any = import_module("scipy.sparse")
@@ -129,23 +126,23 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
     curved = sparse.csc_matrix(sparse.diags(squares))
     answer = clarabel.DefaultSolver(curved, cost, A, np.concatenate(offsets), list(kinds), settings).solve()
     x, z = np.array(answer.x, dtype=np.float64), np.array(answer.z, dtype=np.float64)
-    with np.errstate(over="ignore", invalid="ignore"):  # a solver that failed may leave anything
+    with np.errstate(over="ignore", invalid="ignore"):  # a failed solver may return any numbers
         half = 0.5 * float(squares @ x**2)
         objective = float(cost @ x) + half
         slope = cost + squares * x + A.T @ z
         gap = abs(objective + half + float(np.concatenate(offsets) @ z)) / max(1.0, abs(objective))
-        finite = bool(np.abs(np.concatenate([x, z])).max() < LARGEST)  # false for what is no number
+        finite = bool(np.abs(np.concatenate([x, z])).max() < LARGEST)  # false for NaN
         violation = _worst(cones, x, z) if finite else float("inf")
     if not (gap <= ACCEPTED and violation <= ACCEPTED):
         raise UnsolvedError(
-            f"The conic solver gave no answer ({answer.status}; gap {gap:.1e}, violation {violation:.1e}).",
+            f"The conic solver found no solution ({answer.status}; gap {gap:.1e}, violation {violation:.1e}).",
             remedy="check the size of the values: parameters of one arm should not differ by more than 1e8.",
         )
     return ConeSolution(x, objective, gap, slope, violation)
 
 
 def _worst(cones: Sequence[Cone], x: Array, z: Array) -> float:
-    """By how much variables, or multipliers in the solver's scale, leave the cone that they leave most."""
+    """Largest violation of a cone by variables, or by multipliers in the solver's scale."""
     worst, done = -math.inf, 0
     for cone in cones:
         own = z[done : done + len(cone.offset)]
@@ -167,11 +164,11 @@ def _for_solver(cone: Cone, clarabel: Any) -> tuple[Array, Array, Any]:
 
 
 def _scale(cone: Cone) -> Array:
-    """Return the solver's factors of the entries of an upper triangle, so that its inner product is the matrices'."""
+    """Solver's factors of an upper triangle's entries, which make its inner product that of the matrices."""
     i, j = upper_triangle(_order(len(cone.offset)))
     return np.where(i == j, 1.0, math.sqrt(2.0))
 
 
 def _order(entries: int) -> int:
-    """Order of a symmetric matrix with so many entries in its upper triangle."""
+    """Order of a symmetric matrix from the number of entries in its upper triangle."""
     return round((math.sqrt(8 * entries + 1) - 1) / 2)

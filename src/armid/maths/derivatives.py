@@ -1,4 +1,4 @@
-"""Derivatives of sampled signals by differences, or exactly where they are periodic; arrays in, arrays out."""
+"""Derivatives of sampled signals: by differences, or exact for periodic signals."""
 
 from __future__ import annotations
 
@@ -8,20 +8,18 @@ from armid.errors import ArmidError
 from armid.maths.spectrum import frequencies, inverse, spectrum
 from armid.values import Array
 
-__all__ = ["central_difference", "periodic_derivative"]
-
 
 def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool = False) -> Array:
     """First or second derivative by the three-point formula, shape of `x`.
 
-    The second derivative is the three-point one, not the first applied twice: that one reads every second sample
-    only, which makes four times the error (ω/rate)²/12 and is blind to half the band.
+    The second derivative is the three-point formula, not the first derivative applied twice: that uses only every
+    second sample, has four times the error (ω/rate)²/12 and is insensitive to half the band.
 
     Args:
         x: Signals, shape (N, ...).
         rate: Samples a second [Hz].
         order: 1 or 2.
-        periodic: Differences wrap around; else the two ends use one-sided formulas of the same power.
+        periodic: Whether differences wrap around; else the two ends use one-sided formulas of the same order.
     """
     if order not in (1, 2):
         raise ArmidError(f"Central differences give the first or second derivative; found order {order}.")
@@ -43,6 +41,6 @@ def central_difference(x: Array, rate: float, order: int = 1, *, periodic: bool 
 
 
 def periodic_derivative(x: Array, rate: float, order: int = 1) -> Array:
-    """Exact derivative of signals that are a whole number of periods, shape (N, ...)."""
+    """Exact derivative of signals over a whole number of periods, shape (N, ...)."""
     jw = (2j * np.pi * rate * frequencies(len(x))).reshape(-1, *(1,) * (x.ndim - 1))
     return inverse(spectrum(x) * jw**order, len(x))

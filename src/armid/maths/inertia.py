@@ -12,27 +12,12 @@ import numpy as np
 from armid.maths.spatial import skew
 from armid.values import Array
 
-__all__ = [
-    "INERTIA_INDEX",
-    "PSEUDO_INERTIA_OF",
-    "about_com",
-    "about_com_slope",
-    "com_inertia_to_vector",
-    "inertia_matrix",
-    "inertia_vector",
-    "pseudo_inertia",
-    "spatial_inertia",
-    "transform",
-    "vector_from_pseudo_inertia",
-    "vector_to_com_inertia",
-]
-
 INERTIA_INDEX = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 """Row and column of each of the six inertia entries, in parameter order."""
 
 
 def _of_units() -> Array:
-    """Pseudo-inertia of each parameter by itself, from Σ = ½ tr(I)·1 - I."""
+    """Pseudo-inertia of each unit parameter, from Σ = ½ tr(I)·1 - I."""
     result = np.zeros((10, 4, 4))
     result[0, 3, 3] = 1.0
     for k in range(3):
@@ -45,7 +30,7 @@ def _of_units() -> Array:
 
 
 PSEUDO_INERTIA_OF: Array = _of_units()
-"""Pseudo-inertias (10, 4, 4) of bodies that have one parameter only, which is one."""
+"""Pseudo-inertias (10, 4, 4) of the ten unit vectors of parameters."""
 
 
 def inertia_matrix(six: Array) -> Array:

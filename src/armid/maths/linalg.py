@@ -8,29 +8,18 @@ import numpy as np
 
 from armid.values import Array
 
-__all__ = [
-    "condition",
-    "half_of",
-    "inverse_of",
-    "null_directions",
-    "orthonormal",
-    "root_of",
-    "scaled_condition",
-    "unit_columns",
-]
-
 LEAST = 1e-15
-"""Smallest eigenvalue over the largest, rows and columns scaled: what is smaller is rounding."""
+"""Ratio of an eigenvalue to the largest one, rows and columns scaled, below which it is rounding."""
 
 FAR_FROM_LEAST = 1e5
-"""Largest entry of the inverse of a Cholesky factor for which no eigenvalue is near the least."""
+"""Largest entry of the inverse Cholesky factor for which all eigenvalues are well above `LEAST`."""
 
 CLEAR = 1e6
-"""Largest entry of the inverse of a triangle with columns of unit length for which no rank is missing."""
+"""Largest entry of the inverse of a triangular factor with columns of unit length for which the rank is full."""
 
 RANK_TOLERANCE = 1e-10
-"""Singular values of unit columns below this share of the largest are rank that is missing: rounding of the
-factors is 1e-15, and what lies between is data so poor that no digit of the estimate would be right."""
+"""Ratio of singular values of unit columns below which the rank counts as deficient. Rounding of the factors is
+1e-15; with ratios between the two, no digit of the estimate would be right."""
 
 
 def unit_columns(A: Array) -> tuple[Array, Array]:
@@ -41,38 +30,38 @@ def unit_columns(A: Array) -> tuple[Array, Array]:
 
 
 def condition(A: Array) -> float:
-    """Ratio of the largest to the smallest singular value; infinite where that is zero."""
+    """Condition number: ratio of the largest to the smallest singular value; infinite where the smallest is zero."""
     values = np.linalg.svd(A, compute_uv=False)
     return float(values[0] / values[-1]) if values[-1] > 0.0 and A.shape[0] >= A.shape[1] else float("inf")
 
 
 def scaled_condition(A: Array) -> float:
-    """Condition number with columns scaled to unit length, free of the choice of units."""
+    """Condition number with columns scaled to unit length, independent of the units."""
     return condition(unit_columns(A)[0])
 
 
 def null_directions(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
-    """Directions (k, b) of unit length in scaled coordinates that the rows of A do not see."""
+    """Null space of A in coordinates scaled to unit columns: directions (k, b) of unit length."""
     scaled, _ = unit_columns(A)
     rows = max(scaled.shape)
     padded = np.zeros((rows, scaled.shape[1]))
     padded[: len(scaled)] = scaled
     values = np.linalg.svd(padded, compute_uv=False)
     unseen = values <= tolerance * max(values[0], 1.0)
-    if not unseen.any():  # as nearly always; the directions cost twice the values
+    if not unseen.any():  # the usual case; directions take twice the time of the values
         return np.zeros((0, scaled.shape[1]))
     return np.linalg.svd(padded, full_matrices=False)[2][unseen]
 
 
 def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
-    """Q (rows, b), R (b, b) and R⁻¹ of columns of unit length, A = Q R; `None` unless all are clearly independent.
+    """Factors Q (rows, b), R (b, b) and R⁻¹ of unit columns A = Q R; `None` unless all are clearly independent.
 
-    Much cheaper than singular values, which are for what is left.
+    This is much faster than singular values, which are needed only in the other case.
     """
     if len(A) < A.shape[1]:
         return None
     Q, R = np.linalg.qr(A)
-    # The diagonal of R only bounds the rank from above: a cheap way out.
+    # The diagonal of R bounds the rank from above, which is a fast first test.
     if np.abs(np.diag(R)).min(initial=1.0) <= 1.0 / CLEAR:
         return None
     inverse = np.linalg.inv(R)
@@ -80,13 +69,13 @@ def orthonormal(A: Array) -> tuple[Array, Array, Array] | None:
 
 
 def inverse_of(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix, symmetric and positive whatever rounding made of the matrix."""
+    """Inverse of a positive definite matrix; rounding of the matrix leaves it symmetric and positive definite."""
     half = half_of(matrix)
     return half @ half.T
 
 
 def half_of(matrix: Array) -> Array:
-    """A square root h of the inverse of a positive definite matrix, h hᵀ = matrix⁻¹."""
+    """Square root h of the inverse of a positive definite matrix, h hᵀ = matrix⁻¹."""
     size = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
     scaled = size[:, None] * (0.5 * (matrix + matrix.T)) * size
     with contextlib.suppress(np.linalg.LinAlgError):
@@ -98,7 +87,7 @@ def half_of(matrix: Array) -> Array:
 
 
 def root_of(covariance: Array) -> Array:
-    """Factor r (b, b) of a covariance, r rᵀ = covariance, whatever the units; what rounding made negative is zero."""
+    """Factor r (b, b) of a covariance r rᵀ, from its correlations; negative eigenvalues are set to zero."""
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     size = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))

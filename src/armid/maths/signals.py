@@ -1,12 +1,12 @@
-"""Zero-phase filters of sampled signals and their derivatives in a band; arrays in, arrays out.
+"""Zero-phase filters of sampled signals, and band-limited derivatives.
 
-A *filter* here is an array that carries its own kind: second-order sections, shape (k, 6), run forwards and
-backwards, or symmetric FIR taps, shape (2h+1,), centred on the sample. Both have zero phase and a real gain, so
-one routine applies either: the signal is continued at its ends (by odd reflection, or by itself where it is
-periodic) and multiplied by the gain in the frequency domain. That is the forward-backward recursion without its
-start-up transient, costs the same at any order, and gives band-limited derivatives for the factor jω.
+A *filter* is an array whose shape gives its kind: second-order sections, shape (k, 6), run forwards and backwards, or
+symmetric FIR taps, shape (2h+1,), centred on the sample. Both have zero phase and a real gain, so one routine applies
+both: the signal is continued at its ends (by odd reflection, or periodically) and multiplied by the gain in the
+frequency domain. This equals the forward-backward recursion without its initial transient, takes the same time for
+every order, and gives band-limited derivatives by the factor jω.
 
-Signals run along axis 0 unless said otherwise: shape (N,) or (N, ...).
+Signals run along axis 0 unless stated otherwise: shape (N,) or (N, ...).
 """
 
 from __future__ import annotations
@@ -19,56 +19,38 @@ from armid.errors import ArmidError
 from armid.maths.spectrum import fast_length, frequencies, inverse, spectrum
 from armid.values import Array
 
-__all__ = [
-    "butterworth",
-    "coarsest_step",
-    "decimate",
-    "decimation_filter",
-    "decimation_step",
-    "edge_samples",
-    "filtered_derivatives",
-    "fir",
-    "gain",
-    "interpolate",
-    "low_pass",
-    "periodic_filter",
-    "settling_samples",
-    "zero_phase",
-]
-
 BLOCK = 40_000
-"""Numbers that a filter works on at a time: what is made of them on the way stays in the cache of a core."""
+"""Numbers that a filter processes at a time: intermediate arrays then stay in the cache of a core."""
 
 SETTLED = 1e-9
-"""Decay of a filter's slowest pole after which its memory is over: what the reflected end still does to the
-signal is then below the rounding of 32-bit logs."""
+"""Decay of a filter's slowest pole at which it counts as settled: the effect of the reflected end is then below the
+rounding of 32-bit logs."""
 
 EDGE = 1e-2
-"""Share of the kernel's absolute weight that may still lie beyond the end of a run in a row that is kept. The
-reflected end is a good guess (right in value and slope), so a hundredth of the weight carries far less error."""
+"""Largest share of the impulse response's absolute weight beyond the end of a run in a kept row. The reflected end is
+a good guess (value and slope are right), so the error is far less than a hundredth."""
 
 FIR_ATTENUATION = 60.0
-"""Stop-band attenuation of `fir` [dB]: a residual of a thousandth, below the noise of joint torques, for the
-shortest kernel."""
+"""Stop-band attenuation of `fir` [dB]: 0.001, below the noise of joint torques, for the shortest impulse response."""
 
 DECIMATION_ATTENUATION = 100.0
-"""Stop-band attenuation of the decimation filter [dB]: what folds down is 1e-5, below a 16-bit converter."""
+"""Stop-band attenuation of the decimation filter [dB]: aliases are 1e-5, below a 16-bit resolution."""
 
 DECIMATION_PASS_BAND = 0.5
-"""Share of the new Nyquist frequency that decimation leaves flat (to 2e-5) and free of aliases."""
+"""Share of the new Nyquist frequency over which decimation has a gain of one (to 2e-5) and no aliases."""
 
 OVERSAMPLING = 8.0
-"""Lowest intermediate rate in units of the cut-off: the decimation then is flat to twice the cut-off, where a
-fourth-order zero-phase Butterworth has fallen to 0.4 %."""
+"""Lowest intermediate rate over the cut-off: the decimation then has a gain of one up to twice the cut-off, where the
+gain of a fourth-order zero-phase Butterworth filter is 0.4 %."""
 
 
 # Filters -------------------------------------------------------------------------------------------------------
 
 
 def butterworth(order: int, cutoff: float, rate: float) -> Array:
-    """A Butterworth low-pass as second-order sections, shape (k, 6).
+    """Butterworth low-pass as second-order sections, shape (k, 6).
 
-    Sections, because the transfer-function form of a high order at a low cut-off is NaN in double precision.
+    The transfer-function form of a high order at a low cut-off overflows in double precision.
 
     Args:
         order: Order of one pass; forwards and backwards the slope is twice as steep.
@@ -97,9 +79,9 @@ def butterworth(order: int, cutoff: float, rate: float) -> Array:
 
 
 def fir(periods: float, cutoff: float, rate: float) -> Array:
-    """A windowed-sinc low-pass that spans so many periods of the cut-off, taps of shape (2h+1,).
+    """Windowed-sinc low-pass over a number of periods of the cut-off, taps of shape (2h+1,).
 
-    -6 dB at the cut-off, like `butterworth` run both ways; gain exactly one at zero frequency.
+    The gain is -6 dB at the cut-off, as for `butterworth` in both directions, and exactly one at zero frequency.
     """
     _check_cutoff(periods, cutoff, rate)
     half = max(1, round(0.5 * periods * rate / cutoff))
@@ -107,7 +89,7 @@ def fir(periods: float, cutoff: float, rate: float) -> Array:
 
 
 def low_pass(family: str, order: int, cutoff: float, rate: float) -> Array | None:
-    """The filter that a family name, order and cut-off [Hz] ask for; none for the family `none`."""
+    """Filter of a family, order and cut-off [Hz]; `None` for the family `none`."""
     if family == "none":
         return None
     return (butterworth if family == "butterworth" else fir)(order, cutoff, rate)
@@ -118,13 +100,13 @@ def decimation_filter(
 ) -> Array:
     """Linear-phase low-pass before keeping every `step`-th sample, taps of shape (2h+1,).
 
-    Flat up to `pass_band` of the new Nyquist frequency; what would fold into that band is attenuated. Between the
-    two the aliases of the transition fold onto the transition, so it may be twice as wide as a filter without any.
+    The gain is one up to `pass_band` of the new Nyquist frequency; frequencies that alias into that band are
+    attenuated. The transition band aliases onto itself only, so it may be twice as wide as without aliases.
 
     Args:
         step: Samples from one kept sample to the next.
-        pass_band: Share of the new Nyquist frequency left flat, in (0, 1).
-        attenuation: Of what folds down [dB]; the pass band is flat to twice that ratio.
+        pass_band: Share of the new Nyquist frequency with a gain of one, in (0, 1).
+        attenuation: Attenuation of aliases [dB]; the gain of the pass band is one to twice that ratio.
     """
     if not (step >= 1 and 0 < pass_band < 1):
         raise ArmidError(
@@ -134,19 +116,19 @@ def decimation_filter(
     if step == 1:
         return np.ones(1)
     width = (1.0 - pass_band) / step  # from pass to stop band, cycles a sample
-    attenuation += 2.0  # Kaiser's formula for the length promises up to 1.5 dB too much
+    attenuation += 2.0  # Kaiser's formula for the length overestimates by up to 1.5 dB
     half = int(np.ceil((attenuation - 7.95) / (14.36 * width) / 2))
     return _windowed_sinc(half, 0.5 / step, attenuation)
 
 
 def decimation_step(rate: float, cutoff: float, step: int) -> int:
-    """The largest divisor of `step` that may be taken before the sharp filter of this cut-off [Hz]."""
+    """Largest divisor of `step` by which to decimate before the sharp filter of this cut-off [Hz]."""
     allowed = [d for d in range(1, step + 1) if step % d == 0 and rate >= d * OVERSAMPLING * cutoff]
     return max(allowed, default=1)
 
 
 def coarsest_step(rate: float, cutoff: float) -> int:
-    """The largest step at which a signal filtered at `cutoff` [Hz] still shows all that the filter leaves."""
+    """Largest step that loses nothing of a signal filtered at `cutoff` [Hz]."""
     return max(1, int(rate / (OVERSAMPLING * cutoff)))
 
 
@@ -158,7 +140,7 @@ def gain(filter: Array, frequency: Array) -> Array:
             filter[half]
             + 2.0 * np.cos(2.0 * np.pi * np.outer(frequency, np.arange(1, half + 1))) @ (filter[half + 1 :])
         )
-    # Sections one by one in complex form: expanding |H|² in cosines cancels to nothing at a low cut-off.
+    # Sections one by one in complex form: an expansion of |H|² in cosines loses all digits at a low cut-off.
     z = np.exp(-2j * np.pi * frequency)
     response = np.ones(z.shape, dtype=np.complex128)
     for b0, b1, b2, a0, a1, a2 in filter:
@@ -167,7 +149,7 @@ def gain(filter: Array, frequency: Array) -> Array:
 
 
 def settling_samples(filter: Array, decay: float = SETTLED) -> int:
-    """Samples after which the filter has forgotten: its slowest pole has fallen to `decay`, or its taps ended."""
+    """Settling time in samples: until the slowest pole has decayed to `decay`, or the taps have ended."""
     if filter.ndim == 1:
         return len(filter) // 2
     a0, a1, a2 = filter[:, 3:].T
@@ -177,7 +159,7 @@ def settling_samples(filter: Array, decay: float = SETTLED) -> int:
 
 
 def edge_samples(filter: Array, share: float = EDGE) -> int:
-    """Samples from the end of a run that lean on what lies beyond it by more than `share` of the kernel."""
+    """Number of samples at the end of a run with more than `share` of the impulse response beyond it."""
     length = fast_length(2 * settling_samples(filter) + 1)
     kernel = np.abs(inverse(_grid_gain(filter, length).astype(np.complex128), length))[: length // 2]
     tail = kernel[::-1].cumsum()[::-1]
@@ -188,13 +170,13 @@ def edge_samples(filter: Array, share: float = EDGE) -> int:
 
 
 def zero_phase(filter: Array, x: Array, axis: int = 0, pad: int | None = None) -> Array:
-    """Low-pass a run, its ends continued by odd reflection (equal value and slope).
+    """Low-pass filters a run; its ends are continued by odd reflection (equal value and slope).
 
     Args:
         filter: Sections or taps.
         x: Signals.
-        axis: Time.
-        pad: Samples of continuation; by default until the filter has settled, however short the run.
+        axis: Axis of time.
+        pad: Samples of continuation; by default the settling time of the filter.
 
     Returns:
         Array like `x`. Straight lines pass exactly; the two end samples are kept.
@@ -209,7 +191,7 @@ def zero_phase(filter: Array, x: Array, axis: int = 0, pad: int | None = None) -
 
 
 def periodic_filter(filter: Array, x: Array, axis: int = 0) -> Array:
-    """Low-pass signals that are a whole number of periods: exact, without any end."""
+    """Low-pass filters signals over a whole number of periods, exactly and without end effects."""
     x = _along(x, axis)
     return _back(_circular(_grid_gain(filter, x.shape[-1]), x, (0,))[0], axis)
 
@@ -217,16 +199,16 @@ def periodic_filter(filter: Array, x: Array, axis: int = 0) -> Array:
 def filtered_derivatives(
     filter: Array, x: Array, rate: float, *, periodic: bool = False
 ) -> tuple[Array, Array, Array]:
-    """Low-passed signals with their first and second derivative, all through the same filter.
+    """Low-pass filtered signals with their first and second derivatives, all through the same filter.
 
-    The derivative is taken of the band-limited signal itself, (jω)·gain, so that it has no error of its own inside
-    the band; a difference quotient loses (ω/rate)²/6 of the velocity and half as much of the acceleration.
+    The derivative is exact within the band, since it is computed as (jω)·gain; a difference quotient has a relative
+    error of (ω/rate)²/6 in velocity and half as much in acceleration.
 
     Args:
         filter: Sections or taps.
         x: Signals, shape (N, ...).
         rate: Samples a second [Hz].
-        periodic: The run is a whole number of periods; else its ends are reflected.
+        periodic: Whether the run is a whole number of periods; else its ends are reflected.
     """
     if periodic:
         parts = _circular(_grid_gain(filter, len(x)), _along(x), (0, 1, 2))
@@ -241,10 +223,10 @@ def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: boo
 
     Args:
         x: Signals, shape (N, ...).
-        taps: From `decimation_filter`.
+        taps: Taps of `decimation_filter`.
         step: Samples from one kept sample to the next.
         offset: First kept sample.
-        periodic: Continue the signal by itself instead of by odd reflection.
+        periodic: Whether the signal is continued periodically; else by odd reflection.
 
     Returns:
         Array of shape (ceil((N - offset) / step), ...).
@@ -259,15 +241,15 @@ def decimate(x: Array, taps: Array, step: int, offset: int = 0, *, periodic: boo
 
 
 def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
-    """Band-limited signals at `factor` times their rate: the counterpart of decimation, with the same filter.
+    """Interpolates band-limited signals to `factor` times their rate, with the filter of decimation.
 
     Args:
         x: Signals along their last axis, shape (..., N), without content above half their Nyquist frequency.
-        factor: Samples made for each given one.
-        periodic: Continue the signals by themselves instead of by odd reflection.
+        factor: Number of new samples for each given one.
+        periodic: Whether the signals are continued periodically; else by odd reflection.
 
     Returns:
-        Shape (..., factor N); every `factor`-th is the given sample, to the filter's ripple.
+        Signals of shape (..., factor N); every `factor`-th sample is a given one, to the filter's ripple.
     """
     if factor == 1:
         return x
@@ -283,24 +265,24 @@ def interpolate(x: Array, factor: int, *, periodic: bool = False) -> Array:
 
 
 def _along(x: Array, axis: int = 0) -> Array:
-    """The signals with time last, each of them contiguous, as a transform reads them fastest."""
+    """Contiguous signals with time as the last axis, the fastest layout for a transform."""
     return np.ascontiguousarray(np.moveaxis(x, axis, -1))
 
 
 def _back(x: Array, axis: int = 0) -> Array:
-    """Signals whose time is last with time at an axis, contiguous."""
+    """Contiguous signals with time moved from the last axis to another."""
     return np.ascontiguousarray(np.moveaxis(x, -1, axis))
 
 
 def _reflected(filter: Array, x: Array, pad: int | None, orders: Sequence[int]) -> list[Array]:
-    """Derivatives (a sample apart) of filtered signals (..., N), ends reflected; the line through the ends aside."""
+    """Derivatives, for unit sample time, of filtered signals (..., N) with reflected ends."""
     samples = x.shape[-1]
     if samples < 2:
         return [x * (order == 0) for order in orders]
     slope = (x[..., -1:] - x[..., :1]) / (samples - 1)
     line = x[..., :1] + slope * np.arange(samples)
     pad = settling_samples(filter) if pad is None else pad
-    if pad >= samples - 1:  # reflected at both ends again and again, the signal is periodic: no need to be long
+    if pad >= samples - 1:  # repeated reflection makes the signal periodic
         pad, length = 0, 2 * (samples - 1)
     else:
         length = fast_length(samples + 2 * pad)
@@ -311,7 +293,7 @@ def _reflected(filter: Array, x: Array, pad: int | None, orders: Sequence[int]) 
 
 
 def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
-    """Derivatives (a sample apart) of periodic signals (..., N) times a gain on the grid of their real FFT."""
+    """Derivatives for unit sample time of periodic signals (..., N) times a gain on the grid of their real FFT."""
     samples = x.shape[-1]
     transform = np.moveaxis(spectrum(np.moveaxis(x, -1, 0)), 0, -1)
     jw = 2j * np.pi * frequencies(samples)
@@ -323,7 +305,7 @@ def _circular(response: Array, x: Array, orders: Sequence[int]) -> list[Array]:
 
 
 def _grid_gain(filter: Array, length: int) -> Array:
-    """Gain on the grid of a real FFT of `length`; taps wrap around where they are longer."""
+    """Gain on the grid of a real FFT of `length`; longer taps wrap around."""
     if filter.ndim == 2:
         return gain(filter, frequencies(length))
     wrapped = np.zeros(length)
@@ -332,7 +314,7 @@ def _grid_gain(filter: Array, length: int) -> Array:
 
 
 def _extend(x: Array, before: int, after: int, *, periodic: bool) -> Array:
-    """Signals (..., N) continued at both ends: by themselves, or by odd reflection (repeatedly where short)."""
+    """Signals (..., N) continued at both ends: periodically, or by odd reflection (repeated for short signals)."""
     samples = x.shape[-1]
     widths = [(0, 0)] * (x.ndim - 1) + [(before, after)]
     if periodic:
@@ -351,7 +333,7 @@ def _extend(x: Array, before: int, after: int, *, periodic: bool) -> Array:
 def _windowed_sinc(half: int, cutoff: float, attenuation: float) -> Array:
     """Kaiser-windowed low-pass of 2·half+1 taps, cut-off in cycles a sample, sum one."""
     k = np.arange(-half, half + 1)
-    beta = 0.1102 * (attenuation - 8.7)  # Kaiser's formula, good above 50 dB
+    beta = 0.1102 * (attenuation - 8.7)  # Kaiser's formula, valid above 50 dB
     taps = np.sinc(2.0 * cutoff * k) * np.kaiser(2 * half + 1, beta)
     return taps / taps.sum()
 
@@ -359,7 +341,7 @@ def _windowed_sinc(half: int, cutoff: float, attenuation: float) -> Array:
 def _check_cutoff(order: float, cutoff: float, rate: float) -> None:
     if not (order >= 1 and 0 < cutoff < rate / 2):
         raise ArmidError(
-            f"A low-pass of order {order} at {cutoff:g} Hz does not fit a signal of {rate:g} samples a second.",
+            f"A low-pass of order {order} at {cutoff:g} Hz is impossible for a signal with {rate:g} samples/s.",
             possible=f"an order of at least 1 and a cut-off between 0 and {rate / 2:g} Hz (half the rate)",
             remedy="lower the cut-off, or record at a higher rate.",
         )

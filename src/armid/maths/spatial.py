@@ -1,6 +1,6 @@
 """Rotations and cross products.
 
-R_AB maps coordinates in frame B to frame A; p_AB is the origin of B in A. Angles in radians.
+R_AB maps coordinates in frame B to frame A; p_AB is the origin of B in A. Angles are in radians.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armid.values import Array
-
-__all__ = ["axis_rotation", "homogeneous", "rotation_x", "rotation_y", "rotation_z", "rpy_rotation", "skew"]
 
 
 def skew(v: ArrayLike) -> Array:

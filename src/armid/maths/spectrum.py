@@ -1,4 +1,4 @@
-"""Real Fourier transform along axis 0: NumPy's, since importing SciPy's takes as long as most logs."""
+"""Real Fourier transform along axis 0, by NumPy, since SciPy's import takes longer than most transforms."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from numpy.typing import NDArray
 
 from armid.values import Array
 
-__all__ = ["fast_length", "frequencies", "inverse", "power_spectrum", "spectrum"]
-
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
-"""Window of four cosines [Harris1978]: what leaks to other frequencies is down by 92 dB."""
+"""Blackman-Harris window of four cosines [Harris1978], with side lobes below -92 dB."""
 
 
 def spectrum(x: Array) -> NDArray[np.complex128]:
@@ -29,7 +27,7 @@ def frequencies(samples: int) -> Array:
 
 
 def fast_length(samples: int) -> int:
-    """The smallest length from `samples` on whose transform is fast: a product of twos, threes and fives."""
+    """Smallest length, at least `samples`, with a fast transform: a product of twos, threes and fives."""
     best = 1 << max(samples - 1, 0).bit_length()
     five = 1
     while five < best:
@@ -44,12 +42,12 @@ def fast_length(samples: int) -> int:
 def power_spectrum(x: Array, rate: float, segment: int) -> tuple[Array, Array]:
     """Power spectral density by the mean over segments that overlap by half [Welch1967].
 
-    Each segment is freed of its mean and weighed with a Blackman-Harris window.
+    The mean of each segment is subtracted, and a Blackman-Harris window is applied.
 
     Args:
         x: Signals, shape (N, n), N ≥ `segment`.
         rate: Samples a second [Hz].
-        segment: Samples of a segment, L.
+        segment: Number L of samples of a segment.
 
     Returns:
         Frequencies, shape (L // 2 + 1,) [Hz]; one-sided density, shape (L // 2 + 1, n) [square of the unit / Hz].

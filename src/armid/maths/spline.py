@@ -1,4 +1,4 @@
-"""Cubic splines through samples at uneven times: what SciPy's has, without the half second of its import."""
+"""Cubic splines through samples at uneven times; SciPy has the same, but its import takes half a second."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ import numpy as np
 
 from armid.values import Array
 
-__all__ = ["spline", "spline_slopes"]
-
 LEAST = 4
-"""Samples below which the two conditions at the ends are one and the same: a parabola or a line goes through them."""
+"""Smallest number of samples for a cubic spline; fewer samples are interpolated by a parabola or a line."""
 
 
 def spline_slopes(time: Array, x: Array) -> Array:
     """First derivative at the samples of the cubic spline through them, shape of `x` [1/s].
 
-    Twice continuously differentiable, the third derivative continuous at the second and the last but one sample, too
-    ("not a knot" [DeBoor1978]). Through three samples goes a parabola, through two a line.
+    The spline is twice continuously differentiable, and its third derivative is continuous at the second and the last
+    but one sample ("not a knot" [DeBoor1978]). Three samples give a parabola, two a line.
 
     Args:
         time: Increasing, shape (N,), N ≥ 2 [s].
@@ -26,7 +24,7 @@ def spline_slopes(time: Array, x: Array) -> Array:
     chord = np.diff(x.reshape(samples, -1), axis=0) / h[:, None]
     if samples < LEAST:
         return _short(h, chord).reshape(x.shape)
-    # Rows of the tridiagonal system, as bands: above, on and below the diagonal.
+    # Bands of the tridiagonal system: above, on and below the diagonal.
     above, diagonal, below = np.empty(samples - 1), np.empty(samples), np.empty(samples - 1)
     right = np.empty_like(chord, shape=(samples, chord.shape[1]))
     above[1:], below[:-1] = h[:-1], h[1:]
@@ -37,7 +35,7 @@ def spline_slopes(time: Array, x: Array) -> Array:
         diagonal[row] = h[far]
         (above if row == 0 else below)[end] = both
         right[row] = ((h[near] + 2.0 * both) * h[far] * chord[near] + h[near] ** 2 * chord[far]) / both
-    # The first and the last row taken from their neighbours, every diagonal outweighs the rest of its row.
+    # With the first and last row eliminated, the matrix is diagonally dominant.
     first, last = below[0] / diagonal[0], above[-1] / diagonal[-1]
     diagonal[1] -= first * above[0]
     right[1] -= first * right[0]
@@ -54,20 +52,20 @@ def spline_slopes(time: Array, x: Array) -> Array:
 
 
 def _tridiagonal(below: Array, diagonal: Array, above: Array, right: Array) -> Array:
-    """Solution of a tridiagonal system by cyclic reduction [Hockney1965], for rows that their diagonal dominates.
+    """Solution of a diagonally dominant tridiagonal system by cyclic reduction [Hockney1965].
 
-    Every other row is taken out of its neighbours, over and over, until one is left.
+    Every other row is eliminated, repeatedly, until one row remains.
 
     Args:
-        below: Left of the diagonal, zero in the first row, shape (N,).
-        diagonal: Shape (N,).
-        above: Right of the diagonal, zero in the last row, shape (N,).
-        right: Shape (N, k).
+        below: Entries left of the diagonal, zero in the first row, shape (N,).
+        diagonal: Diagonal, shape (N,).
+        above: Entries right of the diagonal, zero in the last row, shape (N,).
+        right: Right-hand sides, shape (N, k).
     """
     count = len(diagonal)
     if count == 1:
         return right / diagonal[:, None]
-    if count % 2 == 0:  # so that every row that stays has two that go beside it
+    if count % 2 == 0:  # every remaining row needs an eliminated row on each side
         below, diagonal, above = np.append(below, 0.0), np.append(diagonal, 1.0), np.append(above, 0.0)
         right = np.concatenate([right, np.zeros((1, right.shape[1]))])
     first, second, stays, goes = slice(0, -1, 2), slice(2, None, 2), slice(1, None, 2), slice(0, None, 2)
@@ -87,15 +85,15 @@ def _tridiagonal(below: Array, diagonal: Array, above: Array, right: Array) -> A
 
 
 def spline(time: Array, x: Array, at: Array) -> Array:
-    """The cubic spline through samples, read at other times.
+    """Values of the cubic spline through samples at other times.
 
     Args:
         time: Increasing, shape (N,), N ≥ 2 [s].
         x: Signals, shape (N, ...).
-        at: Times, shape (M,) [s]; beyond the ends the first and last cubic go on.
+        at: Times, shape (M,) [s]; beyond the ends the first and last cubic are extrapolated.
 
     Returns:
-        Shape (M, ...).
+        Values, shape (M, ...).
     """
     slopes = spline_slopes(time, x)
     k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
@@ -108,7 +106,7 @@ def spline(time: Array, x: Array, at: Array) -> Array:
 
 
 def _short(h: Array, chord: Array) -> Array:
-    """Slopes through two or three samples."""
+    """Slopes of the line through two or the parabola through three samples."""
     if len(h) == 1:
         return np.repeat(chord, 2, axis=0)
     bend = (chord[1] - chord[0]) / (h[0] + h[1])

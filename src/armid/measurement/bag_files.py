@@ -1,4 +1,4 @@
-"""Files of ROS bags: ROS 2 records into a folder; ROS 1 bags and single parts of a folder are files."""
+"""Files of ROS bags: folders of ROS 2, files of ROS 1, and single files of a folder."""
 
 from __future__ import annotations
 
@@ -13,30 +13,19 @@ from typing import Any
 from armid.errors import MissingExtraError, RecordingError
 from armid.values import digest, sha256_of_file
 
-__all__ = [
-    "COMPRESSED",
-    "METADATA",
-    "STORAGE",
-    "bag_paths",
-    "data_files",
-    "is_packed",
-    "opened",
-    "sha256_of_recording",
-]
-
 METADATA = "metadata.yaml"
 
 STORAGE: tuple[str, ...] = (".bag", ".db3", ".mcap")
-"""Endings of files that hold messages."""
+"""Suffixes of files with messages."""
 
 COMPRESSED = ".zstd"
-"""Ending that ROS 2 adds to files that it has compressed."""
+"""Suffix that ROS 2 adds to compressed files."""
 
 OURS = {
-    "plan.json": "it is a plan of armid excite, and no recording; simulate it, or give what was recorded of it.",
+    "plan.json": "it is a plan of armid excite, not a recording; simulate it, or give a recording of its motion.",
     "estimate.json": "it is a run of armid identify; give a recording.",
 }
-"""Folders that armid writes, by a file in them, and what to do with them."""
+"""Folders that armid writes, by a file in them, with a remedy."""
 
 
 def is_packed(path: Path) -> bool:
@@ -49,8 +38,8 @@ def opened(path: Path) -> Generator[list[Path]]:
     """Context with the paths to open for a bag; a compressed file is unpacked into a temporary folder.
 
     Raises:
-        RecordingError: A folder in which there is no bag, or a file that cannot be unpacked.
-        MissingExtraError: Nothing unpacks zstd.
+        RecordingError: The folder has no bag, or a file cannot be decompressed.
+        MissingExtraError: No module for zstd is installed.
     """
     if path.is_dir() or not is_packed(path):
         yield bag_paths(path)
@@ -80,7 +69,7 @@ def bag_paths(path: Path) -> list[Path]:
     """Paths to open for a bag: the file, the folder with metadata, or the files of a folder without.
 
     Raises:
-        RecordingError: A folder in which there is no bag.
+        RecordingError: The folder has no bag.
     """
     if not path.is_dir() or (path / METADATA).is_file():
         return [path]
@@ -91,7 +80,7 @@ def bag_paths(path: Path) -> list[Path]:
     known = next((remedy for name, remedy in OURS.items() if (path / name).is_file()), "")
     found = ", ".join(sorted(file.name for file in path.iterdir())[:10]) or "nothing"
     raise RecordingError(
-        f"{path} is a folder, and no bag: it has no {METADATA}; found {found}.",
+        f"{path} is a folder without a bag: it has no {METADATA}; found {found}.",
         possible=f"a bag folder of ROS 2 has {METADATA} and its .db3 or .mcap files, one of ROS 1 has .bag files; "
         "other recordings are single files",
         remedy=known

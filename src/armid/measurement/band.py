@@ -11,8 +11,6 @@ from typing import Literal
 
 from armid.errors import ArmidError
 
-__all__ = ["Band", "Edges", "Family"]
-
 Family = Literal["butterworth", "fir", "none"]
 Edges = Literal["drop", "periodic", "pad"]
 
@@ -22,8 +20,7 @@ class Band:
     """Zero-phase low-pass filter, not yet applied.
 
     Attributes:
-        family: `butterworth` (run forward and backward, so -6 dB at the cut-off), `fir` (linear phase) or
-            `none`.
+        family: `butterworth` (forward and backward, -6 dB at the cut-off), `fir` (linear phase) or `none`.
         cutoff: Cut-off frequency [Hz]; ignored for `none`.
         order: Order of one Butterworth pass, or number of cut-off periods that the FIR spans.
         edges: `periodic` where the run is a whole number of periods, `pad` extends the ends by odd reflection

@@ -14,8 +14,6 @@ from armid.errors import Finding, RecordingError
 from armid.measurement.columns.channels import LISTED
 from armid.values import Array
 
-__all__ = ["JointStates", "Publisher", "collect", "joined", "names_of"]
-
 FIELDS = ("position", "velocity", "effort")
 
 
@@ -113,10 +111,10 @@ def joined(
         findings.append(merged)
     rest = [each for each in filled if each not in chosen]
     first = _with_spare(first, [_states(each, path, clocked=clocked) for each in rest], spare)
-    left = [name for name in names_of(rest) if name not in first.names]
-    if left:
-        more = f" and {len(left) - LISTED} more" if len(left) > LISTED else ""
-        left_out = f"{', '.join(left[:LISTED])}{more} of other publishers on the topic left out."
+    unused = [name for name in names_of(rest) if name not in first.names]
+    if unused:
+        more = f" and {len(unused) - LISTED} more" if len(unused) > LISTED else ""
+        left_out = f"{', '.join(unused[:LISTED])}{more} of other publishers on the topic left out."
         findings.append(Finding("joints-extra", "info", "", left_out))
     return JointStates(first.names, first.time, first.values, clocked, tuple(findings))
 

@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from armid.errors import ArmidError, RecordingError
 from armid.values import Array, array
 
-__all__ = ["PRESETS", "QUANTITIES", "FormatPreset", "LogFormat"]
-
 QUANTITIES = ("time", "q", "dq", "ddq", "effort")
 """Quantities that columns can hold."""
 
@@ -23,7 +21,7 @@ SINGULAR = 1e-12
 leaves 1e-16, real gears stay above 1e-4."""
 
 LONGEST_DELAY = 1.0
-"""Delay between channels beyond which it was surely not given in seconds [s]."""
+"""Largest accepted delay between channels; a larger one was surely not given in seconds [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +48,10 @@ PRESETS: Mapping[str, FormatPreset] = {
             "effort": ("actual_current_{0}",),
         }
     ),
-    # The CSV that pyfri's collect_data writes: controller clock in seconds and nanoseconds, measured position
-    # and measured torque; FRI has no velocity. KUKA's torque mostly has the opposite sign to the URDF.
+    # CSV of pyfri's collect_data: controller clock in seconds and nanoseconds, measured position and torque; FRI has
+    # no velocity. KUKA's torque mostly has the opposite sign to the URDF.
     "kuka-fri": FormatPreset({"time": ("tsec", "tnsec"), "q": ("mp{}",), "effort": ("mt{}",)}),
-    # What franka::logToCSV writes; its time counts milliseconds.
+    # CSV of franka::logToCSV; its time is in milliseconds.
     "libfranka": FormatPreset(
         {
             "time": ("time",),
@@ -71,7 +69,7 @@ PRESETS: Mapping[str, FormatPreset] = {
 class LogFormat:
     """Description of how to read one recording; the defaults suit SI units, joint side and the URDF's signs.
 
-    Everything that is listed joint by joint stands in the robot's joint order, whatever the file's order.
+    Lists with one entry for each joint are in the robot's joint order, not in the file's.
 
     Attributes:
         rate: Samples per second [Hz]; only where there is no clock.
@@ -83,8 +81,7 @@ class LogFormat:
         transmission: Where the log is motor-side: N, shape (n, n), with q_motor = N (q - joint_offset) and
             torque_joint = Nᵀ torque_motor.
         joint_offset: Joint position where the logged one is zero, shape (n,) [rad or m].
-        delay: Delay of the logged torque relative to the positions, negative where it is early; one for all joints or
-            shape (n,) [s].
+        delay: Delay of the logged torque relative to the positions, negative where it leads; one or shape (n,) [s].
         columns: For `time`, `q`, `dq`, `ddq`, `effort`: a pattern in which `{}` counts from 1 and `{0}` from 0,
             the name of one column or matrix, or a list of names. An empty name leaves the quantity out.
         units: Unit of the logged angles, `rad` or `deg` (velocities and accelerations alike), one for all joints or
@@ -95,8 +92,7 @@ class LogFormat:
         topic: ROS topic; needed where a bag has several with joint states.
         preset: Columns of a well-known log, see `PRESETS`; `columns` overrides it.
         exclude: Intervals [t0, t1] on the recording's clock that must not count, for instance contact [s].
-        period: The motion repeats with this period [s]; found in the positions where it is not given, and `none`
-            where nothing is to be found.
+        period: Period of the motion [s]; detected from the positions where not given; `none` for no repetition.
         start: Time of the first period on the recording's clock [s].
     """
 
@@ -127,13 +123,13 @@ class LogFormat:
         if self.start is not None:
             _set(self, "start", float(_numbers(self.start, (), "start")))
         if self.consecutive not in (None, True, False):
-            raise _wrong("consecutive", self.consecutive, "true, false, or nothing to find it out")
+            raise _wrong("consecutive", self.consecutive, "true, false, or nothing for detection")
         _set(self, "units", _units(self.units))
         if self.preset is not None and self.preset not in PRESETS:
             raise _wrong("preset", self.preset, ", ".join(PRESETS))
         if self.start is not None and self.stated_period is None:
             raise RecordingError(
-                "start says where the first period begins, but no period is given.",
+                "start is given, but no period.",
                 remedy="give period as well, or leave start out.",
             )
         self._check_joint_side()
@@ -193,13 +189,13 @@ class LogFormat:
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"{name} has {length}" for name, length in lengths.items())
             raise RecordingError(
-                f"Joint-wise entries must all have one value a joint; found {listed}.",
+                f"Entries by joint must have one value for each joint; found {listed}.",
                 remedy="list one value for each joint of the robot, in its order.",
             )
 
 
-def _set(reading: LogFormat, name: str, value: Any) -> None:
-    object.__setattr__(reading, name, value)
+def _set(log_format: LogFormat, name: str, value: Any) -> None:
+    object.__setattr__(log_format, name, value)
 
 
 def _wrong(name: str, value: object, possible: str) -> RecordingError:
@@ -230,13 +226,14 @@ def _transmission(value: ArrayLike) -> Array:
     matrix = _numbers(value, (None, None), "transmission")
     if matrix.shape[0] != matrix.shape[1] or not matrix.size:
         raise RecordingError(
-            f"transmission must be square, one row a motor and one column a joint; found {matrix.shape}."
+            f"transmission must be square, with one row for each motor and one column for each joint; found "
+            f"{matrix.shape}."
         )
     scale = np.linalg.svd(matrix, compute_uv=False)
     if scale[-1] <= SINGULAR * scale[0]:
         raise RecordingError(
-            "transmission is singular: some joint motion turns no motor.",
-            remedy="check its rows; N[i, j] is what joint j adds to motor i.",
+            "transmission is singular: some motion of the joints moves no motor.",
+            remedy="check its rows; N[i, j] is the ratio of motor i to joint j.",
         )
     return matrix
 
@@ -278,9 +275,7 @@ def _columns(value: Any) -> dict[str, tuple[str, ...]]:
             raise _wrong(f"columns.{quantity}", names, 'a name, a pattern such as "q{}", or a list of names')
         columns[quantity] = () if listed == ("",) else listed
     if columns.get("q") == ():
-        raise RecordingError(
-            "columns leaves q out; without positions there is no motion.", remedy="name the columns of q."
-        )
+        raise RecordingError("columns leaves q out, but positions are required.", remedy="name the columns of q.")
     return columns
 
 

@@ -12,15 +12,13 @@ from armid.measurement.band import Band
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["Observations", "ObservedRun"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ObservedRun:
     """Contiguous run of motion with the measured torque.
 
-    The output grid is every `step`-th sample, beginning with sample `offset`: M rows. Rows are what estimation
-    counts; masks and blocks live on it.
+    The output grid has M rows: every `step`-th sample, beginning with sample `offset`. Masks and blocks have one
+    entry for each row.
 
     Attributes:
         motion: Motion at full rate, N samples.
@@ -29,12 +27,11 @@ class ObservedRun:
         step: Samples from one row of the output grid to the next.
         offset: Sample of the first row.
         mask: Valid rows of each joint, shape (M, n).
-        block: Block of each row, counted from 0 without gaps, shape (M,): a period where one is stated, else about
-            a second.
-        consecutive: Whether the samples follow each other in time; if not, nothing may be filtered.
+        block: Block of each row, counted from 0 without gaps, shape (M,): a stated period, else about a second.
+        consecutive: Whether the samples are consecutive in time; otherwise nothing may be filtered.
         recording: Index of the recording that it is part of.
-        repetition: Repetition of the motion that each row belongs to, where these were found, shape (M,): whole
-            blocks make a repetition, but for rows that do not count.
+        repetition: Repetition of the motion to which each row belongs, where repetitions were detected, shape (M,);
+            apart from masked rows, blocks do not cross the border of a repetition.
     """
 
     motion: Motion
@@ -99,5 +96,5 @@ class Observations:
 
     @property
     def samples(self) -> int:
-        """Number of rows that count for at least one joint."""
+        """Number of rows in use for at least one joint."""
         return sum(int(run.mask.any(axis=1).sum()) for run in self.runs)

@@ -13,8 +13,6 @@ from armid.errors import Finding, RecordingError
 from armid.notebook import Displayed, Summary, spans
 from armid.values import Array, array
 
-__all__ = ["Recording"]
-
 
 def _all_valid() -> NDArray[np.bool_]:
     """Mask that leaves nothing out, for any number of samples and channels."""
@@ -25,8 +23,8 @@ def _all_valid() -> NDArray[np.bool_]:
 class Recording(Displayed):
     """Measured motion and effort, N samples of n channels.
 
-    A reader fills it with what the file says; `interpret` gives the same type back in the robot's joint order,
-    in SI units, on the joint side, with the URDF's signs.
+    A reader returns it as in the file; `to_robot_convention` returns the same type in the robot's joint order, in SI
+    units, on the joint side, with the URDF's signs.
 
     Attributes:
         time: Sample times on the recording's own clock, shape (N,) [s]; `None` where there is no clock.
@@ -34,17 +32,17 @@ class Recording(Displayed):
         dq: Velocities, shape (N, n) [rad/s or m/s], where they were recorded.
         ddq: Accelerations, shape (N, n) [rad/s² or m/s²], where they were recorded.
         effort: Efforts, shape (N, n) [N·m or N; A where `effort_is_current`], where they were recorded.
-        joint_names: Names of the channels, n of them; empty if the file only numbers its channels.
-        rate: Samples a second [Hz], said by the reading where there is no clock.
+        joint_names: Names of the n channels; empty if the file only numbers its channels.
+        rate: Sample rate [Hz], from the log format where there is no clock.
         consecutive: Whether the rows follow each other in time; `None` is not known.
-        valid: Which samples count, shape (N, n); shape (N,) is taken for all channels. All, if not given.
+        valid: Samples in use, shape (N, n), or (N,) for all channels; all where not given.
         effort_is_current: Whether the effort is a motor current that still needs a drive gain.
-        columns: Names in the file of what each quantity was read from, where it has columns.
-        number: Number of each sample in the log as it was recorded, shape (N,), where some were left out since.
-        guessed: Fields of a reading that the reader found out by itself, as which columns to take.
-        findings: What the reader noticed.
+        columns: Names of the file's columns for each quantity, where it has columns.
+        number: Number of each sample in the original log, shape (N,), where some have been left out.
+        guessed: Fields of the log format that the reader has detected, such as the columns.
+        findings: Findings of the reader.
         source: Path of the file.
-        sha256: Digest of the file's bytes; empty where there was no file.
+        sha256: Digest of the file's bytes; empty without a file.
     """
 
     time: Array | None
@@ -77,7 +75,7 @@ class Recording(Displayed):
         if self.number is not None and len(self.number) != samples:
             raise RecordingError(
                 f"{self.source or 'The recording'} numbers {len(self.number)} of {samples} samples.",
-                remedy="number all samples that are left, or none.",
+                remedy="number all remaining samples, or none.",
             )
         object.__setattr__(self, "joint_names", tuple(str(name) for name in self.joint_names))
         if self.joint_names and len(self.joint_names) != n:
@@ -98,8 +96,8 @@ class Recording(Displayed):
         if found != shape:
             raise RecordingError(
                 f"{self.source or 'The recording'}: {name} has shape {found} where q with shape {self.q.shape} "
-                f"asks for {shape}.",
-                remedy="give every quantity one row a sample and one column a joint.",
+                f"requires {shape}.",
+                remedy="give every quantity one row for each sample and one column for each joint.",
             )
         return array(values, shape, name, finite=False)
 
@@ -111,7 +109,7 @@ class Recording(Displayed):
         rows = tuple((name, *row) for name, row in zip(self.channels, spans(*known.values()), strict=True))
         long = "no clock" if self.time is None else f"{float(np.ptp(self.time)):.4g} s"
         title = f"{self.source or 'recording'}: {self.samples} samples, {long}"
-        return Summary(title, ("joint", *known), rows, f"{self.valid.mean():.1%} of the samples count")
+        return Summary(title, ("joint", *known), rows, f"{self.valid.mean():.1%} of the samples are in use")
 
     @property
     def samples(self) -> int:

@@ -1,8 +1,4 @@
-"""Remedies as lines of a study, which change or extend the log format.
-
-A remedy is either TOML, its keys those of a `[[recording]]` unless a comment names another table, or begins with one
-of `BY_HAND`: nothing that a study can say would heal the log.
-"""
+"""Remedies as lines of a study, which change or extend the log format."""
 
 from __future__ import annotations
 
@@ -12,34 +8,29 @@ from typing import Any
 import numpy as np
 
 from armid.measurement.log_format import LogFormat
-from armid.toml import toml_line
-
-__all__ = ["BY_HAND", "excluding", "lines", "naming"]
-
-BY_HAND = ("record ", "log ", "rewrite ", "find out ", "correct ")
-"""Beginnings of remedies that are no line of a study."""
+from armid.remedy import Remedy, setting
 
 DIGITS = 4
 """Decimals of excluded times [s]; they are rounded outwards."""
 
 
-def lines(note: str = "", **keys: Any) -> str:
-    """Keys of a study with their values, one per line, with a comment behind the last.
+def lines(note: str = "", table: str = "", **keys: Any) -> Remedy:
+    """Keys of a study with their values, one per line, with a comment after the last.
 
     Args:
-        note: The comment; it names the table where that is not `[[recording]]`, as in `in [model]`.
-        keys: Values as TOML has them, arrays among them.
+        note: Comment.
+        table: Table, where that is not `[[recording]]`, in place of a comment.
+        keys: Values by key, arrays included.
     """
-    told = [toml_line(key, _plain(value)) for key, value in keys.items()]
-    return "\n".join(told) + (f"  # {note}" if note else "")
+    return Remedy(*(setting(key, _plain(value)) for key, value in keys.items()), note=note, table=table)
 
 
-def excluding(reading: LogFormat, intervals: Sequence[tuple[float, float]], note: str = "") -> str:
+def excluding(log_format: LogFormat, intervals: Sequence[tuple[float, float]], note: str = "") -> Remedy:
     """Intervals to leave out in addition to the existing ones, merged where they meet [s]."""
     unit = 10.0**DIGITS
     wider = [(float(np.floor(a * unit)) / unit, float(np.ceil(b * unit)) / unit) for a, b in intervals]
     joined: list[list[float]] = []
-    for low, high in sorted([*((float(a), float(b)) for a, b in reading.exclude), *wider]):
+    for low, high in sorted([*((float(a), float(b)) for a, b in log_format.exclude), *wider]):
         if joined and low <= joined[-1][1]:
             joined[-1][1] = max(joined[-1][1], high)
         else:
@@ -47,9 +38,9 @@ def excluding(reading: LogFormat, intervals: Sequence[tuple[float, float]], note
     return lines(note, exclude=joined)
 
 
-def naming(reading: LogFormat, names: Mapping[str, Sequence[str] | str], note: str = "") -> str:
+def naming(log_format: LogFormat, names: Mapping[str, Sequence[str] | str], note: str = "") -> Remedy:
     """Columns in addition to those that the log format names; an empty name leaves a quantity out."""
-    kept = {key: _pattern(value) for key, value in reading.columns.items()}
+    kept = {key: _pattern(value) for key, value in log_format.columns.items()}
     return lines(note, columns={**kept, **{key: _pattern(value) for key, value in names.items()}})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +13,15 @@ from armid.measurement.columns.channels import in_joint_order
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.cleaning import clean, recording_error
 from armid.measurement.processing.delay import compensate_delay
+from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["ConvertedRecording", "to_robot_convention", "understood"]
-
 WRAP_TOLERANCE = 0.5
-"""Distance from whole turns up to which a jump is a wrap [rad]: what a joint turns from sample to sample,
-also over a short gap. Where a channel's typical step is larger than this, jumps tell nothing."""
+"""Largest distance of a jump from whole turns at which it is a wrap [rad]: the motion of a joint from sample to
+sample, also over a short gap. Where a channel's typical step is larger, wraps cannot be detected."""
 
 FAR = 0.5
 """Excess over a joint's limits, relative to their span, that shows more than a loose limit."""
@@ -37,46 +37,63 @@ class ConvertedRecording:
 
     Attributes:
         recording: Joints in the robot's order, SI units, joint side, signs of the URDF.
-        findings: What was noticed on the way.
+        findings: Findings of the conversion.
     """
 
     recording: Recording
     findings: tuple[Finding, ...] = ()
 
 
-def to_robot_convention(recording: Recording, reading: LogFormat, robot: Robot) -> ConvertedRecording:
+def to_robot_convention(recording: Recording, log_format: LogFormat, robot: Robot) -> ConvertedRecording:
     """Converts a recording to the robot's convention.
 
     Args:
-        recording: As a reader gave it.
-        reading: How to read it.
+        recording: Recording from a reader.
+        log_format: Log format of the recording.
         robot: The arm that was recorded.
 
     Raises:
-        RecordingError: Joints that do not match, NaN, a dead channel, no clock and no rate, a clock that runs
-            backwards, degrees taken for radians, currents without gains, hardly any samples.
+        RecordingError: Joints that do not match, NaN, a dead channel, neither clock nor rate, a clock that runs
+            backwards, degrees in place of radians, currents without gains, or too few samples.
     """
-    reading = understood(recording, reading)
-    _check_lengths(reading, robot)
+    log_format = understood(recording, log_format)
+    _check_lengths(log_format, robot)
     seen = recording.findings
-    recording, others = in_joint_order(recording, reading, robot)
-    recording, findings = clean(recording, reading)
-    standing = _check_channels(recording, reading)
-    _check_gains(recording, reading)
-    recording, wrapped = _on_joint_side(recording, reading, robot)
-    recording = compensate_delay(recording, reading)
-    offset = _check_limits(recording, reading, robot)
+    recording, others = in_joint_order(recording, log_format, robot)
+    recording, findings = clean(recording, log_format)
+    standing = _check_channels(recording, log_format)
+    _check_gains(recording, log_format)
+    recording, wrapped = _on_joint_side(recording, log_format, robot)
+    recording = compensate_delay(recording, log_format)
+    offset = _check_limits(recording, log_format, robot)
     return ConvertedRecording(recording, (*seen, *others, *findings, *standing, *wrapped, *offset))
 
 
-def understood(recording: Recording, reading: LogFormat) -> LogFormat:
+def read_recording(path: Path | str, robot: Robot, log_format: LogFormat | None = None) -> Recording:
+    """Reads a recording and converts it to the robot's convention; its findings are those of both.
+
+    Args:
+        path: A file in one of the known formats, or the folder of a ROS bag.
+        robot: The arm that was recorded.
+        log_format: Log format of the file; detected from the names of its columns where not given.
+
+    Raises:
+        RecordingError: The file cannot be read or does not fit the robot; see `to_robot_convention`.
+        MissingExtraError: The format needs a package that is not installed.
+    """
+    log_format = log_format or LogFormat()
+    converted = to_robot_convention(load_recording(path, log_format, robot), log_format, robot)
+    return replace(converted.recording, findings=converted.findings)
+
+
+def understood(recording: Recording, log_format: LogFormat) -> LogFormat:
     """Log format completed by what the reader has detected."""
-    return replace(reading, **recording.guessed) if recording.guessed else reading
+    return replace(log_format, **recording.guessed) if recording.guessed else log_format
 
 
-def _check_lengths(reading: LogFormat, robot: Robot) -> None:
+def _check_lengths(log_format: LogFormat, robot: Robot) -> None:
     for name in (*COMMON, "units", "drive_gain", "transmission", "joint_offset"):
-        shape = np.shape(getattr(reading, name))
+        shape = np.shape(getattr(log_format, name))
         fits = shape in ((), (robot.n,), (robot.n, robot.n))
         if not fits and not (shape == (1,) and name in COMMON):
             raise RecordingError(
@@ -86,7 +103,7 @@ def _check_lengths(reading: LogFormat, robot: Robot) -> None:
             )
 
 
-def _check_channels(recording: Recording, reading: LogFormat) -> tuple[Finding, ...]:
+def _check_channels(recording: Recording, log_format: LogFormat) -> tuple[Finding, ...]:
     """Raises an error for channels without a signal; reports joints that stand still."""
     still = np.ptp(recording.q, axis=0) == 0
     if still.all():
@@ -101,7 +118,8 @@ def _check_channels(recording: Recording, reading: LogFormat) -> tuple[Finding, 
         if values is None:
             continue
         dead = np.ptp(values, axis=0) == 0
-        # A joint held by its brake has a constant position, velocity and acceleration; nought is a wire cut.
+        # A joint held by its brake has a constant position, velocity and acceleration; other constant zeros are a
+        # dead channel.
         dead &= (values[0] == 0) if name == "q" else ~still if name != "effort" else True
         if dead.any():
             joint = int(np.argmax(dead))
@@ -110,57 +128,62 @@ def _check_channels(recording: Recording, reading: LogFormat) -> tuple[Finding, 
                 "channel-dead",
                 recording,
                 f"{name} of {recording.channels[joint]} is {values[0, joint]:g} in all {recording.samples} rows.",
-                naming(reading, {name: ""}, "leave it out")
+                naming(log_format, {name: ""}, "leave it out")
                 if optional
-                else "record it again, or lock that joint and leave its channel out.",
+                else "find out first whether sensor, cable or logger is at fault, then record again; or lock this "
+                "joint and leave its channel out.",
             )
     return tuple(
         Finding(
             "standstill",
             "warning",
             recording.channels[i],
-            f"The joint stays at {recording.q[0, i]:g} throughout; what only its motion shows stays unknown.",
+            f"The joint stays at {recording.q[0, i]:g}; parameters that need its motion are not identifiable.",
             "record it while it moves, or lock it.",
         )
         for i in np.flatnonzero(still)
     )
 
 
-def _check_gains(recording: Recording, reading: LogFormat) -> None:
-    if reading.drive_gain is not None and recording.effort is None:
+def _check_gains(recording: Recording, log_format: LogFormat) -> None:
+    if log_format.drive_gain is not None and recording.effort is None:
         raise RecordingError(
             f"{recording.source}: drive_gain is given, but the recording has no effort.",
             remedy="name the column of the currents under columns, or leave drive_gain out.",
         )
-    if recording.effort_is_current and reading.drive_gain is None:
+    if recording.effort_is_current and log_format.drive_gain is None:
         raise recording_error(
             "current-without-gain",
             recording,
-            "the effort is a motor current [A], and no drive gain says how much torque an ampere makes.",
+            "the effort is a motor current [A], but there is no drive gain for its conversion to torque.",
             "find out the drive_gain in N·m/A at the joint, one for each joint, or name a torque in columns.",
         )
 
 
-def _on_joint_side(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
+def _on_joint_side(
+    recording: Recording, log_format: LogFormat, robot: Robot
+) -> tuple[Recording, tuple[Finding, ...]]:
     """Converts to radians without wrapping, motor to joint side, current to torque, and the URDF's signs."""
     turns = np.array([not joint.is_prismatic for joint in robot.joints])
-    sign = np.asarray(reading.position_sign)
-    unit = sign * np.where(turns & reading.degrees(robot.n), np.pi / 180, 1.0)
+    sign = np.asarray(log_format.position_sign)
+    unit = sign * np.where(turns & log_format.degrees(robot.n), np.pi / 180, 1.0)
     q, findings = _unwrapped(
         recording.q * unit, turns if recording.consecutive else np.zeros(robot.n, dtype=np.bool_), robot
     )
-    gear = np.eye(robot.n) if reading.transmission is None else np.asarray(reading.transmission, dtype=np.float64)
-    offset = np.zeros(robot.n) if reading.joint_offset is None else np.asarray(reading.joint_offset)
-    gain = np.ones(robot.n) if reading.drive_gain is None else np.asarray(reading.drive_gain)
+    gear = (
+        np.eye(robot.n) if log_format.transmission is None else np.asarray(log_format.transmission, dtype=np.float64)
+    )
+    offset = np.zeros(robot.n) if log_format.joint_offset is None else np.asarray(log_format.joint_offset)
+    gain = np.ones(robot.n) if log_format.drive_gain is None else np.asarray(log_format.drive_gain)
     to_joint = np.asarray(np.linalg.inv(gear).T, dtype=np.float64)
     valid = recording.valid
-    if reading.transmission is not None and not valid.all():
-        # A joint counts where every motor does that its position or torque is made from.
+    if log_format.transmission is not None and not valid.all():
+        # A joint's sample is valid where those of all motors are that its position or torque is computed from.
         needed = (gear != 0) | (to_joint != 0)
         valid = ~((~valid).astype(np.float64) @ needed.astype(np.float64)).astype(np.bool_)
 
     def through(values: Array, matrix: Array) -> Array:
-        return values if reading.transmission is None else values @ matrix
+        return values if log_format.transmission is None else values @ matrix
 
     def moved(values: Array | None) -> Array | None:
         return None if values is None else through(values * unit, to_joint)
@@ -171,7 +194,7 @@ def _on_joint_side(recording: Recording, reading: LogFormat, robot: Robot) -> tu
         q=through(q, to_joint) + offset,
         dq=moved(recording.dq),
         ddq=moved(recording.ddq),
-        effort=None if effort is None else through(effort * gain, gear) * np.asarray(reading.torque_sign),
+        effort=None if effort is None else through(effort * gain, gear) * np.asarray(log_format.torque_sign),
         valid=valid,
         effort_is_current=False,
     ), findings
@@ -193,7 +216,7 @@ def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array,
     return q, tuple(findings)
 
 
-def _check_limits(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Finding, ...]:
+def _check_limits(recording: Recording, log_format: LogFormat, robot: Robot) -> tuple[Finding, ...]:
     """Raises an error for degrees taken for radians; reports joints far outside their limits."""
     limits = np.array([joint.position_limits for joint in robot.joints])
     span = limits[:, 1] - limits[:, 0]
@@ -206,7 +229,7 @@ def _check_limits(recording: Recording, reading: LogFormat, robot: Robot) -> tup
         return ()
     scaled_low, scaled_high = np.radians(low), np.radians(high)
     as_degrees = turns & (scaled_low >= limits[:, 0]) & (scaled_high <= limits[:, 1])
-    plain = ~reading.degrees(robot.n)
+    plain = ~log_format.degrees(robot.n)
     worst = int(np.argmax(np.where(far, beyond, -np.inf)))
     evidence = (
         f"joint {robot.joint_names[worst]} goes from {low[worst]:.4g} to {high[worst]:.4g} "
@@ -215,11 +238,11 @@ def _check_limits(recording: Recording, reading: LogFormat, robot: Robot) -> tup
     if (far & turns & plain & as_degrees).sum() == far.sum():
         several = 2 * far.sum() > turns.sum() and plain.all() and as_degrees[turns].all()
         units = "deg" if several else ["deg" if each else "rad" for each in far | ~plain]
-        others = "all joints stay inside" if several else f"{_listed(robot, far)} stay inside, the others as they are"
+        others = "all joints are inside" if several else f"{_listed(robot, far)} are inside, the others unchanged"
         raise recording_error(
             "degrees",
             recording,
-            f"{evidence}; taken as degrees, {others}.",
+            f"{evidence}; read as degrees, {others}.",
             lines("or transmission and joint_offset, where the log is motor-side", units=units),
         )
     return (

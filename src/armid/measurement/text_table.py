@@ -15,16 +15,14 @@ from armid.errors import RecordingError
 from armid.measurement.columns.names import unit_kind
 from armid.values import Array
 
-__all__ = ["TextTable", "decoded", "numbers_of", "seconds_of", "table_of"]
-
 DELIMITERS = (",", ";", "\t")
-"""Delimiters looked for in the header; a header with none of them is delimited by spaces."""
+"""Delimiters that a header may have; a header without any is delimited by spaces."""
 
 COMMENTS = ("#", "%", "//")
-"""Beginnings of lines that are no rows; the last before the rows may be the header."""
+"""Beginnings of comment lines; the last before the rows may be the header."""
 
 PREAMBLE = 50
-"""Lines of notes before a header that are passed over where none of them fits the rows."""
+"""Largest number of lines of notes before a header."""
 
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|[+-]\d\d:?\d\d)?")
@@ -37,9 +35,9 @@ class TextTable:
 
     Attributes:
         names: Names of the columns.
-        rows: One line a row.
-        numbers: Number of each in the file, counted from 0.
-        delimiter: What stands between fields.
+        rows: Lines of the table, one for each row.
+        numbers: Line number of each row in the file, counted from 0.
+        delimiter: Delimiter of fields.
     """
 
     names: tuple[str, ...]
@@ -56,7 +54,7 @@ def decoded(data: bytes, path: Path) -> str:
     """Text of a file in UTF-8, UTF-16 or, for other plain text, the Windows code page.
 
     Raises:
-        RecordingError: It is no text.
+        RecordingError: The data is not text.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace")
@@ -80,11 +78,13 @@ def table_of(text: str, path: Path) -> TextTable:
     lines = text.splitlines()
     head = _header_index(lines, path)
     header = lines[head].lstrip("#%/").strip("\r\n ") if lines[head].startswith(COMMENTS) else lines[head].strip(" ")
-    delimiter = max(DELIMITERS, key=header.count)
+    numbers = [i for i in range(head + 1, len(lines)) if lines[i].strip() and not lines[i].startswith(COMMENTS)]
+    row = lines[numbers[0]] if numbers else ""
+    # A delimiter stands in the rows as often; commas within names do not.
+    delimiter = max(DELIMITERS, key=lambda each: (0 < header.count(each) == row.count(each), header.count(each)))
     delimiter = delimiter if delimiter in header else " "
     header = header if delimiter == "\t" else header.strip()
     names = [name.strip() for name in split(header, delimiter)]
-    numbers = [i for i in range(head + 1, len(lines)) if lines[i].strip() and not lines[i].startswith(COMMENTS)]
     if numbers and (units := _units(split(lines[numbers[0]], delimiter), len(names))):
         names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
         numbers = numbers[1:]
@@ -100,13 +100,13 @@ def numbers_of(table: TextTable, wanted: Sequence[str], path: Path) -> dict[str,
     """Columns as numbers; an empty field is NaN.
 
     Raises:
-        RecordingError: A field that is no number, or a name that stands twice.
+        RecordingError: A field is not a number, or two columns have the same name.
     """
     for name in wanted:
         if table.names.count(name) > 1:
             raise RecordingError(
                 f"{path}: {table.names.count(name)} columns are called {name!r}.",
-                remedy="give each a name of its own, or name other columns.",
+                remedy="rename them, or name other columns.",
             )
     if not wanted:
         return {}
@@ -126,7 +126,7 @@ def seconds_of(table: TextTable, name: str, path: Path) -> Array | None:
     """Dates or times of day in seconds since the first; `None` where the times are numbers.
 
     Raises:
-        RecordingError: A field that is no such time.
+        RecordingError: A field is not such a time.
     """
     at = table.names.index(name)
     if is_number(table.fields(0)[at]) or not table.fields(0)[at].strip(' "'):
@@ -245,12 +245,12 @@ def _check_widths(rows: Sequence[str], numbers: Sequence[int], width: int, delim
         if found != width:
             raise RecordingError(
                 f"{path}, line {number + 1}: {found} fields where the header has {width}: {row:.60}",
-                remedy="correct that line, or cut it; a last line is broken where the recorder was stopped.",
+                remedy="correct or remove that line; the last line may be incomplete where the recorder was stopped.",
             )
 
 
 def _field_by_field(table: TextTable, wanted: dict[int, str], path: Path) -> Array:
-    """Wanted columns read field by field, which is slow: an empty field is NaN, no number is an error."""
+    """Reads wanted columns field by field, which is slow: an empty field is NaN, other text is an error."""
     values = np.empty((len(table.rows), len(wanted)))
     for i in range(len(table.rows)):
         fields = table.fields(i)
@@ -259,7 +259,7 @@ def _field_by_field(table: TextTable, wanted: dict[int, str], path: Path) -> Arr
             if cell and not is_number(cell):
                 raise RecordingError(
                     f"{path}, line {table.numbers[i] + 1}: {name} is {cell!r}, not a number.",
-                    remedy="correct that line, or cut it; thousands must not be separated.",
+                    remedy="correct or remove that line; numbers must have no thousands separators.",
                 )
             values[i, k] = float(cell.replace(",", ".")) if cell else np.nan
     return values

@@ -15,30 +15,28 @@ from armid.errors import MissingExtraError, OutputError
 from armid.measurement.recording import Recording
 from armid.values import Array, replace_file
 
-__all__ = ["WRITERS", "save_recording"]
-
 EXTRA = "io"
 
 PATTERNS = (("q", "q{}"), ("dq", "dq{}"), ("ddq", "ddq{}"), ("effort", "tau{}"))
 
 EPOCH = 1_600_000_000
-"""Second at which a bag begins whose recording begins at 0: stamps of zero stand for no clock."""
+"""First time stamp of a bag for a recording that begins at 0 [s], since stamps of zero mean no clock."""
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 FLOAT = "%.17g"
-"""Numbers in full, so that a text table gives back every bit."""
+"""Format of numbers in full precision, so that reading a text table gives back every bit."""
 
 
 def save_recording(recording: Recording, path: Path | str) -> Path:
     """Writes a recording completely or not at all, in the format of the suffix.
 
     Args:
-        recording: The recording; which samples count is not written.
-        path: Ends in one of `WRITERS`.
+        recording: The recording; its mask is not written.
+        path: Path with a suffix of `WRITERS`.
 
     Raises:
-        OutputError: Another suffix, or it cannot be written.
+        OutputError: The suffix is unknown, or the file cannot be written.
         MissingExtraError: The format needs a package that is not installed.
     """
     path = Path(path)
@@ -136,9 +134,9 @@ def _joint_states(recording: Recording, types: Mapping[str, Any], first: bool) -
     received = EPOCH * 10**9 + np.round((clock - min(0.0, clock.min(initial=0.0))) * 1e9).astype(np.int64)
     names = list(recording.channels)
     for k, at in enumerate(received.tolist()):
-        said = 0 if recording.time is None else at
+        stamped = 0 if recording.time is None else at
         counted = {"seq": k} if first else {}
-        head = header(stamp=stamp(sec=said // 10**9, nanosec=said % 10**9), frame_id="", **counted)
+        head = header(stamp=stamp(sec=stamped // 10**9, nanosec=stamped % 10**9), frame_id="", **counted)
         yield at, state(header=head, name=names, position=recording.q[k], velocity=velocity[k], effort=effort[k])
 
 

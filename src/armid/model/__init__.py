@@ -1,1 +1,1 @@
-"""Dependence of the torque: motion, torque terms, regressor, base parameters."""
+"""Model of the joint torque: motion, torque terms, regressor, base parameters."""

@@ -1,8 +1,8 @@
-"""Base parameters: what of a model the torques can show, and how the standard parameters group into it.
+"""Base parameters of a model: the combinations of standard parameters that the torque depends on.
 
-The rigid bodies are grouped by the geometry of the tree (`structure`); the columns of other terms, whose laws only
-the terms know, are compared with them on random states, those of their memory included. All of it is then checked on
-other random states.
+The parameters of rigid bodies are regrouped by the geometry of the tree (`identifiable_structure`). Dependences with
+the columns of other terms are found numerically, on random states, hysteresis states included. The result is checked
+on other random states.
 """
 
 from __future__ import annotations
@@ -16,62 +16,63 @@ from armid.errors import ModelError
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import functions, symbols
 from armid.model.identifiable_structure import SPAN_TOLERANCE, echelon, parameter_units, structural_base
+from armid.model.linear_combination import linear_combination
 from armid.model.motion import Motion
+from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary
 from armid.threads import one_blas_thread
 from armid.values import Array, array
 
-__all__ = ["BaseParameters", "find_base_parameters"]
-
 TERM_FLOOR = 1e-9
-"""Coefficients between unit columns found on random states: their rounding is 1e-16 times a condition number that
-stays below 1e5 on arms, so that smaller ones are rounding."""
+"""Coefficients between unit columns on random states that are smaller than this are rounding: 1e-16 times a condition
+number, which stays below 1e5 on arms."""
 
 REGROUPING_TOLERANCE = 1e-8
-"""Largest entry of Y - Y_base · regrouping over the largest of Y, inertial parameters in the arm's own unit of
-length: ten times what the structure may neglect (`SPAN_TOLERANCE`). A wrong grouping is off by far more."""
+"""Largest entry of Y - Y_base · regrouping over the largest of Y, in the arm's own unit of length: ten times the
+tolerance of the structure (`SPAN_TOLERANCE`). A wrong regrouping gives a far larger error."""
 
 RANK_TOLERANCE = 1e-11
-"""Smallest over largest singular value of base columns of unit length that are independent: 1e-4 and more on real
-geometry, 1e-9 where the structure has kept a direction just above its tolerance, 1e-15 where it is wrong."""
+"""Smallest ratio of singular values of base columns of unit length that counts as full rank. The ratio is 1e-4 and
+more on real geometry, 1e-9 where the structure kept a direction just above its tolerance, 1e-15 where it is wrong."""
 
 ZERO_COLUMN = 1e-13
-"""Length of a column that is zero to rounding, beside the longest."""
+"""Length of a column, over that of the longest, below which it counts as zero."""
 
 RANDOM_BOUNDS = (np.pi, 2.0, 4.0)
-"""Random states reach to these positions [rad or m], velocities and accelerations, so that gravity, centrifugal and
-inertial torques are of one size."""
+"""Bounds of positions [rad or m], velocities and accelerations of random states, with which gravity, centrifugal and
+inertial torques have the same size."""
 
 RANDOM_SPEEDS = (1e-4, 10.0)
-"""For laws that turn, saturate or fall off along the velocity, as many states again have velocities spread
-evenly over these decades [rad/s or m/s]: knots of ten and Stribeck velocities of a thousandth are then both seen."""
+"""Range of velocities [rad/s or m/s] of further random states, uniform in the logarithm, for laws that are nonlinear
+in the velocity: it covers Stribeck velocities of a thousandth and knots of ten."""
 
 LINEAR = frozenset({"add", "mul", "sign", "abs"})
-"""Functions without a scale of their own."""
+"""Functions without a velocity scale."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class BaseParameters(Displayed):
-    """Standard columns that stand for the base, and the regrouping: base = regrouping · standard.
+    """Kept standard columns and the regrouping matrix: base = regrouping · standard.
 
-    Y = Y[:, kept] · regrouping: column k of the regrouping says how the column of standard parameter k depends on
-    the kept ones; row j says which standard parameters make up base parameter j.
+    Y = Y[:, kept] · regrouping: column k of the regrouping gives the column of standard parameter k by the kept ones;
+    row j gives base parameter j by the standard parameters.
 
     Attributes:
-        standard_names: Names of the standard parameters, p of them.
-        standard_units: Their units.
+        standard_names: Names of the p standard parameters.
+        standard_units: Units of the standard parameters.
         kept: Positions of the kept parameters, ascending, shape (b,).
-        regrouping: Shape (b, p).
-        gravity: The acceleration of gravity that this holds for, in the base frame, shape (3,) [m/s²].
+        regrouping: Regrouping matrix, shape (b, p).
+        gravity: Acceleration of gravity in the base frame for which the regrouping holds, shape (3,) [m/s²].
     """
 
-    standard_names: tuple[str, ...]
+    standard_names: tuple[ParameterName, ...]
     standard_units: tuple[str, ...]
     kept: NDArray[np.intp]
     regrouping: Array
     gravity: Array
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "standard_names", parameter_names(self.standard_names))
         kept = np.array(self.kept, dtype=np.intp)
         kept.setflags(write=False)
         object.__setattr__(self, "kept", kept)
@@ -80,11 +81,12 @@ class BaseParameters(Displayed):
         object.__setattr__(self, "gravity", array(self.gravity, (3,), "gravity"))
 
     def summary(self) -> Summary:
-        """Base parameters with what they stand for."""
-        from armid.model.base_formulas import base_formulas  # which is about base parameters, too
-
-        formulas = (each.partition(" = ")[2] for each in base_formulas(self))
-        rows = tuple(zip(self.names, self.units, formulas, strict=True))
+        """Base parameters with their formulas."""
+        sums = [
+            linear_combination(row, self.standard_names, own)
+            for own, row in zip(self.kept, self.regrouping, strict=True)
+        ]
+        rows = tuple(zip(self.names, self.units, sums, strict=True))
         title = f"{self.count} base parameters of {len(self.standard_names)}"
         return Summary(title, ("parameter", "unit", "stands for"), rows)
 
@@ -94,10 +96,10 @@ class BaseParameters(Displayed):
         return len(self.kept)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names as the field writes them: an R marks what stands for more than itself, as in `ZZR_1`."""
+    def names(self) -> tuple[ParameterName, ...]:
+        """Usual names: an R marks a parameter with others regrouped into it, as in `ZZR_1`."""
         return tuple(
-            grouped_name(self.standard_names[k]) if np.count_nonzero(row) > 1 else self.standard_names[k]
+            self.standard_names[k].regrouped() if np.count_nonzero(row) > 1 else self.standard_names[k]
             for k, row in zip(self.kept, self.regrouping, strict=True)
         )
 
@@ -121,15 +123,9 @@ class BaseParameters(Displayed):
         return self.regrouping @ array(standard, (len(self.standard_names),), "standard parameters")
 
 
-def grouped_name(name: str) -> str:
-    """`ZZR_1` for `ZZ_1`."""
-    symbol, number = name.rsplit("_", 1)
-    return f"{symbol}R_{number}"
-
-
 @one_blas_thread
 def find_base_parameters(model: DynamicsModel) -> BaseParameters:
-    """Base parameters of a model under its robot's gravity, kept from base to tip, the earliest first.
+    """Base parameters of a model under its robot's gravity; of dependent columns the one nearest to the base is kept.
 
     Raises:
         ModelError: The geometry and the torques on random states disagree.
@@ -158,10 +154,10 @@ def find_base_parameters(model: DynamicsModel) -> BaseParameters:
 
 
 def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
-    """Columns (rows, p) on enough random states to tell `count` of them apart.
+    """Columns (rows, p) on enough random states to find the rank of `count` columns.
 
-    The load, where a law asks for one and the model has none yet, is that of random bodies: whether columns depend on
-    each other does not hang on its values.
+    Where a law needs the load and the model has none yet, random bodies give it: the dependence of columns does not
+    depend on its values.
     """
     rng = np.random.default_rng(seed)
     shape = (10 + 3 * count // model.n, model.n)
@@ -182,11 +178,11 @@ def _columns(model: DynamicsModel, count: int, seed: int) -> Array:
 
 
 def _dependence(columns: Array) -> tuple[NDArray[np.intp], Array]:
-    """Earliest independent columns (r,), and E (r, c) that makes all columns of them."""
+    """Earliest independent columns (r,), and E (r, c), which gives all columns by them."""
     unit = columns / _norms(columns)
     kept, E = echelon(unit, SPAN_TOLERANCE)
     for j in np.setdiff1d(np.arange(len(E.T)), kept):
-        # Among the few columns that take part the coefficients come out to rounding.
+        # Solving for the nonzero coefficients alone gives them to rounding accuracy.
         part = np.flatnonzero(np.abs(E[:, j]) > TERM_FLOOR)
         E[:, j] = 0.0
         E[part, j] = np.linalg.lstsq(columns[:, kept[part]], columns[:, j])[0]
@@ -194,10 +190,10 @@ def _dependence(columns: Array) -> tuple[NDArray[np.intp], Array]:
 
 
 def _verify(model: DynamicsModel, base: BaseParameters) -> None:
-    """Compare with the torques on states that the base has not been made from.
+    """Check the regrouping by torques on states that it was not computed from.
 
     Raises:
-        ModelError: Grouping or rank disagree.
+        ModelError: The regrouping or the rank disagrees.
     """
     columns = _columns(model, base.count, seed=2)
     scale = np.ones(columns.shape[1])
@@ -209,9 +205,9 @@ def _verify(model: DynamicsModel, base: BaseParameters) -> None:
     if error > REGROUPING_TOLERANCE or _rank(own) < base.count:
         raise ModelError(
             f"{model.robot.name}: the geometry gives {base.count} base parameters, the torques on random states "
-            f"{_rank(columns)}; regrouping them leaves {error:.1e} of the regressor.",
-            remedy="look for placements or axes that are off a special position by less than a thousandth, and "
-            "round them; if there are none, this is a fault of armid.",
+            f"{_rank(columns)}; the relative error of the regrouped regressor is {error:.1e}.",
+            remedy="look for placements or axes that differ from a special position by less than a thousandth, and "
+            "round them; if there are none, this is a bug of armid.",
         )
 
 

@@ -1,9 +1,9 @@
-"""The model: an arm and the torque terms that act on it, linear in its standard parameters.
+"""Dynamics model: an arm with its torque terms, linear in the standard parameters.
 
     τ = Y(q, q̇, q̈) θ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction
 
-Parameters stand link by link: the ten inertial ones in Pinocchio's order, then those of the other terms. Laws with
-memory need what happened before: `remember` follows their states along a contiguous run, once, at full rate.
+Parameters are ordered link by link: the ten inertial ones in Pinocchio's order, then those of the other terms. Laws
+with hysteresis depend on the earlier motion: `remember` computes their states along a contiguous run at full rate.
 """
 
 from __future__ import annotations
@@ -21,24 +21,23 @@ from armid.kernel.tree import Tree
 from armid.model.expression import derivative, evaluate, number, symbols, text
 from armid.model.hysteresis_memory import Coordinate, MemoryNode
 from armid.model.motion import Motion
-from armid.model.terms import Law, RigidBody, Term
+from armid.model.parameter_name import ParameterName
+from armid.model.terms import DEFAULT_TERMS, Law, RigidBody, Term
 from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS, rigid_body_units
 from armid.notebook import Displayed, Summary, plural
 from armid.robot.robot import Robot
 from armid.values import Array, array
 
-__all__ = ["DynamicsModel", "Parameter", "TermColumns"]
-
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A standard parameter.
+    """Standard parameter.
 
     Attributes:
-        symbol: As the field writes it, for instance `MX` or `FV`.
+        symbol: Usual symbol, for instance `MX` or `FV`.
         number: Number of its link or joint, from 1.
-        unit: Its unit.
-        kind: Name of the term it belongs to.
+        unit: SI unit.
+        kind: Name of its torque term.
         joint: Name of its joint.
         nonnegative: Whether physics forbids negative values.
     """
@@ -51,19 +50,19 @@ class Parameter:
     nonnegative: bool = False
 
     @property
-    def name(self) -> str:
+    def name(self) -> ParameterName:
         """Symbol and number, for instance `MX_2`."""
-        return f"{self.symbol}_{self.number}"
+        return ParameterName(self.symbol, self.number)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TermColumns:
-    """Columns of the terms beside the rigid bodies, each for one row of the regressor.
+    """Columns of the terms other than rigid bodies, each for one row of the regressor.
 
     Attributes:
-        joint: Row of the regressor that each column stands in, shape (e,).
-        parameter: Parameter that each column belongs to, shape (e,); a coupling's parameter occurs twice.
-        values: Shape (e, N).
+        joint: Joint (row of the regressor) of each column, shape (e,).
+        parameter: Parameter of each column, shape (e,); a coupling's parameter occurs twice.
+        values: Entries of the columns, shape (e, N).
     """
 
     joint: NDArray[np.int32]
@@ -73,18 +72,18 @@ class TermColumns:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DynamicsModel(Displayed):
-    """An arm with its torque terms.
+    """Arm with its torque terms.
 
     Attributes:
         robot: The arm.
-        terms: Torque terms. A term may stand here several times, for instance with other shapes on other joints, as
-            long as its parameters differ.
-        load_parameters: Inertial parameters (n, 10) of an earlier estimate, or any with the same torque: what laws
-            mean by `load` is the torque of these rigid bodies, never a measured one. `None` where none is known.
+        terms: Torque terms; rigid bodies, viscous and Coulomb friction and offset where none are given. A term may
+            occur several times, for instance with other shapes on other joints, if its parameters differ.
+        load_parameters: Inertial parameters (n, 10) of an earlier estimate, or others with the same torque. The
+            symbol `load` of laws is the torque of these rigid bodies, never a measured one. `None` where unknown.
     """
 
     robot: Robot
-    terms: tuple[Term, ...]
+    terms: tuple[Term, ...] = DEFAULT_TERMS
     load_parameters: Array | None = None
 
     def __post_init__(self) -> None:
@@ -98,12 +97,12 @@ class DynamicsModel(Displayed):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ModelError(
-                f"Two terms bring the same parameters: {', '.join(twice)}.",
-                remedy="name each term once and restrict terms to different joints.",
+                f"Two terms have the same parameters: {', '.join(twice)}.",
+                remedy="give each term once, or restrict terms to different joints.",
             )
 
     def summary(self) -> Summary:
-        """The terms, how many parameters each brings, and its law."""
+        """Terms with their number of parameters and their law."""
         counts = Counter(parameter.kind for parameter in self.parameters)
         laws = {name: f"{law.symbol} · {text(law.expression)}" for name, law in reversed(self.laws)}
         rows = tuple((name, str(count), laws.get(name, "links as rigid bodies")) for name, count in counts.items())
@@ -127,13 +126,13 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def laws(self) -> tuple[tuple[str, Law], ...]:
-        """Every law with the name of its term, in order of joints and then of terms."""
+        """Laws with the names of their terms, ordered by joint, then by term."""
         laws = [(term.name, law) for term in self.terms for law in term.laws(self.robot)]
         return tuple(sorted(laws, key=lambda named: named[1].joint))
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Standard parameters, link by link, p of them."""
+        """The p standard parameters, link by link."""
         result: list[Parameter] = []
         for i, joint in enumerate(self.robot.joints):
             if self.has_rigid_bodies:
@@ -158,7 +157,7 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def entries(self) -> tuple[tuple[int, int, Law, float], ...]:
-        """Joint, parameter, law and weight of every column of the terms beside the rigid bodies."""
+        """Joint, parameter, law and weight of every column of the terms other than rigid bodies."""
         return tuple(
             (j, int(column), law, weight)
             for column, (_, law) in zip(self.law_columns, self.laws, strict=True)
@@ -167,7 +166,7 @@ class DynamicsModel(Displayed):
 
     @cached_property
     def nodes(self) -> tuple[MemoryNode, ...]:
-        """States that the laws remember, m of them, in the order of the laws."""
+        """Hysteresis states of the laws, m of them, in the order of the laws."""
         found: dict[tuple[Coordinate, object], MemoryNode] = {}
         for name, law in self.laws:
             if law.memory is not None:
@@ -175,21 +174,21 @@ class DynamicsModel(Displayed):
         return tuple(found.values())
 
     def remember(self, motion: Motion) -> Motion:
-        """The motion with the states of all memory nodes along it, as one contiguous run at full rate."""
+        """Adds the states of all memory nodes to a motion, which counts as one contiguous run at full rate."""
         return self.remembered(motion)[0] if self.nodes else motion
 
     def remembered(self, motion: Motion) -> tuple[Motion, NDArray[np.int64]]:
-        """The motion with its states, and the first sample at which each node's state is known, shape (m,).
+        """Motion with its states, and the first sample at which each node's state is known, shape (m,).
 
-        A state is known from where the motion alone decides it, whatever was before; N where that never happens.
-        Before that it is the middle of what it may be.
+        A state is known from the sample on at which the motion determines it for every initial state; N where that
+        never happens. Before that sample it is the middle of its possible range.
         """
         self._check(motion)
         states, known = kernel.play(*self._driven(motion.q), np.array([node.memory.width for node in self.nodes]))
         return motion.with_memory(states), known
 
     def _driven(self, q: Array) -> tuple[Array, NDArray[np.int32]]:
-        """Coordinates (N, k) that drive the nodes, and which one drives each: joints, then combinations."""
+        """Coordinates (N, k) that drive the nodes (joints, then combinations), and the coordinate of each node."""
         columns = {((j, 1.0),): j for j in range(self.n)}
         combined = [node.coordinate for node in self.nodes if node.coordinate not in columns]
         columns |= {coordinate: self.n + k for k, coordinate in enumerate(dict.fromkeys(combined))}
@@ -198,10 +197,10 @@ class DynamicsModel(Displayed):
         return np.column_stack([q, *more]) if more else q, follows
 
     def term_columns(self, motion: Motion, kept: NDArray[np.integer] | None = None) -> TermColumns:
-        """Columns of all terms but the rigid bodies along a motion; of some of them where `kept` says which.
+        """Columns of all terms other than rigid bodies along a motion, or of those in `kept`.
 
         Raises:
-            ModelError: A law has a memory, but the motion none; or it depends on the load, but none is known.
+            ModelError: A law has hysteresis, but the motion has no states; or it depends on an unknown load.
         """
         entries = self.entries if kept is None else [self.entries[e] for e in kept]
         values = np.empty((len(entries), motion.samples))
@@ -215,7 +214,7 @@ class DynamicsModel(Displayed):
         return TermColumns(joint, parameter, values)
 
     def _of_joints(self, motion: Motion, names: set[str]) -> dict[str, Array]:
-        """Return what the symbols that are asked for stand for, joint by joint or node by node: shape (n or m, N)."""
+        """Values of the named symbols, joint by joint or node by node, shape (n or m, N)."""
         found = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
         if "load" in names:
             found["load"] = self._load(motion)
@@ -228,9 +227,9 @@ class DynamicsModel(Displayed):
         if self.load_parameters is None:
             term = next(name for name, law in self.laws if "load" in symbols(law.expression))
             raise ModelError(
-                f"The term {term!r} depends on the load of the joints, and no estimate of it is known.",
-                remedy=f"identify once without {term!r}, and give the model the inertial parameters of that estimate "
-                "as load_parameters.",
+                f"The term {term!r} depends on the load of the joints, but the model has no estimate of it.",
+                remedy=f"identify without {term!r} first, and pass the inertial parameters of that estimate as "
+                "load_parameters.",
             )
         return kernel.inverse_dynamics(self.tree, self.load_parameters, motion.q, motion.dq, motion.ddq)
 
@@ -239,14 +238,14 @@ class DynamicsModel(Displayed):
         if motion.memory is None or motion.memory.shape[1] != len(self.nodes):
             found = "none" if motion.memory is None else f"{motion.memory.shape[1]}"
             raise ModelError(
-                f"The term {self.nodes[0].term!r} remembers the motion in {len(self.nodes)} states; the motion has "
+                f"The term {self.nodes[0].term!r} needs the motion with {len(self.nodes)} states; the motion has "
                 f"{found}.",
                 remedy="call remember on the whole contiguous run first.",
             )
         return motion.memory
 
     def _environment(self, law: Law, of_joints: dict[str, Array]) -> dict[str, Array]:
-        """Values of a law's symbols: those of the coordinate that it acts on, and of its own memory."""
+        """Values of a law's symbols: those of its coordinate and of its hysteresis state."""
 
         def combined(x: Array) -> Array:
             parts = [x[j] if w == 1.0 else w * x[j] for j, w in law.coordinate]
@@ -263,7 +262,7 @@ class DynamicsModel(Displayed):
         return {(node.coordinate, node.memory): k for k, node in enumerate(self.nodes)}
 
     def regressor(self, motion: Motion) -> Array:
-        """Y with τ = Y θ, shape (N, n, p). A motion without memory counts as one contiguous run."""
+        """Regressor Y with τ = Y θ, shape (N, n, p). A motion without states counts as one contiguous run."""
         motion = self._prepared(motion)
         Y = np.zeros((motion.samples, self.n, len(self.parameters)))
         if self.has_rigid_bodies:
@@ -276,7 +275,7 @@ class DynamicsModel(Displayed):
     def torque(self, motion: Motion, parameters: ArrayLike) -> Array:
         """Joint torque (N, n) [N·m or N] for standard parameters (p,).
 
-        A motion without memory counts as one contiguous run.
+        A motion without states counts as one contiguous run.
         """
         motion = self._prepared(motion)
         theta = self._standard(parameters)
@@ -322,12 +321,12 @@ class DynamicsModel(Displayed):
         return 0.5 * np.einsum("ni,nij,nj->n", dq, self.mass_matrix(q, parameters), dq)
 
     def potential_energy(self, q: ArrayLike, parameters: ArrayLike) -> Array:
-        """Energy in the field of gravity, shape (N,) [J]; zero for masses at the origin of the base."""
+        """Potential energy of gravity, shape (N,) [J]; zero for masses at the origin of the base."""
         q = self._positions(q)
         return kernel.potential_energy(self.tree, self._inertial(self._standard(parameters)), q)
 
     def nominal_parameters(self) -> Array | None:
-        """Standard parameters (p,) that the description gives, other terms zero; `None` where it gives none."""
+        """Standard parameters (p,) of the description, other terms zero; `None` where it gives none."""
         inertial = self.robot.inertial_vector
         if inertial is None or not self.has_rigid_bodies:
             return None
@@ -347,7 +346,7 @@ class DynamicsModel(Displayed):
         return array(q, (None, self.n), "joint positions or velocities")
 
     def _prepared(self, motion: Motion) -> Motion:
-        """A motion that fits, with memory where the laws need one."""
+        """Motion after its checks, with states where the laws need them."""
         self._check(motion)
         return motion if motion.memory is not None else self.remember(motion)
 

@@ -1,8 +1,8 @@
-"""Small expressions in which a torque term states its law once.
+"""Expressions of torque laws.
 
-From one expression follow the values of a regressor column (`evaluate`), its derivative with respect to any symbol
-(`derivative`) and how it is written (`text`, `latex`). An expression is a number, a symbol or a function of
-expressions; the functions are the rows of `FUNCTIONS`.
+One expression gives the values of a regressor column (`evaluate`), its derivative with respect to any symbol
+(`derivative`) and its printed forms (`text`, `latex`). An expression is a number, a symbol or a function of
+expressions; `FUNCTIONS` lists the functions.
 """
 
 from __future__ import annotations
@@ -16,31 +16,10 @@ import numpy as np
 from armid.errors import ModelError
 from armid.values import Array
 
-__all__ = [
-    "FUNCTIONS",
-    "Expression",
-    "cosine",
-    "derivative",
-    "evaluate",
-    "exponential",
-    "functions",
-    "latex",
-    "magnitude",
-    "maximum",
-    "minimum",
-    "number",
-    "sign",
-    "sine",
-    "symbol",
-    "symbols",
-    "tanh",
-    "text",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A node: a number (`head` is a float), a symbol (`head` is its name) or a function of `arguments`."""
+    """Node of an expression: a number (float `head`), a symbol (name `head`) or a function of `arguments`."""
 
     head: float | str
     arguments: tuple[Expression, ...] = ()
@@ -74,17 +53,17 @@ class Expression:
 
 
 def number(value: Expression | float) -> Expression:
-    """A constant; an expression passes through."""
+    """Constant as an expression; an expression stays the same."""
     return value if isinstance(value, Expression) else Expression(float(value))
 
 
 def symbol(name: str) -> Expression:
-    """A variable: `q`, `dq`, `ddq`, `load` or `state` of the coordinate that a law acts on, or a shape."""
+    """Variable: `q`, `dq`, `ddq`, `load` or `state` of a law's coordinate, or a shape parameter."""
     return Expression(name)
 
 
 def sign(x: Expression) -> Expression:
-    """The sign: -1, 0 at zero, or 1."""
+    """Sign function: -1 below zero, 0 at zero, 1 above."""
     return Expression("sign", (x,))
 
 
@@ -114,12 +93,12 @@ def cosine(x: Expression) -> Expression:
 
 
 def maximum(x: Expression, y: Expression | float) -> Expression:
-    """The larger of two."""
+    """Larger of two expressions."""
     return Expression("max", (x, number(y)))
 
 
 def minimum(x: Expression, y: Expression | float) -> Expression:
-    """The smaller of two."""
+    """Smaller of two expressions."""
     return Expression("min", (x, number(y)))
 
 
@@ -140,7 +119,7 @@ def _sum(a: Expression, b: Expression) -> Expression:
 
 
 def _product(a: Expression, b: Expression) -> Expression:
-    """Product with its number, if any, in front."""
+    """Product with its numerical factor, if any, in front."""
     x, y = _constant(a), _constant(b)
     if x is None and y is not None:
         return _product(b, a)
@@ -172,10 +151,10 @@ class Function:
     """Description of a function.
 
     Attributes:
-        value: Evaluates it on arrays.
-        partials: For each argument the partial derivative, made from the tuple of arguments.
-        text: Pattern of its plain form.
-        latex: Pattern of its LaTeX form.
+        value: Evaluation on arrays.
+        partials: Partial derivative by each argument, as a function of the tuple of arguments.
+        text: Pattern of the plain form.
+        latex: Pattern of the LaTeX form.
     """
 
     value: Callable[..., Any]
@@ -185,7 +164,7 @@ class Function:
 
 
 def _step(x: Expression) -> Expression:
-    """0 below zero, ½ at zero, 1 above."""
+    """Step function: 0 below zero, ½ at zero, 1 above."""
     return 0.5 * (1.0 + sign(x))
 
 
@@ -214,7 +193,7 @@ FUNCTIONS: dict[str, Function] = {
         np.minimum, (lambda x: _step(x[1] - x[0]), lambda x: _step(x[0] - x[1])), "min({}, {})", r"\min({}, {})"
     ),
 }
-"""Every function an expression may use. The exponent of `pow` must not depend on what is differentiated."""
+"""Functions of expressions by name. The exponent of `pow` must not depend on the symbol of a derivative."""
 
 LATEX_SYMBOLS = {"q": "q", "dq": r"\dot{q}", "ddq": r"\ddot{q}", "load": r"\tau_{\mathrm{load}}", "state": "z"}
 
@@ -236,7 +215,7 @@ def evaluate(expression: Expression, environment: Mapping[str, Array | float]) -
 
 
 def derivative(expression: Expression, by: str) -> Expression:
-    """Derivative with respect to a symbol; that of `sign` counts as zero everywhere, at a kink it is the mean."""
+    """Derivative with respect to a symbol; for `sign` it is zero everywhere, at a kink the mean of both sides."""
     head, arguments = expression.head, expression.arguments
     if not isinstance(head, str) or not arguments:
         return _ONE if head == by else _ZERO
@@ -281,7 +260,7 @@ def latex(expression: Expression) -> str:
 
 
 def _operands(expression: Expression, write: Callable[[Expression], str], brackets: str) -> list[str]:
-    """Written arguments; the base of a power in brackets where the exponent would seem to belong to a part of it."""
+    """Text of the arguments; the base of a power gets brackets where the exponent would seem to apply to a part."""
     written = [write(argument) for argument in expression.arguments]
     base = expression.arguments[0]
     if expression.head == "pow" and (base.head in ("mul", "pow") or (_constant(base) or 0.0) < 0.0):

@@ -1,7 +1,7 @@
-"""Memory of a torque law: what a law may know of the motion before the sample that it is evaluated at.
+"""Hysteresis states of torque laws, which depend on the motion before the present sample.
 
-A node of memory has a state that is updated from one sample of a contiguous run to the next. What it was before the
-run began is not known, so a state counts only from the sample on at which every beginning has led to the same.
+The state of a memory node is updated from sample to sample along a contiguous run. Its initial value is unknown, so a
+state is used only from the sample on at which all initial values have led to the same state.
 """
 
 from __future__ import annotations
@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from armid.errors import ModelError
 from armid.model.expression import Expression, maximum, minimum, symbol
 
-__all__ = ["Coordinate", "MemoryNode", "Play"]
-
 Coordinate = tuple[tuple[int, float], ...]
 """Pairs of joint index and weight w_j of a coordinate c = Σ w_j q_j."""
 
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """A play operator: the centre z of a window of half-width r that the coordinate drags along.
+    """Play operator: the centre z of a window of half-width r that the coordinate q drags along.
 
-    z begins anywhere within r of q. It is known once q has swept more than 2 r, since it has then been dragged.
+    The initial z is unknown within r of q. It is known once q has moved over more than 2 r and so has dragged it.
 
     Attributes:
         width: Half-width r of the window [rad or m].
@@ -31,11 +29,11 @@ class Play:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.width < float("inf"):
-            raise ModelError(f"The width of a play must be positive; found {self.width}.")
+            raise ModelError(f"The width of a play operator must be positive; found {self.width}.")
 
     @property
     def update(self) -> Expression:
-        """The next `state`, from the last one and the new `q`: min(max(z, q - r), q + r)."""
+        """Next `state` from the last one and the new `q`: min(max(z, q - r), q + r)."""
         q = symbol("q")
         return minimum(maximum(symbol("state"), q - self.width), q + self.width)
 
@@ -47,12 +45,12 @@ class Play:
 
 @dataclass(frozen=True, slots=True)
 class MemoryNode:
-    """One state of a model: a memory and the coordinate that drives it. Laws of one coordinate may share it.
+    """Hysteresis state of a model: an operator and the coordinate that drives it, shared by laws.
 
     Attributes:
-        coordinate: What drives it.
-        memory: How its state follows.
-        term: Name of the first term that asks for it.
+        coordinate: Coordinate that drives the state.
+        memory: Operator that updates the state.
+        term: Name of the first term that uses it.
     """
 
     coordinate: Coordinate

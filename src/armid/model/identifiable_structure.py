@@ -1,16 +1,18 @@
-"""Combinations of inertial parameters that the torques of a tree can show, from its geometry alone.
+"""Identifiable combinations of a tree's inertial parameters, from its geometry alone.
 
-Torque is zero for all motions exactly when the kinetic energy is zero and the potential energy constant for all
-q, q̇. Both are linear in the parameters, and seen from link i they are functionals on R¹⁰ [Wensing2024]: ½ vᵀ I v
-for an attainable velocity v, and g·h for an attainable direction of gravity g. Let W_p be the span of those that
-the parent can attain, V_p the span of its velocities, S the axis of the joint, X(q) and K(q) what the joint does
-to velocities and to parameters (π_parent = K π). With v_i = X v_p + S q̇_i, joint i then sees of its link
+Torque is zero for all motions exactly when the kinetic energy is zero and the potential energy constant for all q,
+q̇. Both are linear in the parameters. In the frame of link i they are functionals on R¹⁰ [Wensing2024]: ½ vᵀ I v for
+an attainable velocity v, and g·h for an attainable direction of gravity g. Let W_p be the span of the parent's
+attainable functionals, V_p the span of its velocities, S the axis of the joint, and X(q) and K(q) its transforms of
+velocities and of parameters (π_parent = K π). With v_i = X v_p + S q̇_i, the torque of joint i depends on its link
+through
 
     SᵀI S,   SᵀI X(q) v  for v in V_p,   and all of w K(q), w in W_p, that varies with q.
 
-What it does not see cannot be told from a change of the parent link, and is moved there: π_parent += K(0) π. Since
-K and X are polynomials in cos q and sin q (or in q), "for all q" is a statement on finitely many coefficients.
-Attainable velocities are a union of subspaces, not one; spans suffice because every condition is linear in w or v.
+The other combinations cannot be distinguished from a change of the parent link, and are moved there: π_parent += K(0)
+π. Since K and X are polynomials in cos q and sin q (or in q), "for all q" is a condition on finitely many
+coefficients. Attainable velocities are a union of subspaces, not one subspace; spans suffice, because every condition
+is linear in w or v.
 """
 
 from __future__ import annotations
@@ -26,33 +28,23 @@ from armid.maths.inertia import PSEUDO_INERTIA_OF, spatial_inertia, vector_from_
 from armid.maths.spatial import homogeneous, skew
 from armid.values import Array
 
-__all__ = [
-    "COEFFICIENT_FLOOR",
-    "PREFERRED_DISTANCE",
-    "SPAN_TOLERANCE",
-    "clean",
-    "echelon",
-    "parameter_units",
-    "structural_base",
-]
-
 SPAN_TOLERANCE = 1e-9
-"""Directions of a span below this size, in the arm's own unit of length, are rounding. Geometry is exact to 1e-16;
-a direction that enters with size s carries relative rounding 1e-16/s into the next joint, so features of a
-millionth of the arm still leave three orders of margin."""
+"""Size, in the arm's own unit of length, below which a direction of a span is rounding. Geometry is exact to 1e-16,
+and a direction of size s has a relative rounding error of 1e-16/s in the next joint, so that lengths of a millionth
+of the arm still leave a margin of a factor 1000."""
 
 PREFERRED_DISTANCE = 1e-4
-"""Distance of a column from the earlier ones from which it is kept before later ones: small offsets of real arms, a
-hundredth of the unit of length or more, enter squared."""
+"""Distance from the span of earlier columns above which a column is preferred to later ones. Small offsets of real
+arms are at least a hundredth of the unit of length, and enter squared."""
 
 COEFFICIENT_FLOOR = 1e-12
-"""Coefficients of the regrouping below this, in the arm's own unit of length, are rounding."""
+"""Size, in the arm's own unit of length, below which a coefficient of the regrouping is rounding."""
 
 _BODIES = np.array([spatial_inertia(e) for e in np.eye(10)])
 
 
-# Fourier coefficients (1, cos, sin, cos 2q, sin 2q) of the products of 1, cos q, sin q in this order of pairs:
-# 1·1, 1·cos, 1·sin, cos·cos, cos·sin, sin·sin. Powers of a prismatic q are independent as they stand.
+# Fourier coefficients (1, cos, sin, cos 2q, sin 2q) of the products of 1, cos q, sin q in this order of pairs: 1·1,
+# 1·cos, 1·sin, cos·cos, cos·sin, sin·sin. Powers of a prismatic q are independent already.
 _FOURIER = np.array(
     [
         [1.0, 0.0, 0.0, 0.5, 0.0, 0.5],
@@ -68,13 +60,13 @@ def structural_base(tree: Tree) -> tuple[NDArray[np.intp], Array]:
     """Base parameters of the rigid bodies of a tree.
 
     Returns:
-        Positions of the kept parameters among the 10 n, shape (b,): from base to tip, the earliest that are
-        independent; and the regrouping (b, 10 n) with base = regrouping · standard.
+        Positions of the kept parameters among the 10 n, shape (b,): the earliest independent ones from base to tip;
+        and the regrouping (b, 10 n) with base = regrouping · standard.
     """
     length = _unit_of_length(tree)
     joints = [_joint(tree, i, length) for i in range(tree.n)]
     reduced = [echelon(C, SPAN_TOLERANCE) for C in _conditions(tree, joints)]
-    # What each link has to show: its own parameters and what its children could not see of theirs.
+    # Each link's parameters: its own and those that its children's torques do not depend on.
     seen = np.eye(10 * tree.n).reshape(tree.n, 10, 10 * tree.n)
     for i in range(tree.n - 1, -1, -1):
         if tree.parent[i] >= 0:
@@ -89,19 +81,19 @@ def structural_base(tree: Tree) -> tuple[NDArray[np.intp], Array]:
 
 
 def parameter_units(tree: Tree) -> Array:
-    """Units 1, l, l² of mass, first moments and inertias (10 n,) that go with the arm's own unit of length l."""
+    """Units 1, l, l² of mass, first moments and inertias (10 n,) for the arm's own unit of length l."""
     length = _unit_of_length(tree)
     return np.tile(np.repeat([1.0, length, length**2], [1, 3, 6]), tree.n)
 
 
 def echelon(matrix: Array, tolerance: float) -> tuple[NDArray[np.intp], Array]:
-    """Earliest independent columns and all columns in terms of them.
+    """Earliest independent columns, and all columns in terms of them.
 
-    A column that stands off the earlier ones by less than `PREFERRED_DISTANCE` is passed over as long as later
-    ones complete the span, since it would bring enormous coefficients.
+    A column nearer to the span of earlier ones than `PREFERRED_DISTANCE` is kept only where later columns do not
+    complete the span, since it would give very large coefficients.
 
     Args:
-        matrix: Shape (m, c), entries of the order of one.
+        matrix: Matrix of shape (m, c), entries of the order of one.
         tolerance: A column is dependent when its distance to the span of the kept ones is at most this.
 
     Returns:
@@ -113,7 +105,7 @@ def echelon(matrix: Array, tolerance: float) -> tuple[NDArray[np.intp], Array]:
     for least in (max(tolerance, PREFERRED_DISTANCE), tolerance):
         for j in range(count):
             rest = matrix[:, j].copy()
-            for _ in range(2):  # twice is enough for orthogonality to rounding
+            for _ in range(2):  # twice gives orthogonality to rounding
                 rest -= (basis[: len(kept)] @ rest) @ basis[: len(kept)]
             distance = float(np.linalg.norm(rest))
             if distance > least and len(kept) < len(basis):
@@ -128,14 +120,14 @@ def echelon(matrix: Array, tolerance: float) -> tuple[NDArray[np.intp], Array]:
 
 
 def clean(matrix: Array, floor: float = COEFFICIENT_FLOOR) -> Array:
-    """The matrix with entries that are only rounding set to zero; rows with entries above 100 carry more of it."""
+    """Sets entries that are rounding to zero, with a larger floor in rows with entries above 100."""
     largest = np.abs(matrix).max(axis=1, keepdims=True, initial=100.0)
     return np.where(np.abs(matrix) < floor * largest / 100.0, 0.0, matrix)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Joint:
-    """A joint as polynomial in cos q and sin q, or in q: one coefficient each, the constant one first."""
+    """Joint as polynomials in cos q and sin q, or in q, by their coefficients, the constant one first."""
 
     subspace: Array  # (6,)
     velocities: Array  # X, (h, 6, 6), parent to link
@@ -144,7 +136,7 @@ class _Joint:
 
 
 def _conditions(tree: Tree, joints: list[_Joint]) -> list[Array]:
-    """For each link the functionals (r_i, 10), orthonormal, of what its joint sees of it and of all it carries."""
+    """Orthonormal functionals (r_i, 10) of each link, through which its joint's torque depends on it."""
     nothing = np.zeros((0, 6))
     weight = np.zeros((1, 10))
     if tree.gravity.any():
@@ -193,7 +185,7 @@ def _joint(tree: Tree, i: int, length: float) -> _Joint:
 
 
 def _products(powers: list[Array]) -> list[Array]:
-    """Maps of parameters (10, 10) that belong to the pairs of coefficients of T in J' = T J Tᵀ."""
+    """Maps of parameters (10, 10) for the pairs of coefficients of T in J' = T J Tᵀ."""
     result: list[Array] = []
     for T, U in combinations_with_replacement(powers, 2):
         moved = T @ PSEUDO_INERTIA_OF @ U.T
@@ -209,11 +201,11 @@ def _velocity_map(rotation: Array, shifted: Array) -> Array:
 
 
 def _block(rotation: Array, translation: Array) -> Array:
-    """A 4 x 4 coefficient of a transform: rotation and translation without the one in the corner."""
+    """Coefficient (4, 4) of a homogeneous transform, without the one in the corner."""
     return np.block([[rotation, translation[:, None]], [np.zeros((1, 4))]])
 
 
 def _unit_of_length(tree: Tree) -> float:
-    """The power of two just above the longest offset, so that dividing by it is exact [m]."""
+    """Power of two just above the longest offset, so that the division by it is exact [m]."""
     longest = float(np.abs(tree.translation).max())
     return float(2.0 ** np.ceil(np.log2(longest))) if longest > 0.0 else 1.0

@@ -1,4 +1,4 @@
-"""A motion of the joints over time."""
+"""Motion of the joints over time."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from armid.errors import ArmidError
 from armid.notebook import Displayed, Summary, spans
 from armid.values import Array, array
 
-__all__ = ["Motion"]
-
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Motion(Displayed):
@@ -23,8 +21,8 @@ class Motion(Displayed):
         q: Joint positions, shape (N, n) [rad or m].
         dq: Joint velocities, shape (N, n) [rad/s or m/s].
         ddq: Joint accelerations, shape (N, n) [rad/s² or m/s²].
-        memory: States of the m memory nodes of a model along the run that this is a part of, shape (N, m);
-            `DynamicsModel.remember` makes them. `None` where nothing is remembered.
+        memory: Hysteresis states of a model along the run that this is a part of, shape (N, m), computed by
+            `DynamicsModel.remember`; `None` without states.
     """
 
     time: Array
@@ -50,7 +48,7 @@ class Motion(Displayed):
 
     @classmethod
     def of_states(cls, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Motion:
-        """Separate states (N, n), one a second: for samples that do not follow each other in time."""
+        """Motion of separate states (N, n), one each second, for samples that are not consecutive."""
         q = array(q, (None, None), "q")
         return cls(range(len(q)), q, dq, ddq)  # pyright: ignore[reportArgumentType]
 
@@ -65,7 +63,7 @@ class Motion(Displayed):
         return self.q.shape[1]
 
     def __getitem__(self, rows: slice) -> Motion:
-        """Some of the samples with what is remembered at them, without copying them."""
+        """Selects samples and their hysteresis states, without a copy."""
         part = object.__new__(Motion)
         for name in ("time", "q", "dq", "ddq", "memory"):
             values = getattr(self, name)
@@ -73,7 +71,7 @@ class Motion(Displayed):
         return part
 
     def with_memory(self, memory: Array) -> Motion:
-        """The same motion with states of memory nodes (N, m), which are made read-only; nothing is copied."""
+        """Adds hysteresis states (N, m), which become read-only; nothing is copied."""
         if memory.ndim != 2 or len(memory) != self.samples or memory.dtype != np.float64:
             raise ArmidError(f"memory must have shape ({self.samples}, any); found {memory.shape} of {memory.dtype}.")
         memory.setflags(write=False)

@@ -7,15 +7,13 @@ from typing import Any
 
 from armid.model.terms.term import Term
 
-__all__ = ["describe_term", "friction_of_joint"]
-
 
 def describe_term(term: Term, *, prismatic: bool = False) -> str:
-    """A term with its shapes, or its name where it has none to tell.
+    """Term with its shapes in words, or its name where it has none.
 
     Args:
         term: The term.
-        prismatic: Whether its joint slides: metres in place of radians.
+        prismatic: Whether its joint is prismatic: metres in place of radians.
     """
     length = "m" if prismatic else "rad"
     write = _WORDS.get(term.name)
@@ -23,12 +21,12 @@ def describe_term(term: Term, *, prismatic: bool = False) -> str:
 
 
 def friction_of_joint(terms: Iterable[Term], joint: str, *, prismatic: bool = False) -> tuple[str, ...]:
-    """The terms that act on a joint, in words and each once.
+    """Descriptions of the terms that act on a joint, each once.
 
     Args:
-        terms: Terms restricted to joints, or of all.
+        terms: Terms of some joints or of all.
         joint: Name of the joint.
-        prismatic: Whether it slides.
+        prismatic: Whether the joint is prismatic.
     """
     own = [term for term in terms if (on := getattr(term, "joints", None)) is None or joint in on]
     return tuple(dict.fromkeys(describe_term(term, prismatic=prismatic) for term in own))
@@ -44,10 +42,10 @@ _WORDS: dict[str, Callable[[Any, str], str]] = {
     "sigmoid": lambda term, length: f"sigmoid of velocity over {2.0 / term.slope:.3g} {length}/s",
     "power-viscous": lambda term, length: f"viscous, velocity to the power {term.exponent:.3g}",
     "piecewise-viscous": lambda term, length: f"viscous, slope changes at {_listed(term.knots)} {length}/s",
-    "asymmetric-coulomb": lambda term, length: "Coulomb, other by direction",
-    "asymmetric-viscous": lambda term, length: "viscous, other by direction",
+    "asymmetric-coulomb": lambda term, length: "Coulomb, depends on direction",
+    "asymmetric-viscous": lambda term, length: "viscous, depends on direction",
     "load-coulomb": lambda term, length: "Coulomb, grows with the load",
     "load-viscous": lambda term, length: "viscous, grows with the load",
     "ripple": lambda term, length: f"ripple, harmonics {_listed(term.harmonics)}",
 }
-"""Terms that have shapes, or a name that says less than a few words."""
+"""Descriptions of terms that have shapes, or whose name needs more words."""

@@ -9,14 +9,13 @@ import numpy as np
 
 from armid.errors import ArmidError
 from armid.model.base_formulas import base_formulas
+from armid.model.parameter_name import ParameterName
 from armid.report.data.joint_names import label_of
 from armid.report.data.number_format import decimals_of, fixed, short
 from armid.report.data.page_data import PageData
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
-
-__all__ = ["COMPARISON", "Pair", "RunChange", "changes", "pair_of"]
 
 BY_CHANCE = 0.05
 """Expected share of unchanged parameters whose estimates differ by more than a 95 % interval."""
@@ -96,10 +95,9 @@ def changes(pair: Pair) -> list[RunChange]:
     values = [_values(m) for m in _both(pair)]
     units = dict(zip(pair.before.run.estimate.base.names, pair.before.run.estimate.base.units, strict=True))
     for name, (before, before_half) in values[0].items():
-        plain = name.split("[", 1)[0]
-        if name in values[1] and formulas[0][plain] == formulas[1].get(plain):
+        if name in values[1] and formulas[0][name.of_all] == formulas[1].get(name.of_all):
             after, after_half = values[1][name]
-            result.append(RunChange(name, units[plain], before, after, before_half, after_half))
+            result.append(RunChange(name, units[name.of_all], before, after, before_half, after_half))
     return sorted(result, key=lambda change: -change.size)
 
 
@@ -107,7 +105,7 @@ def _both(pair: Pair) -> tuple[PageData, PageData]:
     return pair.before, pair.after
 
 
-def _values(page_data: PageData) -> dict[str, tuple[float, float]]:
+def _values(page_data: PageData) -> dict[ParameterName, tuple[float, float]]:
     """Value and half interval of each parameter."""
     fit = page_data.run.estimate.fit
     half = 0.5 * np.ptp(page_data.run.estimate.intervals, axis=1)
@@ -188,12 +186,12 @@ def _show_sources(pair: Pair) -> Section:
 SOURCES: Mapping[str, Callable[[PageData], str]] = {
     "folder": lambda m: m.run.folder,
     "robot": lambda m: m.run.robot.sha256[:12],
-    "recordings": lambda m: ", ".join(f"{each['path']} ({each['role']})" for each in m.study["recordings"]),
+    "recordings": lambda m: ", ".join(f"{each.path} ({each.role})" for each in m.study.recordings),
     "method": lambda m: m.run.estimate.method,
     "terms": lambda m: ", ".join(term.name for term in m.run.estimate.terms),
     "cut-off": lambda m: f"{m.run.processing.cutoff} Hz",
     "covariance": lambda m: m.run.estimate.fit.covariance_kind,
-    "verdict": lambda m: str(m.validation["verdict"]),
+    "verdict": lambda m: m.validation.verdict,
 }
 
 COMPARISON: Mapping[str, Callable[[Pair], Section]] = {

@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+from armid.estimation.estimate import Estimate
 from armid.notebook import names_apart
 from armid.report.data.number_format import short
 from armid.report.data.page_data import PageData
 from armid.report.plots.arm_picture import picture_of
 
-__all__ = ["Heading", "commands_of", "heading_of_run"]
-
 MAX_RECORDINGS = 4
 """Largest number of recordings of a role that the head names; the provenance names all."""
 
 NEXT_COMMANDS = (
-    ("export {run} --to urdf", "the model as a robot description; --to mjcf, sdf, or source code: c, cpp, python …"),
     ("validate {run} RECORDING", "torque error on another recording"),
     ("preview {run}", "a page on which the arm moves through a recording of this run"),
     ("certify {run}", "physical consistency and the mass matrix in the worst pose"),
@@ -60,21 +58,30 @@ def heading_of_run(page_data: PageData) -> Heading:
 def commands_of(page_data: PageData) -> list[tuple[str, str]]:
     """Next commands with the path of a run, and their results."""
     run = shlex.quote(str(Path(page_data.run.folder)))
-    return [(f"armid {command.format(run=run)}", purpose) for command, purpose in NEXT_COMMANDS]
+    export = export_command(run, page_data.run.estimate, page_data.study.robot.description)
+    return [export, *((f"armid {command.format(run=run)}", purpose) for command, purpose in NEXT_COMMANDS)]
+
+
+def export_command(run: str, estimate: Estimate, description: str) -> tuple[str, str]:
+    """Export that fits an estimate: the description where it has a body for each link, else source code."""
+    format_name = "mjcf" if Path(description).suffix == ".xml" else "urdf"
+    if estimate.fit.standard is None:
+        return f"armid export {run} --to c", f"the model as source code; as a robot description: --to {format_name}"
+    return f"armid export {run} --to {format_name}", "the model as a robot description, or code: --to c"
 
 
 def _recordings(page_data: PageData, role: str) -> str:
     """Names of the recordings of a role, with their lengths if they could be read."""
-    names = names_apart(each["path"] for each in page_data.study["recordings"])
+    names = names_apart(each.path for each in page_data.study.recordings)
     lengths = {
         (each.choice.path, each.choice.part): f" ({short(float(each.time[-1]))} s)"
         for each in page_data.of_role(role)
         if each.is_consecutive
     }
     texts = [
-        names[each["path"]] + lengths.get((each["path"], tuple(each["part"])), "")
-        for each in page_data.study["recordings"]
-        if each["role"] == role
+        names[each.path] + lengths.get((each.path, each.part), "")
+        for each in page_data.study.recordings
+        if each.role == role
     ]
     rest = f" and {len(texts) - MAX_RECORDINGS} more" if len(texts) > MAX_RECORDINGS + 1 else ""
     return ", ".join(texts[:MAX_RECORDINGS] if rest else texts) + rest

@@ -6,13 +6,13 @@ of its size, and the page's script unpacks it. Plots hold four-byte numbers, no 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from armid.report.comparison import COMPARISON, pair_of
-from armid.report.data.page_data import PageData, gather, records_of
+from armid.report.data.page_data import PageData, gather, stored
 from armid.report.heading import Heading, heading_of_run
 from armid.report.plots.encoding import compressed, embedded
 from armid.report.plots.style import plot_record
@@ -20,25 +20,15 @@ from armid.report.rendering import environment, require_extra, text_of
 from armid.report.section import Section
 from armid.report.sections import SECTIONS
 from armid.runs.run import Run
-from armid.study.processed import ProcessedRecording
 from armid.values import replace_file
 
-__all__ = ["assemble", "render", "write_comparison", "write_page", "write_report"]
 
-
-def write_report(
-    run: Run,
-    path: Path | str,
-    *,
-    recordings: Sequence[ProcessedRecording] | None = None,
-    data: Path | str | None = None,
-) -> Path:
+def write_report(run: Run, path: Path | str, *, data: Path | str | None = None) -> Path:
     """Write a run's page.
 
     Args:
         run: The run.
         path: The file; written whole or not at all.
-        recordings: Processed recordings of the run, if available; otherwise they are read and processed again.
         data: Folder that is searched first for recordings.
 
     Raises:
@@ -46,7 +36,7 @@ def write_report(
         ArmidError: A record of the run is damaged, or the file cannot be written.
     """
     require_extra()
-    return write_page(gather(run, recordings=recordings, data=data), path)
+    return write_page(gather(run, data=data), path)
 
 
 def write_page(page_data: PageData, path: Path | str) -> Path:
@@ -71,7 +61,7 @@ def write_comparison(before: Run, after: Run, path: Path | str) -> Path:
         ArmidError: The runs are of different arms, or a record is damaged.
     """
     require_extra()
-    pair = pair_of(records_of(before), records_of(after))
+    pair = pair_of(stored(before), stored(after))
     sections = {name: show(pair) for name, show in COMPARISON.items()}
     title = f"{after.estimate.robot}: changes"
     return replace_file(path, assemble(title, f"from {before.folder} to {after.folder}", sections, with_plots=False))

@@ -14,7 +14,8 @@ from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.limits.workspace import SCALE
 from armid.excitation.plan import Plan
-from armid.excitation.preflight import worst
+from armid.excitation.point_to_point import Moves
+from armid.excitation.preflight import Preflight, worst
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.report.data.joint_names import groups_of, heading_of, label_of
@@ -22,17 +23,18 @@ from armid.report.data.number_format import fixed, share, short
 from armid.report.page import assemble
 from armid.report.plots.traces import Plot, PlotTrace, line
 from armid.report.rendering import require_extra
-from armid.report.section import Section, one_of
+from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.robot import Joint
 from armid.study.plans.design import Designed
-from armid.study.plans.preflight_text import findings_of
+from armid.study.plans.preflight_text import NOT_LOOKED_AT, Checked, findings_of, margins_text, start_text
 from armid.values import Array, replace_file
-
-__all__ = ["PREFLIGHT", "links_of", "motion_section", "nearest_of_links", "render_preflight", "write_preflight"]
 
 PLOT_RATE = 100.0
 """Sampling rate of the plots [Hz]; 40 samples in a period of the highest harmonics that arms can follow."""
+
+PLOT_POINTS = 4000.0
+"""Largest number of samples of a long motion in a plot."""
 
 COLLISION = "collision"
 DISTANCES = (COLLISION, "tip")
@@ -45,7 +47,7 @@ MANY = 12
 """Number of rows above which a table is folded."""
 
 
-def write_preflight(designed: Designed, path: Path | str) -> Path:
+def write_preflight(designed: Checked, path: Path | str) -> Path:
     """Write the page, whole or not at all.
 
     Raises:
@@ -56,20 +58,16 @@ def write_preflight(designed: Designed, path: Path | str) -> Path:
     return replace_file(path, render_preflight(designed))
 
 
-def render_preflight(designed: Designed) -> str:
+def render_preflight(designed: Checked) -> str:
     """HTML of the page."""
-    plan = designed.plan
-    series = plan.excitation
-    subtitle = (
-        f"Pre-flight check: {series.harmonics} harmonics over {series.period:g} s, "
-        f"{'once' if plan.repetitions == 1 else f'{plan.repetitions} times'}, {plan.duration:.1f} s in all; "
-        f"designed for {designed.problem.goal.criterion}"
-    )
+    subtitle = f"Pre-flight check: {designed.heading}"
+    if isinstance(designed, Designed):
+        subtitle += f", {designed.plan.duration:.1f} s in all; designed for {designed.problem.goal.criterion}"
     sections = {name: section for name, show in PREFLIGHT.items() if (section := show(designed)) is not None}
-    return assemble(series.robot, subtitle, sections, with_plots=True)
+    return assemble(designed.robot.name, subtitle, sections, with_plots=True)
 
 
-def show_limits(designed: Designed) -> Section:
+def show_limits(designed: Checked) -> Section:
     """Section of all limits, with margin, joint and time."""
     margins = designed.preflight.margins
     rows = [_margin_row(margin, designed) for margin in margins if margin.limit != COLLISION]
@@ -85,18 +83,35 @@ def show_limits(designed: Designed) -> Section:
     )
     note = (
         "Reached: largest value on a grid of 1 kHz. Certified: bound that also holds between the points of the grid. "
-        "For torque there is no such bound; the largest step between two points is added instead. ▲ marks limits "
-        "that are fully used."
+        "For friction, which may jump where a joint reverses, and for poses and sweeps the largest step between two "
+        "points is added instead. ▲ marks limits that are fully used."
     )
     content = {
         "verdict": designed.preflight.verdict,
         "said": designed.preflight.sentence,
-        "worst": [
-            (m.limit, m.label, _reached(m), "" if math.isnan(m.time) else fixed(m.time, 2)) for m in worst(margins)
-        ],
-        "findings": [(finding.severity, finding.evidence, finding.remedy) for finding in findings_of(designed)],
+        "worst": _worst_rows(designed.preflight),
+        "findings": [(each.severity, each.code, each.evidence, each.remedy) for each in findings_of(designed)],
+        "start": start_text(designed),
+        "margins": margins_text(designed),
     }
     return Section("Limits", content, (Table("limits", "Every limit", columns, rows, note),))
+
+
+def _worst_rows(report: Preflight) -> list[tuple[str, str, str, str]]:
+    """Limit, joint or pair, value and time of the smallest margin of each kind.
+
+    The search keeps capsules or hulls apart; the distance that counts is that of the closest approaches.
+    """
+    rows = [
+        (m.limit, m.label, _reached(m), "" if math.isnan(m.time) else fixed(m.time, 2))
+        for m in worst(report.margins)
+        if m.limit != COLLISION
+    ]
+    if report.approaches:
+        nearest = min(report.approaches, key=lambda each: each.distance - each.asked)
+        reached = f"{fixed(1000.0 * nearest.distance, 0)} mm distance, {fixed(1000.0 * nearest.asked, 0)} mm required"
+        rows.append((COLLISION, nearest.pair, reached, fixed(nearest.time, 2)))
+    return rows
 
 
 def _reached(margin: Margin) -> str:
@@ -106,7 +121,7 @@ def _reached(margin: Margin) -> str:
     return f"{share(margin.share)} of the limit"
 
 
-def _margin_row(margin: Margin, designed: Designed) -> tuple[TableCell, ...]:
+def _margin_row(margin: Margin, designed: Checked) -> tuple[TableCell, ...]:
     timeless = math.isnan(margin.time)
     reached = certified = TableCell("–", "")
     if margin.limit not in DISTANCES:
@@ -124,7 +139,7 @@ def _margin_row(margin: Margin, designed: Designed) -> tuple[TableCell, ...]:
     )
 
 
-def _value_and_bound(margin: Margin, designed: Designed) -> tuple[TableCell, TableCell]:
+def _value_and_bound(margin: Margin, designed: Checked) -> tuple[TableCell, TableCell]:
     """Cells of the reached value and its bound; ranges for positions."""
     spread = designed.spread(margin)
     if spread is None:
@@ -133,7 +148,7 @@ def _value_and_bound(margin: Margin, designed: Designed) -> tuple[TableCell, Tab
     return TableCell(f"{low}…{high}", margin.value), TableCell(f"{lower}…{upper}", margin.bound)
 
 
-def show_approaches(designed: Designed) -> Section | None:
+def show_approaches(designed: Checked) -> Section | None:
     """Section of the closest approach of each pair; `None` if collisions were not checked."""
     report = designed.preflight
     if not report.approaches:
@@ -153,6 +168,7 @@ def show_approaches(designed: Designed) -> Section | None:
             (
                 TableCell(links_of(each.pair), kind="name"),
                 TableCell(fixed(distance, 0) + mark, distance),
+                TableCell(each.measured),
                 TableCell(fixed(each.time, 2), each.time),
                 around,
                 between,
@@ -162,22 +178,23 @@ def show_approaches(designed: Designed) -> Section | None:
     columns = (
         Column("links", words=True),
         Column("closest", "mm"),
+        Column("between", words=True),
         Column("at", "s"),
-        Column("as capsules", "mm"),
+        Column("in search", "mm"),
         Column("certified", "mm"),
         Column("required", "mm"),
     )
     note = (
-        "Closest: distance of the bodies, measured independently of the search, with meshes as convex hulls of up to "
-        "four slabs, 50 times a second, and 250 times near the minimum. As capsules: distance of the capsules "
-        "around the bodies, as in the search, on a grid of 1 kHz; certified: lower bound of it between the points, "
-        "too. Required: less than the clearance where links are built closer than that. ▲ marks pairs that come too "
-        "close."
+        "Closest: distance measured independently of the search, between the bodies as described, the convex hulls "
+        "of up to four slabs of a mesh, or its triangles, 50 times a second, and 250 near the minimum. In search: "
+        "distance of the capsules around the bodies, or of hulls where capsules are too wide, on a grid of 1 kHz; "
+        "certified: lower bound of it between the points, too. Required: less than the clearance where links are "
+        "built closer than that. ▲ marks pairs that come too close."
     )
     title = f"Closest approach of each of {len(rows)} pairs of links, the nearest first"
     table = Table("approaches", title, columns, rows, note, folded=len(rows) > MANY)
     skipped = [each.account for each in report.skipped]
-    return Section("Closest approaches", {"skipped": skipped}, (table,))
+    return Section("Closest approaches", {"skipped": skipped, "why": NOT_LOOKED_AT}, (table,))
 
 
 def links_of(pair: str) -> str:
@@ -193,9 +210,11 @@ def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestAppro
     return sorted(nearest.values(), key=lambda approach: approach.distance)
 
 
-def show_expected(designed: Designed) -> Section:
-    """Section of the deviations to expect from the recording."""
-    expected, goal = designed.preflight.expected, designed.problem.goal
+def show_expected(designed: Checked) -> Section | None:
+    """Section of the deviations to expect from the recording of a series."""
+    if not isinstance(designed, Designed):
+        return None
+    expected, goal = designed.expected, designed.problem.goal
     robot = goal.model.robot
     order, groups = groups_of(expected.names, robot.joints)
     parameters = Table(
@@ -213,13 +232,22 @@ def show_expected(designed: Designed) -> Section:
         folded=True,
         groups=groups,
     )
-    unit = one_of([joint.effort_unit for joint in robot.joints])
     torque = Table(
         "expected-torque",
         "Predicted standard deviation of the model's torque along this plan",
-        (Column("joint", words=True), Column("assumed noise", unit), Column("standard deviation", unit)),
+        (
+            Column("joint", words=True),
+            Column("assumed noise"),
+            Column("standard deviation"),
+            Column("unit", words=True),
+        ),
         [
-            (TableCell(label_of(robot.joints, j), kind="name"), _cell(float(noise)), _cell(float(x)))
+            (
+                TableCell(label_of(robot.joints, j), kind="name"),
+                _cell(float(noise)),
+                _cell(float(x)),
+                TableCell(robot.joints[j].effort_unit),
+            )
             for j, (noise, x) in enumerate(zip(goal.noise, expected.torque, strict=True))
         ],
     )
@@ -237,15 +265,15 @@ def _cell(value: float) -> TableCell:
     return TableCell(short(value), value)
 
 
-def show_motion(designed: Designed) -> Section:
+def show_motion(designed: Checked) -> Section:
     """Section of position, velocity, acceleration and torque over time, with their limits."""
-    model = designed.problem.goal.model
+    model = designed.problem.goal.model if isinstance(designed, Designed) else designed.model
     content = {"torque": model.nominal_parameters() is not None}
     return motion_section(designed.plan, model, designed.limits, content)
 
 
 def motion_section(
-    plan: Plan, model: DynamicsModel, limits: Limits, content: Mapping[str, object] | None = None
+    plan: Plan | Moves, model: DynamicsModel, limits: Limits, content: Mapping[str, object] | None = None
 ) -> Section:
     """Section of a plan with its limits, and with torque if the description has inertias.
 
@@ -255,7 +283,7 @@ def motion_section(
         limits: Limits of the joints.
         content: Further values for the template.
     """
-    motion = plan.sample(PLOT_RATE)
+    motion = plan.sample(min(PLOT_RATE, PLOT_POINTS / plan.duration))
     nominal = model.nominal_parameters()
     torque = None if nominal is None else model.torque(motion, nominal)
     rows = tuple(
@@ -292,7 +320,7 @@ def _both(limit: float) -> tuple[float, float]:
     return -float(limit), float(limit)
 
 
-PREFLIGHT: Mapping[str, Callable[[Designed], Section | None]] = {
+PREFLIGHT: Mapping[str, Callable[[Checked], Section | None]] = {
     "limits": show_limits,
     "approaches": show_approaches,
     "motion": show_motion,

@@ -12,8 +12,6 @@ from armid.errors import MissingExtraError
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["environment", "require_extra", "text_of"]
-
 PACKAGES = ("jinja2", "plotly")
 """Packages that a page with plots needs."""
 

@@ -11,8 +11,6 @@ from armid.report.data.page_data import PageData
 from armid.report.plots.traces import Plot, PlotRange
 from armid.report.tables import Table
 
-__all__ = ["Section", "clipped_caption", "effort_unit", "one_of"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Section:

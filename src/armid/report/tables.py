@@ -8,8 +8,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["Column", "Table", "TableCell", "latex_text"]
-
 LATEX = {
     "\\": r"\textbackslash{}",
     "&": r"\&",

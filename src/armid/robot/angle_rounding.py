@@ -1,8 +1,8 @@
 """Correction of angles that a description states with rounding.
 
-A description that writes π/2 as 1.5708 has axes that are almost, but not quite, parallel or at right angles.
-Each such joint lets columns of the regressor appear that the real arm does not have, with coefficients of 1e-5.
-So roll, pitch and yaw angles that lie close to multiples of 15° become those multiples.
+A description that writes π/2 as 1.5708 has axes that are almost, but not quite, parallel or at right angles. Each
+such joint adds columns to the regressor that the real arm does not have, with coefficients of 1e-5. So roll, pitch
+and yaw angles close to multiples of 15° are set to those multiples.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from armid.errors import Finding
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.robot import Robot
 from armid.values import Array
-
-__all__ = ["ROUNDING", "rounded", "snapped_axis", "snapped_rotation"]
 
 STEP = math.pi / 12.0
 """Step of the multiples with which angles are compared [rad]."""
@@ -33,14 +31,14 @@ def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
     """Robot with rounded angles corrected, and a finding about the largest change.
 
     Returns:
-        The robot, with placements and axes snapped, and a finding `description-rounded` with the largest change;
+        The robot with corrected placements and axes, and a finding `description-rounded` with the largest change;
         `None` where every change is below `NOISE`.
     """
     changes: list[tuple[float, str]] = []
 
     def snap_pose(pose: Array, name: str) -> Array:
         rotation = snapped_rotation(pose[:3, :3])
-        # Half the chord keeps its digits where the arc cosine of the trace loses them.
+        # The chord gives a small angle accurately, where the arc cosine of the trace loses digits.
         chord = float(np.linalg.norm(rotation - pose[:3, :3])) / math.sqrt(8.0)
         changes.append((2.0 * math.asin(min(1.0, chord)), name))
         return homogeneous(rotation, pose[:3, 3])
@@ -63,7 +61,7 @@ def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
         "description-rounded",
         "info",
         "",
-        f"{len(seen)} orientations or axes lay close to multiples of 15° and were taken as exact; "
+        f"{len(seen)} orientations or axes are close to multiples of 15° and were set to them; "
         f"the largest change is {largest:.2g} rad, at {name}",
     )
     return replace(robot, findings=(*robot.findings, finding)), finding
@@ -72,8 +70,8 @@ def rounded(robot: Robot) -> tuple[Robot, Finding | None]:
 def snapped_rotation(rotation: Array) -> Array:
     """Rotation (3, 3) whose roll, pitch and yaw are set to multiples of 15° where they are close to them.
 
-    At least two of the three must be close: one alone may be chance, a tilt about one axis is a design. Where the
-    pitch is ±90° only one combination of roll and yaw exists; the roll is then taken as zero.
+    At least two of the three must be close: one alone may be chance, and a tilt about one axis may be intended. At a
+    pitch of ±90° only one combination of roll and yaw is defined; the roll is then set to zero.
     """
     pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
     if abs(abs(pitch) - 0.5 * math.pi) < ROUNDING:

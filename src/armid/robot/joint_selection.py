@@ -9,15 +9,13 @@ from fnmatch import fnmatchcase
 
 from armid.errors import Finding, RobotError, did_you_mean
 
-__all__ = ["Follows", "HeldJoint", "JointOutline", "SelectedJoint", "held_joints", "matching"]
-
 
 @dataclass(frozen=True, slots=True)
 class Follows:
-    """Law of a joint that follows another one.
+    """Law of a mimic joint, which follows another one.
 
     Attributes:
-        leader: Name of the other joint; empty where the joint is tied to a constant.
+        leader: Name of the other joint; empty where the joint has a constant position.
         factors: Coefficients of the polynomial in the leader's position, lowest first.
     """
 
@@ -34,12 +32,12 @@ class SelectedJoint:
     """Joint of a description that is not fixed.
 
     Attributes:
-        name: Its name.
+        name: Name of the joint.
         parent: Index of the joint that carries it; -1 for the base.
         is_simple: Whether it has one degree of freedom.
         lower: Lowest position [rad or m].
         upper: Highest position [rad or m].
-        follows: What leads it; `None` where it is free.
+        follows: Law of a mimic joint; `None` where the joint is independent.
     """
 
     name: str
@@ -88,8 +86,8 @@ class HeldJoint:
     """Positions of the joints that are locked.
 
     Attributes:
-        at: Their positions [rad or m], by name.
-        findings: What was held without its name having been given.
+        at: Positions of the locked joints [rad or m], by name.
+        findings: Findings about joints that were locked without being named.
     """
 
     at: Mapping[str, float]
@@ -97,7 +95,7 @@ class HeldJoint:
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
-    """Name itself where it is among the names, else the names that match it as a pattern (`*`, `?`, `[…]`)."""
+    """Names that match a pattern (`*`, `?`, `[…]`), or the pattern itself where it is a name."""
     names = list(names)
     return [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
 
@@ -109,14 +107,14 @@ def held_joints(
 
     Args:
         outline: The description's joints.
-        source: Its path, for messages.
-        lock: Positions [rad or m] by name or pattern (`*`, `?`, `[…]`); `None` is zero, or within the limits what is
-            nearest to it. A name goes before a pattern, a later pattern before an earlier one.
-        only: Names and patterns of the joints that move; where none is given, those that the tip says.
-        tip: The joints between the base and this frame move; all where it is left out.
+        source: Path of the description, for messages.
+        lock: Positions [rad or m] by name or pattern (`*`, `?`, `[…]`); `None` is the position within the limits that
+            is nearest to zero. A name overrides a pattern, a later pattern an earlier one.
+        only: Names and patterns of the joints that move; where none is given, `tip` selects them.
+        tip: Frame; the joints between the base and it move, or all where it is left out.
 
     Raises:
-        RobotError: A name or pattern that fits no joint, a frame that is not there, or no joint that is left.
+        RobotError: A name or pattern fits no joint, a frame does not exist, or no joint remains.
     """
     if tip is not None and tip not in outline.frames:
         raise RobotError(
@@ -135,7 +133,7 @@ def held_joints(
     else:
         moving = set(outline.names) if tip is None else outline.chain(tip)
     others = [joint for joint in outline.joints if joint.name not in moving and joint.name not in at]
-    # What carries the base of an arm that was chosen by its tip, such as a floating joint, is held as well.
+    # Joints that carry the base of an arm chosen by its tip, such as a floating joint, are locked as well.
     by_tip = tip is not None and not only
     floating = [j for j in outline.joints if by_tip and not j.is_simple and j.name in moving and j.name not in at]
     chosen = [*others, *floating]
@@ -145,23 +143,24 @@ def held_joints(
     at |= led
     if not set(outline.names) - set(at) and outline.joints:
         raise RobotError(
-            f"{source}: of its {len(outline.joints)} joints none is left that moves.",
+            f"{source}: none of its {len(outline.joints)} joints moves.",
             possible=", ".join(outline.names),
-            remedy="choose otherwise with --only, --tip or --lock; joints that follow others are held in any case.",
+            remedy="change --only, --tip or --lock; joints that follow others are always locked.",
         )
     loose = [joint.name for joint in outline.joints if not joint.is_simple and joint.name not in at]
-    if len(loose) > 1:  # a single one is told by the reader, with its kind
+    if len(loose) > 1:  # the reader reports a single one with its kind
         raise RobotError(
-            f"{source}: {', '.join(map(repr, loose))} have other than one degree of freedom.",
+            f"{source}: {', '.join(map(repr, loose))} do not have exactly one degree of freedom.",
             remedy=f"lock them (--lock {','.join(loose)}), which fixes what they carry; --tip LINK chooses one arm.",
         )
     if free:
-        findings = (_said(free, [name for name in outline.names if name in locked], len(at), outline), *findings)
+        by_name = [name for name in outline.names if name in locked]
+        findings = (_said(free, by_name, len(led), outline, by_tip=by_tip), *findings)
     return HeldJoint(at, findings)
 
 
 def _fitting(outline: JointOutline, pattern: str, source: str, purpose: str) -> list[SelectedJoint]:
-    """Joints with a name, else those that match it as a pattern."""
+    """Joint of a name, else the joints that match it as a pattern."""
     found = matching(pattern, outline.names)
     if found:
         return [joint for joint in outline.joints if joint.name in found]
@@ -186,7 +185,7 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
         return joint.follows.at(position(joint.follows.leader, (*seen, name)))
 
     def leads(name: str, seen: tuple[str, ...] = ()) -> str:
-        """Independent joint at the beginning of a chain of followers; empty where all of it is locked."""
+        """Independent joint at the beginning of a chain of followers; empty where the whole chain is locked."""
         joint = by_name.get(name)
         if joint is None or name in at or name in seen:
             return ""
@@ -200,24 +199,31 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
     for leader, names in moved.items():
         where = ", ".join(f"{name} at {led[name]:.4g}" for name in names)
         if leader:
-            what = f"joints that follow {leader} are held still: {where}; that {leader} moves them is not modelled"
+            what = f"joints that follow {leader} are locked: {where}; their motion with {leader} is not modelled"
             advice = f"lock {leader}, too, if it does not move in the recordings"
             findings.append(Finding("joint-follows", "info", leader, what, advice))
         else:
-            what = f"joints that follow joints which are held are held with them: {where}"
+            what = f"joints that follow locked joints are locked, too: {where}"
             findings.append(Finding("joint-follows", "info", "", what))
     return led, tuple(findings)
 
 
 MANY = 12
-"""Largest number of locked joints that a finding lists; of more it lists the first, and all that are not at zero."""
+"""Largest number of locked joints in a finding; of more it lists the first, and all that are not at zero."""
 
 
-def _said(free: Sequence[SelectedJoint], locked: Sequence[str], held: int, outline: JointOutline) -> Finding:
+def _said(
+    free: Sequence[SelectedJoint], locked: Sequence[str], led: int, outline: JointOutline, *, by_tip: bool
+) -> Finding:
     """Finding about joints that were locked because others were selected to move."""
     listed = [joint for k, joint in enumerate(free) if joint.rest or k < MANY]
     names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in listed]
     more = f" and {len(free) - len(listed)} more" if len(listed) < len(free) else ""
-    what = f"{held} of {len(outline.joints)} joints are held still, at zero where nothing else is said: "
-    as_asked = f"{', '.join(locked)} as asked; as others were chosen, " if locked else ""
-    return Finding("joints-held", "info", "", f"{what}{as_asked}{', '.join(names)}{more}")
+    held = len(free) + len(locked) + led
+    following = f", {led} of which {'follows' if led == 1 else 'follow'} others" if led else ""
+    what = f"{held} of {len(outline.joints)} joints are locked{following}; at zero where no position is stated: "
+    as_asked = f"{', '.join(locked)} by name; since others were selected, " if locked else ""
+    remedy = (
+        "if joints on the way to the tip do not move, leave them out with --lock, or with --only." if by_tip else ""
+    )
+    return Finding("joints-held", "info", "", f"{what}{as_asked}{', '.join(names)}{more}", remedy)

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike
 from armid.robot.robot import Frame, Robot
 from armid.values import Array, array
 
-__all__ = ["forward_kinematics", "frame_pose"]
-
 
 def forward_kinematics(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
     """Poses of all link frames in the base frame.

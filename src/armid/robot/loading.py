@@ -18,8 +18,6 @@ from armid.robot.readers import READERS, DescriptionReader, urdf, xacro
 from armid.robot.robot import Robot
 from armid.robot.visual_bodies import with_bodies
 
-__all__ = ["builtin_arms", "held_of", "load_robot"]
-
 Locked = Mapping[str, float] | Iterable[str]
 
 ARMS = Path(__file__).parent / "arms"
@@ -42,25 +40,25 @@ def load_robot(
 ) -> Robot:
     """Loads the robot of a description.
 
-    Angles within 1e-4 rad of a multiple of 15° are taken as that multiple (see `armid.robot.angle_rounding`); the
-    result's findings say so.
+    Angles within 1e-4 rad of a multiple of 15° are set to that multiple, with a finding (see
+    `armid.robot.angle_rounding`).
 
     Args:
         description: Name of a built-in arm, or path to a URDF, xacro, MJCF or DH table in TOML.
-        gravity: Acceleration of gravity in the base frame (3,) [m/s²]; what the description says if left out.
-        lock: Joints held still: names or `"name=position"` [rad or m], or positions by name; zero, or within the
-            limits what is nearest to it, where none is given. Names may be patterns such as `leg_*`. Joints that
-            follow another one (mimic) are held by themselves, and a finding says so.
-        only: Names or patterns of the joints that move; all others are held still.
-        tip: Name of the frame that stands for the tool flange: the joints between the base and it move, all others
-            are held still, unless `only` says which. Found if left out, and nothing is held for it.
+        gravity: Acceleration of gravity in the base frame (3,) [m/s²]; that of the description if left out.
+        lock: Locked joints: names or `"name=position"` [rad or m], or positions by name. Without a position, it is
+            the one within the limits that is nearest to zero. Names may be patterns such as `leg_*`. Joints that
+            follow another one (mimic) are always locked, with a finding.
+        only: Names or patterns of the joints that move; all others are locked.
+        tip: Name of the frame of the tool flange: the joints between the base and it move, all others are locked,
+            unless `only` selects joints. If left out, the frame is found, and no joint is locked for it.
         locked: Former name of `lock`.
         packages: Folders of ROS packages by name, beside those that `armid.robot.packages` finds.
 
     Raises:
-        RobotError: No such arm or file, or one that cannot be read, or a pattern that fits no joint; the message says
+        RobotError: The arm or file does not exist or cannot be read, or a pattern fits no joint; the message lists
             what is possible.
-        MissingExtraError: A format whose package is not installed.
+        MissingExtraError: The package of the format is not installed.
     """
     asked = _values(lock if locked is None else locked)
     given = give_packages(packages or {})
@@ -96,7 +94,7 @@ def _values(lock: Locked) -> dict[str, float | None]:
             values[name] = float(value) if equals else None
         except ValueError:
             raise RobotError(
-                f"--lock {each}: {value!r} is no number.", remedy="write --lock JOINT or --lock JOINT=VALUE."
+                f"--lock {each}: {value!r} is not a number.", remedy="write --lock JOINT or --lock JOINT=VALUE."
             ) from None
     return values
 
@@ -127,17 +125,17 @@ def _find(description: str | Path) -> tuple[str, str, DescriptionReader]:
     if len(readers) == 1:
         return text, source, readers[0]
     recognised = [reader for reader in readers if reader.recognises(text)]
-    # Where none recognises the text, the first reader says what is wrong with it.
+    # Where no reader recognises the text, the first one raises the error.
     return text, source, (recognised or readers)[0]
 
 
 def _not_found(path: Path) -> RobotError:
     """Error for a name that is neither a built-in arm nor a readable file."""
     suffixes = sorted({suffix for reader in READERS.values() for suffix in reader.SUFFIXES})
-    beside = [str(p) for p in path.parent.iterdir() if p.suffix in suffixes] if path.parent.is_dir() else []
-    close = get_close_matches(str(path), [*builtin_arms(), *beside], 1)
+    neighbours = [str(p) for p in path.parent.iterdir() if p.suffix in suffixes] if path.parent.is_dir() else []
+    close = get_close_matches(str(path), [*builtin_arms(), *neighbours], 1)
     if path.exists():
-        problem = f"{path} is no robot description that armid reads."
+        problem = f"{path} is not a robot description that armid reads."
     else:
         problem = f"There is no robot description {str(path)!r}: neither a built-in arm nor a file."
     return RobotError(

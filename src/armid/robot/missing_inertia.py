@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from armid.robot.robot import Robot
 
-__all__ = ["inertial_key", "massless_joints"]
-
 
 def massless_joints(robot: Robot) -> tuple[str, ...]:
-    """Names of the joints that move no mass, as far as the description says."""
+    """Names of the joints that move no mass in the description."""
     carried = [0.0 if link.inertial is None else link.inertial.mass for link in robot.links]
     for i in range(robot.n - 1, -1, -1):
         if robot.joints[i].parent >= 0:

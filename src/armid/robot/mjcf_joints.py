@@ -11,8 +11,6 @@ from armid.robot.joint_selection import Follows, JointOutline, SelectedJoint
 from armid.robot.pinocchio_model import DescribedLimits
 from armid.robot.xml import numbers
 
-__all__ = ["check_equalities", "joint_names", "joints_of", "outline_of"]
-
 COUPLINGS = ("flex", "flexvert", "flexstrain")
 LOOPS = ("connect", "weld")
 IDENTITY = (0.0, 1.0, 0.0, 0.0, 0.0)
@@ -38,8 +36,8 @@ def outline_of(
     Args:
         root: The document.
         source: Its path, for messages.
-        limits: Of the joints with one degree of freedom.
-        references: Their positions as drawn [rad or m].
+        limits: Limits of the joints with one degree of freedom.
+        references: Reference positions of these joints [rad or m].
     """
     follows = _follows(root, source, references)
     joints: list[SelectedJoint] = []
@@ -93,10 +91,10 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
     """Raises an error for equalities that close a loop or couple joints that are not locked.
 
     Returns:
-        What was passed over.
+        Findings about ignored equalities.
 
     Raises:
-        RobotError: Such an equality.
+        RobotError: There is such an equality.
     """
     found: list[Finding] = []
     above = _joints_above(root)
@@ -111,9 +109,9 @@ def check_equalities(root: ET.Element, source: str, locked: Collection[str]) -> 
             )
         tied = _tied(root, tie, above)
         moving = sorted(tied - set(locked))
-        # What hangs on a mocap body is dragged by a simulation, and no part of the arm.
+        # A body that is tied to a mocap body is moved by a simulation, and is not part of the arm.
         if tie.tag in LOOPS and dragged & set(_ends(tie)):
-            what = f"{tie.tag} to a mocap body, by which a simulation drags it, is passed over"
+            what = f"{tie.tag} to a mocap body, by which a simulation moves the arm, is ignored"
             found.append(Finding("mocap-ignored", "info", " - ".join(_ends(tie)), what))
         elif tie.tag in (*LOOPS, "tendon") and moving:
             what = "closes a loop over" if tie.tag in LOOPS else "couples"

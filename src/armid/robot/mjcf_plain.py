@@ -1,8 +1,8 @@
 """Conversion of an MJCF to a plain form that Pinocchio reads correctly.
 
-Pinocchio's parser passes over includes, gravity, all but the first tree, switched-off limits and some ways to
-write an orientation, and invents a unit mass where the inertia would come from a mesh. Here includes and default
-classes are resolved, angles become radians, every body keeps at most one joint and hangs below one root body.
+Pinocchio's parser ignores includes, gravity, all but the first tree, disabled limits and some forms of orientation,
+and assumes a unit mass where the inertia would come from a mesh. This conversion resolves includes and default
+classes, converts angles to radians, leaves every body at most one joint, and puts all bodies below one root body.
 """
 
 from __future__ import annotations
@@ -24,15 +24,13 @@ from armid.robot.robot import EARTH_GRAVITY
 from armid.robot.xml import floating, identity_only, numbers, parse_xml
 from armid.values import Array
 
-__all__ = ["Plain", "flatten", "plain_mjcf"]
-
 REFUSED_ELEMENTS = ("frame", "replicate", "composite", "flexcomp", "attach")
 IGNORED_COMPILER = ("boundmass", "boundinertia", "balanceinertia", "settotalmass")
 ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
 PRIMITIVES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 MASSLESS = ("plane", "hfield")
 POSE = {"pos": 3, "quat": 4, "xyaxes": 6, "zaxis": 3}
-"""Attributes that Pinocchio reads right, and how many numbers each holds."""
+"""Attributes that Pinocchio reads correctly, with their number of values."""
 INERTIAL = {"mass": 1, "diaginertia": 3, "fullinertia": 6}
 GEOM = {"fromto": 6, "mass": 1, "density": 1}
 
@@ -45,10 +43,10 @@ class Plain:
         text: The MJCF for Pinocchio.
         limits: Limits by joint.
         gravity: Acceleration of gravity [m/s²].
-        findings: What was noticed.
-        geoms: Every geom with its defaults and a pose that Pinocchio reads right, and the body that it is of; the
-            world's have an empty name.
-        sites: Named sites in the same way. They are not in the text, since Pinocchio misplaces those of a fixed body.
+        findings: Findings of the conversion.
+        geoms: Every geom with its defaults and a pose that Pinocchio reads correctly, and the name of its body, which
+            is empty for the world.
+        sites: Named sites in the same form. They are not in the text: Pinocchio misplaces those of a fixed body.
     """
 
     text: str
@@ -81,7 +79,7 @@ def flatten(root: ET.Element, source: str) -> ET.Element:
             except (OSError, UnicodeDecodeError) as error:
                 raise RobotError(
                     f"{source} includes {path}, which cannot be read ({error}).",
-                    remedy="put the file where the include says, or merge the files into one.",
+                    remedy="put the file at the included path, or merge the files into one.",
                 ) from error
             expand(included)
             element[index : index + 1] = list(included)
@@ -102,10 +100,10 @@ def plain_mjcf(root: ET.Element, source: str, locked: Mapping[str, float]) -> Pl
     Args:
         root: The document.
         source: Its path, for messages.
-        locked: Joints to be held still; those with several degrees of freedom are left out.
+        locked: Joints to be locked; those with several degrees of freedom are left out.
 
     Raises:
-        RobotError: Something that has no plain form, or a joint of several degrees of freedom that is not locked.
+        RobotError: An element has no plain form, or a joint of several degrees of freedom is not locked.
     """
     for element in root.iter():
         if element.tag in REFUSED_ELEMENTS:
@@ -317,7 +315,7 @@ class _Writer:
             ET.Element("compiler", self.compiler), "inertiagrouprange", 2, self.source, "compiler"
         ) or (0, 5)
         group, mass, density = (numbers(geom, key, 1, self.source, "a geom") for key in ("group", "mass", "density"))
-        # A stated mass goes before the density.
+        # A stated mass overrides the density.
         return low <= (group or [0.0])[0] <= high and (mass or density or [1.0])[0] != 0.0
 
     def add_actuator_limits(self, root: ET.Element) -> None:
@@ -329,7 +327,7 @@ class _Writer:
                 continue
             actuator.set("gear", (actuator.get("gear") or "1").split()[0])
             gear = numbers(actuator, "gear", 1, self.source, f"the actuator of {name!r}")
-            # The control of a motor is its force; of other actuators it is not.
+            # The control of a motor is its force; that of other actuators is not.
             keys = ("forcerange", "ctrlrange") if actuator.tag == "motor" else ("forcerange",)
             ranges = [r for k in keys if (r := numbers(actuator, k, 2, self.source, f"the actuator of {name!r}"))]
             if ranges:

@@ -1,7 +1,7 @@
 """Visual and collision geometry of an MJCF and its sites, each on the link that carries it.
 
-A geom that touches nothing (contype and conaffinity of zero) is there to be seen; by MuJoCo's habit, groups from 3 on
-are not shown. Meshes are looked for in the compiler's folders; files are not opened here.
+A geom without contacts (contype and conaffinity of zero) is visual; by MuJoCo's convention, groups from 3 on are
+hidden. Meshes are searched in the compiler's folders; files are not opened here.
 """
 
 from __future__ import annotations
@@ -29,8 +29,6 @@ from armid.robot.shapes import (
 )
 from armid.robot.xml import numbers
 from armid.values import Array
-
-__all__ = ["add_sites", "carriers_of", "shapes_of_mjcf"]
 
 FIRST_HIDDEN = 3.0
 """First group of geoms that MuJoCo's viewer hides by default."""
@@ -64,7 +62,7 @@ def shapes_of_mjcf(
     Args:
         root: The flattened document.
         plain: Its plain form, with all geoms.
-        carriers: Where each body is.
+        carriers: Joint and pose of each body.
         source: Path of the description.
     """
     meshes = _meshes(root, source)
@@ -111,7 +109,7 @@ def _meshes(root: ET.Element, source: str) -> dict[str, tuple[str, Array]]:
 
 
 def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]]) -> Shape | None:
-    """Geom in its body's frame; `None` for a kind that cannot be shown."""
+    """Geom in its body's frame; `None` for an unsupported kind."""
     kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
     pose = _placement(geom)
     if kind == "mesh":
@@ -133,7 +131,7 @@ def _shape(name: str, geom: ET.Element, meshes: Mapping[str, tuple[str, Array]])
         }
         form, edges = simple[kind]
         return Shape(name, -1, form, np.array(edges), pose)
-    except (IndexError, KeyError, ValueError, ArmidError):  # a height field, or a primitive fitted to a mesh
+    except (IndexError, KeyError, ValueError, ArmidError):  # a height field, or a primitive that is fitted to a mesh
         return None
 
 

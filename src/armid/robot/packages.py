@@ -1,7 +1,7 @@
 """Search for folders of ROS packages: given ones, above the description, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH.
 
-A description names meshes as package://NAME/… and xacro files as $(find NAME)/…; where NAME is, is the workspace's
-secret. Nothing of ROS needs to be installed.
+A description names meshes as package://NAME/… and xacro files as $(find NAME)/…, but not the folder of package NAME.
+ROS need not be installed.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from types import MappingProxyType
 
 from armid.errors import RobotError
 
-__all__ = ["REMEDY", "file_of", "forget", "give_packages", "given_packages", "package_folders"]
-
 REMEDY = "say where the package is with --package NAME=DIR, ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
 
 _given: ContextVar[Mapping[str, str]] = ContextVar("_given", default=MappingProxyType({}))
@@ -25,13 +23,11 @@ def give_packages(packages: Mapping[str, str]) -> Token[Mapping[str, str]]:
     """Registers packages by their folders in this context; `forget` removes them.
 
     Raises:
-        RobotError: A folder is not there.
+        RobotError: A folder does not exist.
     """
     for name, folder in packages.items():
         if not Path(folder).is_dir():
-            raise RobotError(
-                f"The package {name} is to be in {folder}, which is no folder.", remedy="correct the path."
-            )
+            raise RobotError(f"The folder {folder} of the package {name} does not exist.", remedy="correct the path.")
     return _given.set({**_given.get(), **packages})
 
 
@@ -65,8 +61,8 @@ def package_folders(name: str, source: str) -> list[Path]:
 def file_of(name: str, inside: Path, source: str) -> str:
     """Path of a file in a package; empty where it is not found.
 
-    Folders above the description that hold the path without the package's name will do, as in a folder of meshes that
-    was copied by itself, but only where no folder has the package's name.
+    Where no folder has the package's name, a folder above the description that contains the path is used, as for a
+    folder of meshes that was copied alone.
     """
     above = Path(source).resolve().parent
     places = [folder / inside for folder in package_folders(name, source)]

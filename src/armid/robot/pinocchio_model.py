@@ -1,4 +1,4 @@
-"""Conversion of a Pinocchio model to a `Robot`, shared by the readers of URDF and MJCF."""
+"""Conversion of a Pinocchio model to a `Robot`, for the readers of URDF and MJCF."""
 
 from __future__ import annotations
 
@@ -18,10 +18,8 @@ from armid.maths.spatial import homogeneous
 from armid.robot.robot import EARTH_GRAVITY, Frame, InertialParameters, Joint, Link, Robot
 from armid.values import Array
 
-__all__ = ["DescribedLimits", "build", "find_tip", "limits_of", "pinocchio", "robot_from_model"]
-
 ORTHONORMAL_TOLERANCE = 1e-6
-"""Departure of RᵀR from the identity that printed numbers can explain; more is a broken description."""
+"""Largest deviation of RᵀR from the identity that rounding of printed numbers explains."""
 
 NO_STOP = 100.0
 """Position limit [rad] from which a joint counts as unlimited: no arm turns sixteen times between its stops."""
@@ -40,8 +38,8 @@ class DescribedLimits:
     Attributes:
         lower: Lowest position [rad or m].
         upper: Highest position [rad or m].
-        velocity: [rad/s or m/s].
-        effort: [N·m or N].
+        velocity: Largest speed [rad/s or m/s].
+        effort: Largest effort [N·m or N].
     """
 
     lower: float = -math.inf
@@ -59,14 +57,14 @@ def limits_of(
     placeholders; the last two are reported.
 
     Args:
-        joint: Its name.
-        position: Lower and upper [rad or m], `None` where not given.
-        velocity: [rad/s or m/s], 0 where not given.
-        effort: [N·m or N], 0 where not given.
-        turns: Whether it rotates.
+        joint: Name of the joint.
+        position: Lower and upper limit [rad or m], `None` where not given.
+        velocity: Velocity limit [rad/s or m/s], 0 where not given.
+        effort: Effort limit [N·m or N], 0 where not given.
+        turns: Whether the joint rotates.
 
     Raises:
-        RobotError: Lower above upper.
+        RobotError: The lower limit is above the upper one.
     """
     lower, upper = position or (-math.inf, math.inf)
     finding = None
@@ -80,7 +78,7 @@ def limits_of(
             "limits-unknown",
             "info",
             joint,
-            f"position limits {lower:g} to {upper:g} cannot be meant; taken as none",
+            f"position limits {lower:g} to {upper:g} are implausible; read as no limits",
             "write the joint's limits into the description if they matter",
         )
         lower, upper = -math.inf, math.inf
@@ -93,13 +91,13 @@ def pinocchio() -> Any:
 
 
 def build(make: Callable[[], Any], source: str) -> Any:
-    """Result of `make` for a description, with printed complaints of the parser moved into the error.
+    """Result of `make` for a description; messages that the parser prints go into the error.
 
     Raises:
-        RobotError: The parser refused the description, or complained and left something out.
+        RobotError: The parser refused the description, or printed an error and left something out.
     """
     result, reason = None, ""
-    # urdfdom says what is wrong on the C++ standard error only, and goes on without an inertia it cannot read.
+    # urdfdom prints errors to the C++ standard error only, and continues without an inertia that it cannot read.
     with tempfile.TemporaryFile() as stderr:
         saved = os.dup(2)
         os.dup2(stderr.fileno(), 2)
@@ -116,7 +114,7 @@ def build(make: Callable[[], Any], source: str) -> Any:
     if result is None or messages:
         raise RobotError(
             f"{source} is not a description that can be read: {'; '.join(messages) or reason}",
-            remedy="correct what the reason names.",
+            remedy="correct the named error.",
         )
     return result
 
@@ -139,13 +137,13 @@ def robot_from_model(
         name: Name of the robot.
         limits: Limits by joint.
         source: Path of the description.
-        locked: Joints that will be held still; they do not count in the search for the tip.
+        locked: Joints that will be locked; they do not count in the search for the tip.
         tip: Name of the tip frame; `None` finds it (see `find_tip`).
         gravity: Acceleration of gravity in the base frame (3,) [m/s²].
-        findings: What was noticed so far.
+        findings: Findings so far.
 
     Raises:
-        RobotError: No moving joint, a joint of another kind, or no such tip frame.
+        RobotError: There is no moving joint, a joint of another kind, or no such tip frame.
     """
     if model.njoints < 2:
         raise RobotError(
@@ -170,10 +168,10 @@ def robot_from_model(
 def find_tip(model: Any, locked: Collection[str]) -> Any:
     """Frame of the tool flange.
 
-    The last moving joint of the longest chain is sought (locked joints do not count; of equally long chains the
-    last one is taken). If something fixed to its link is called tool0 or flange, that is the tip. Otherwise the
-    bodies fixed to the link are followed outwards from the link while one way leads on; where several do, a body
-    on a fixed joint goes before one on a locked joint, and where that does not decide the search stops.
+    The search begins at the last moving joint of the longest chain (locked joints do not count; of equally long
+    chains the last one). If a frame fixed to its link is called tool0 or flange, that is the tip. Otherwise the
+    bodies fixed to the link are followed outwards as long as there is only one; of several, a body on a fixed joint
+    is preferred to one on a locked joint, and the search stops where this does not decide.
     """
     frames = list(model.frames)
     last = _last_joint(model, locked)
@@ -202,12 +200,12 @@ def _last_joint(model: Any, locked: Collection[str]) -> int:
         depth[i] = depth[model.parents[i]] + (model.names[i] not in locked)
     moving = [i for i in range(1, model.njoints) if model.names[i] not in locked]
     if not moving:
-        raise RobotError("All joints are locked; nothing moves.", remedy="leave at least one joint free.")
+        raise RobotError("All joints are locked.", remedy="leave at least one joint free.")
     return max(moving, key=lambda i: (depth[i], i))
 
 
 def _attached(model: Any, locked: Collection[str]) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
-    """For each frame the bodies next to it over fixed joints, and over locked joints."""
+    """Neighbouring bodies of each frame over fixed joints, and over locked joints."""
     frames = list(model.frames)
     fixed: dict[int, list[int]] = {k: [] for k in range(len(frames))}
     over_locked: dict[int, list[int]] = {k: [] for k in range(len(frames))}
@@ -239,7 +237,7 @@ def _joint(model: Any, i: int, limits: Mapping[str, DescribedLimits], source: st
     kind = joint.shortname().removeprefix("JointModel")
     if kind not in Rotating + Sliding:
         raise RobotError(
-            f"{source}: joint {name!r} is of kind {kind}, which has other than one degree of freedom.",
+            f"{source}: joint {name!r} is of kind {kind}, which does not have exactly one degree of freedom.",
             possible="revolute, continuous, prismatic",
             remedy=f"lock {name!r}, or replace it by joints of these kinds.",
         )

@@ -18,8 +18,6 @@ from armid.notebook import Displayed, Summary, plural
 from armid.robot.shapes import Shape
 from armid.values import Array, array
 
-__all__ = ["EARTH_GRAVITY", "Frame", "Held", "InertialParameters", "Joint", "Link", "Robot"]
-
 EARTH_GRAVITY = (0.0, 0.0, -9.81)
 """Acceleration of gravity in the base frame of an upright arm [m/s²]; a hanging arm has (0, 0, 9.81)."""
 
@@ -32,7 +30,7 @@ class InertialParameters:
     """Mass, first moment and inertia of a rigid body about the origin of its link frame.
 
     Attributes:
-        mass: [kg].
+        mass: Mass [kg].
         first_moment: Mass times centre of mass, shape (3,) [kg·m].
         inertia: Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the **link-frame origin**, shape (6,) [kg·m²].
     """
@@ -104,9 +102,9 @@ class Joint:
         parent: Index of the joint that carries this one; -1 for the base.
         axis: Unit axis in the joint's frame, shape (3,).
         placement: Frame of the joint at q = 0 in the parent link's frame, shape (4, 4).
-        position_limits: Lower and upper, shape (2,) [rad or m]; infinite where none is known.
-        velocity_limit: [rad/s or m/s]; infinite where none is known.
-        effort_limit: [N·m or N]; infinite where none is known.
+        position_limits: Lower and upper limit, shape (2,) [rad or m]; infinite where unknown.
+        velocity_limit: Largest speed [rad/s or m/s]; infinite where unknown.
+        effort_limit: Largest effort [N·m or N]; infinite where unknown.
     """
 
     name: str
@@ -178,9 +176,9 @@ class Frame:
     """Frame fixed to a link.
 
     Attributes:
-        name: Its name.
-        parent: Index of the link it is fixed to; -1 for the base.
-        placement: In the link's frame, shape (4, 4).
+        name: Name of the frame.
+        parent: Index of the link that it is fixed to; -1 for the base.
+        placement: Pose in the link's frame, shape (4, 4).
     """
 
     name: str
@@ -196,7 +194,7 @@ class Held:
     """Joint of the description that is locked.
 
     Attributes:
-        name: Its name.
+        name: Name of the joint.
         position: Position at which it is locked [rad or m].
         unit: Unit of the position, `rad` or `m`.
         place: Index among all joints of the description, locked ones included.
@@ -215,12 +213,12 @@ class Robot(Displayed):
     Attributes:
         name: Name of the arm.
         joints: Joints, parents before children.
-        links: Link i is moved by joint i.
-        tip: The frame that stands for the tool flange.
+        links: Links; joint i moves link i.
+        tip: Frame of the tool flange.
         gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²].
-        source: Where the description came from: a path or the name of a built-in arm.
-        sha256: Digest of the description's text; empty where there was none.
-        findings: Findings while reading.
+        source: Path of the description, or name of a built-in arm.
+        sha256: Digest of the description's text; empty without a text.
+        findings: Findings of the reader.
         shapes: Collision geometry of the links, as far as the description has it.
         visuals: Visual geometry of the links, as far as the description has it.
         held: Joints with one degree of freedom that are locked.
@@ -250,7 +248,7 @@ class Robot(Displayed):
         names = self.joint_names
         if len(set(names)) != len(names):
             raise RobotError(f"Joint names must differ; found {', '.join(names)}.")
-        self.tree  # noqa: B018  (raises where the joints are no tree)
+        self.tree  # noqa: B018  (raises where the joints do not form a tree)
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}: {', '.join(self.joint_names)}; tip {self.tip.name!r})"
@@ -308,7 +306,7 @@ class Robot(Displayed):
         """Index of a joint by name.
 
         Raises:
-            RobotError: No such joint; the message lists the joints.
+            RobotError: The joint does not exist; the message lists the joints.
         """
         try:
             return self.joint_names.index(name)
@@ -330,7 +328,7 @@ class Robot(Displayed):
             values: Joint names, with positions [rad or m]; 0 where only names are given.
 
         Raises:
-            RobotError: An unknown joint, or no joint left.
+            RobotError: A joint is unknown, or no joint remains.
         """
         wanted = dict(values) if isinstance(values, Mapping) else dict.fromkeys(values, 0.0)
         robot = self
@@ -343,7 +341,7 @@ def _weld(robot: Robot, index: int, value: float) -> Robot:
     """Robot without joint `index`, whose link is merged into the parent link at position `value`."""
     if robot.n == 1:
         raise RobotError(
-            f"Locking {robot.joints[index].name!r} leaves {robot.name} without a joint.",
+            f"Locking {robot.joints[index].name!r} leaves no joint of {robot.name}.",
             remedy="leave at least one joint free.",
         )
     joint = robot.joints[index]

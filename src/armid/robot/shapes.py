@@ -13,8 +13,6 @@ from armid.errors import Finding, RobotError
 from armid.maths.spatial import axis_rotation, homogeneous
 from armid.values import Array, array
 
-__all__ = ["Shape", "capsule_between", "looks_missing", "meshes_missing", "rotation_with_z", "shape_name"]
-
 Kind = Literal["capsule", "sphere", "cylinder", "box", "mesh", "half-space"]
 
 
@@ -23,12 +21,12 @@ class Shape:
     """Body fixed to a link or to the base.
 
     Attributes:
-        name: What messages call it, for instance the link's name.
+        name: Name for messages, for instance the link's name.
         link: Index of the link that carries it; -1 for the base and the surroundings.
-        kind: `capsule` and `cylinder` lie along z of their placement, a `half-space` is solid below z = 0.
+        kind: Kind of shape; `capsule` and `cylinder` lie along z, a `half-space` is solid below z = 0.
         size: Radius and length between the caps' centres of a capsule, radius and length of a cylinder, radius of a
             sphere, edges of a box, scale of a mesh (negative: mirrored), shape (3,) filled up with zeros [m].
-        placement: In the link's frame, shape (4, 4).
+        placement: Pose in the link's frame, shape (4, 4).
         path: File of a mesh.
     """
 
@@ -81,15 +79,15 @@ def meshes_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
     """Finding about all missing collision meshes; none where all exist.
 
     Args:
-        files: The file by the body that it is of.
+        files: Files by the names of their bodies.
     """
     if not files:
         return ()
     bodies, (first, file) = ", ".join(files), next(iter(files.items()))
     what = f"the collision mesh {file} is" if len(files) == 1 else f"{len(files)} collision meshes ({file}, …) are"
-    evidence = f"{what} not there; {bodies} will take no space in a check of collisions"
+    evidence = f"{what} missing; a collision check ignores {bodies}"
     remedy = (
-        "where collisions matter, say with --package NAME=DIR where the package is, or put the meshes beside the "
+        "for collision checks, give the package's folder with --package NAME=DIR, or put the meshes beside the "
         "description; an identification does not need them."
     )
     return (Finding("mesh-missing", "warning", first if len(files) == 1 else "", evidence, remedy),)
@@ -99,13 +97,13 @@ def looks_missing(files: Mapping[str, str]) -> tuple[Finding, ...]:
     """Finding about all missing visual meshes; none where all exist.
 
     Args:
-        files: The file by the body that it is of.
+        files: Files by the names of their bodies.
     """
     if not files:
         return ()
-    said = f"{len(files)} visual meshes are not there, as {next(iter(files.values()))}: {', '.join(files)}"
-    remedy = "say where the package is with --package NAME=DIR, or put the meshes beside the description."
-    return (Finding("visual-missing", "info", "", said, remedy),)
+    evidence = f"{len(files)} visual meshes are missing, such as {next(iter(files.values()))}: {', '.join(files)}"
+    remedy = "give the package's folder with --package NAME=DIR, or put the meshes beside the description."
+    return (Finding("visual-missing", "info", "", evidence, remedy),)
 
 
 def rotation_with_z(direction: Array) -> Array:

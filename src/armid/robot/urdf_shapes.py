@@ -1,6 +1,6 @@
-"""Collision and visual bodies of a URDF, each on the link that carries it once fixed joints are merged.
+"""Collision and visual bodies of a URDF, each on its link after fixed joints are merged.
 
-Mesh files are not opened here; a path that begins with package:// is looked for in the folders above the description.
+Mesh files are not opened here; a path that begins with package:// is searched in the folders above the description.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from armid.robot.shapes import Kind, Shape, looks_missing, meshes_missing, shape
 from armid.robot.xml import numbers
 from armid.values import Array
 
-__all__ = ["shapes_of_urdf"]
-
 
 def shapes_of_urdf(
     root: ET.Element, robot: Robot, locked: Mapping[str, float], source: str, kind: str = "collision"
@@ -28,14 +26,14 @@ def shapes_of_urdf(
     """Shapes of every <collision> or <visual>, and findings about those that cannot be used.
 
     Args:
-        root: The document, its collisions and visuals still in it.
-        robot: The robot made of it; its joints carry the shapes.
+        root: The document with its collisions and visuals.
+        robot: The robot of the document, whose joints carry the shapes.
         locked: Joints that the reader has fixed, with their positions.
         source: Path of the description.
         kind: `collision` or `visual`.
 
     Raises:
-        RobotError: A collision that makes no sense; a visual of that kind is left out, and a finding says so.
+        RobotError: A collision element is invalid; an invalid visual is left out with a finding.
     """
     above = {joint.find("child").get("link"): joint for joint in root.findall("joint")}  # pyright: ignore
     shapes: list[Shape] = []
@@ -58,7 +56,7 @@ def shapes_of_urdf(
             except RobotError as error:
                 if kind == "collision":
                     raise
-                # Nothing but a picture rests on it.
+                # Only pictures depend on it.
                 findings.append(
                     Finding("visual-left-out", "info", label, error.problem, "correct it to see the link.")
                 )

@@ -1,4 +1,4 @@
-"""Collision geometry from visual geometry, for links that have no other."""
+"""Collision geometry from visual geometry, for links without collision geometry."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from dataclasses import replace
 from armid.errors import Finding
 from armid.robot.robot import Robot
 
-__all__ = ["missing_bodies", "with_bodies"]
-
 
 def missing_bodies(robot: Robot) -> list[Finding]:
     """Findings about bodies whose files do not exist.
 
-    What links look like counts where no link has another body.
+    Visual bodies are included where no link has collision geometry.
     """
     codes = ("mesh-missing",) if robot.shapes else ("mesh-missing", "visual-missing")
     return [finding for finding in robot.findings if finding.code in codes]
@@ -26,8 +24,8 @@ def with_bodies(robot: Robot) -> Robot:
     if not seen:
         return robot
     names = list(dict.fromkeys(_name(robot, each.link) for each in seen))
-    said = f"no collision geometry of {', '.join(names)}; their visual geometry is taken for it"
-    finding = Finding("bodies-from-visuals", "info", "", said)
+    evidence = f"{', '.join(names)} have no collision geometry; their visual geometry is used instead"
+    finding = Finding("bodies-from-visuals", "info", "", evidence)
     return replace(robot, shapes=(*robot.shapes, *seen), findings=(*robot.findings, finding))
 
 

@@ -10,21 +10,19 @@ from xml.parsers import expat
 
 from armid.errors import RobotError
 
-__all__ = ["check_locked", "floating", "identity_only", "numbers", "parse_xml", "root_tag"]
-
 
 def parse_xml(text: str, source: str) -> ET.Element:
     """Root element of an XML text.
 
-    A document type is refused before anything in it is read: it could pull in other files or grow without bound,
-    and no robot description needs one.
+    A document type is refused before it is read: it could include other files or expand without bound, and no robot
+    description needs one.
 
     Args:
         text: The document.
         source: Its path, for messages.
 
     Raises:
-        RobotError: Not well-formed, or with a document type.
+        RobotError: The text is not well-formed, or has a document type.
     """
 
     def refuse(*_: object) -> NoReturn:
@@ -66,7 +64,7 @@ def numbers(element: ET.Element, attribute: str, count: int, source: str, where:
     """Numbers in an attribute; `None` where the attribute is missing.
 
     Raises:
-        RobotError: Another count, or no finite numbers.
+        RobotError: The attribute has another count of numbers, or values that are not finite.
     """
     text = element.get(attribute)
     if text is None:
@@ -85,7 +83,7 @@ def check_locked(locked: Iterable[str], known: Iterable[str], source: str) -> No
     """Raises an error for locked joints that the description does not have.
 
     Raises:
-        RobotError: Such a joint; the message lists those there are.
+        RobotError: There is such a joint; the message lists the existing ones.
     """
     names = list(known)
     missing = [name for name in locked if name not in names]
@@ -98,7 +96,7 @@ def check_locked(locked: Iterable[str], known: Iterable[str], source: str) -> No
 
 
 def identity_only(name: str, kind: str, value: float) -> None:
-    """Raises an error for a joint of several degrees of freedom that is locked away from its zero pose.
+    """Raises an error for a joint of several degrees of freedom that is not locked at its zero pose.
 
     Raises:
         RobotError: `value` is not 0.

@@ -26,8 +26,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.runs.run import Run
 from armid.values import Array, array
 
-__all__ = ["CallableMemory", "CallableModel"]
-
 
 class CallableModel:
     """Model with its parameters, called for one sample at a time.

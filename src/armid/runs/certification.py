@@ -18,28 +18,16 @@ from armid.maths.inertia import com_inertia_to_vector, pseudo_inertia, vector_to
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
+from armid.model.parameter_name import parameter_names
 from armid.model.terms import Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
 from armid.notebook import Displayed, Summary
 from armid.robot import Robot
 from armid.runs.run import Run
-from armid.study.plans.plan_files import series_of
 from armid.validation.certificate import Certificate, certify_values
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.validation.reference_constraints import Constraint, thesis_constraints
 from armid.validation.worst_pose import Pose, worst_along, worst_pose
 from armid.values import Array
-
-__all__ = [
-    "HEAVIEST",
-    "Verdict",
-    "certify_named",
-    "certify_run",
-    "described_values",
-    "read_plan",
-    "read_values",
-    "usual_heaviest",
-    "verdict_record",
-]
 
 HEAVIEST = 10.0
 """Default largest mass of a link of the nearest consistent body [kg]."""
@@ -134,6 +122,8 @@ def read_values(path: Path | str) -> dict[str, float]:
 
 def read_plan(name: str) -> Motion:
     """The motion of a built-in plan or one of `armid excite`, at 100 samples a second."""
+    from armid.study.plans.plan_files import series_of  # brings the design of plans
+
     return series_of(name).sample(PLAN_RATE)
 
 
@@ -151,7 +141,7 @@ def certify_named(
     Raises:
         ModelError: The names belong to none of these sets, or the set is incomplete.
     """
-    if any(name.split("_")[0] in PHYSICAL for name in values):
+    if any(name.symbol in PHYSICAL for name in parameter_names(values)):
         return _physical(robot, values, motion, heaviest)
     model = _model_of(robot, values)
     base = find_base_parameters(model)
@@ -218,7 +208,7 @@ def _own_bodies(run: Run, standard: StandardFit) -> Finding:
 def _meaning(run: Run, verdict: Verdict) -> Finding:
     """Finding that explains why a run's values are inconsistent, and what to do."""
     fit = run.estimate.fit
-    half = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
+    half: dict[str, float] = dict(zip(fit.names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
     beyond = [each.name for each in verdict.certificate.blame if abs(each.change) > half.get(each.name, np.inf)]
     why = "the nearest consistent parameters lie within the 95 % intervals, so noise explains it"
     remedy = "trust torques along such motions and nothing else"
@@ -278,14 +268,14 @@ def verdict_record(verdict: Verdict) -> dict[str, Any]:
 
 def _model_of(robot: Robot, values: Mapping[str, float]) -> DynamicsModel:
     """Model with the terms that the names of parameters imply."""
-    symbols = {name.rsplit("_", 1)[0].removesuffix("R") for name in values}
+    symbols = {name.symbol for name in parameter_names(values)}
     terms: list[Term] = [RigidBody(), *(term() for symbol, term in TERM_OF_SYMBOL.items() if symbol in symbols)]
     return DynamicsModel(robot, tuple(terms))
 
 
 def _physical(robot: Robot, values: Mapping[str, float], motion: Motion | None, heaviest: float | None) -> Verdict:
     """Certifies physical parameters, converted to standard ones about the link frames."""
-    friction = {name.upper(): value for name, value in values.items() if name.split("_")[0] not in PHYSICAL}
+    friction = {name.upper(): values[name] for name in parameter_names(values) if name.symbol not in PHYSICAL}
     wanted = [f"{symbol}_{k + 1}" for k in range(robot.n) for symbol in PHYSICAL]
     missing = [name for name in wanted if name not in values]
     unknown = sorted(set(values) - set(wanted) - {name for name in values if name.upper() in friction})

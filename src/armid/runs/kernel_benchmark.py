@@ -1,6 +1,6 @@
-"""Ratios of CPU time on one thread, beside what one would use instead: Pinocchio in a loop and NumPy's lstsq.
+"""Benchmarks of the kernel: ratios of CPU time on one thread to the usual alternatives, Pinocchio and NumPy's lstsq.
 
-Run as a program in a process of its own, where the BLAS is held to one thread, and print one JSON object.
+As a program it runs in a separate process with a single BLAS thread, and prints one JSON object.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ import numpy as np
 from armid import kernel
 from armid.errors import ArmidError
 from armid.estimation.estimators import OrdinaryLeastSquares
-from armid.estimation.problem import EstimationProblem
+from armid.estimation.problem import build_problem
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.design.objective import CriterionGoal, Objective, along
 from armid.excitation.series_basis import SeriesBasis
-from armid.information.accumulate import accumulate_information
 from armid.information.column_source import column_source
 from armid.lab.ideal_recording import thesis_truth
 from armid.measurement.band import Band
@@ -38,8 +37,6 @@ from armid.study.identify import Progress
 from armid.threads import ONE_THREAD
 from armid.values import Array
 
-__all__ = ["run_benchmarks"]
-
 SECONDS = 27.0
 TILE = 256
 TORQUE_NOISE = 0.3
@@ -48,7 +45,7 @@ DESIGN_SAMPLES = 2000
 
 
 def run_benchmarks(samples: int, *, progress: Progress | None = None) -> dict[str, Any]:
-    """Measure in a process of its own, and return what it printed.
+    """Runs the benchmarks in a separate process, and returns its JSON object.
 
     Raises:
         ArmidError: The process failed.
@@ -59,13 +56,13 @@ def run_benchmarks(samples: int, *, progress: Progress | None = None) -> dict[st
     done = subprocess.run(command, env={**os.environ, **ONE_THREAD}, capture_output=True, text=True, check=False)
     if done.returncode:
         raise ArmidError(
-            f"The benchmark failed: {done.stderr.strip().splitlines()[-1:]}", remedy="run it by itself to see why."
+            f"The benchmark failed: {done.stderr.strip().splitlines()[-1:]}", remedy="run it alone to see the reason."
         )
     return json.loads(done.stdout)
 
 
 def measure(samples: int) -> dict[str, Any]:
-    """Every benchmark, in this process."""
+    """Runs every benchmark in this process."""
     robot = load_robot("iiwa14-r820", gravity=(0.0, 0.0, 9.81))
     model = DynamicsModel(robot, (RigidBody(), Viscous(), Coulomb()))
     base = find_base_parameters(model)
@@ -80,9 +77,9 @@ def measure(samples: int) -> dict[str, Any]:
 def _result(
     name: str, peer: str, armid: Callable[[], object], other: Callable[[], object], rounds: int
 ) -> dict[str, Any]:
-    """Medians of both in turn, so that whatever else the machine does meets both alike.
+    """Medians of both in alternation, so that other load of the machine affects both alike.
 
-    A peer of seconds runs fewer rounds than armid, whose milliseconds are easily disturbed.
+    A peer that takes seconds runs fewer rounds than armid, whose milliseconds are easily disturbed.
     """
     mine: list[float] = []
     theirs: list[float] = []
@@ -98,7 +95,7 @@ def _result(
 
 
 def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
-    """The same arm for Pinocchio."""
+    """Pinocchio model and data of the same arm."""
     pin: Any = import_module("pinocchio")
 
     arm: Any = pin.Model()
@@ -110,7 +107,7 @@ def _pinocchio(model: DynamicsModel) -> tuple[Any, Any]:
 
 
 def _regressor(model: DynamicsModel, base: BaseParameters, motion: Motion) -> dict[str, Any]:
-    """The base regressor a tile at a time in cache, against Pinocchio's call in a loop."""
+    """Base regressor, computed in tiles that fit the cache, against a loop of Pinocchio calls."""
     pin: Any = import_module("pinocchio")
 
     source = column_source(model, base)
@@ -150,12 +147,10 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
     smooth = observations(step, Band("butterworth", 5.0, 4, "periodic"))
 
     def armid() -> Array:
-        return OrdinaryLeastSquares().estimate(EstimationProblem(accumulate_information(model, base, raw))).deviation
+        return OrdinaryLeastSquares().solve(build_problem(model, raw, base=base)).deviation
 
     def filtered() -> Array:
-        return (
-            OrdinaryLeastSquares().estimate(EstimationProblem(accumulate_information(model, base, smooth))).deviation
-        )
+        return OrdinaryLeastSquares().solve(build_problem(model, smooth, base=base)).deviation
 
     inertial = np.isin(base.kept, model.inertial_columns)
     standard = np.searchsorted(model.inertial_columns, base.kept[inertial])
@@ -185,7 +180,7 @@ def _least_squares(model: DynamicsModel, base: BaseParameters, motion: Motion, t
 def _design_gradient(model: DynamicsModel, base: BaseParameters) -> dict[str, Any]:
     """Value and gradient of the condition number along Table A.1, against forward differences over a Pinocchio loop.
 
-    One value of the peer is measured and counted once more for each of the 140 coefficients.
+    One value of the peer is measured and multiplied by 141, for one more value for each of the 140 coefficients.
     """
     pin: Any = import_module("pinocchio")
 

@@ -12,9 +12,7 @@ from armid.measurement.recording import Recording
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.demo import MOTIONS, demo_recordings
-from armid.study.identify import read_recording
-
-__all__ = ["find_recording", "read_recording_of"]
+from armid.study.identify import read_choice
 
 
 def read_recording_of(
@@ -33,10 +31,10 @@ def read_recording_of(
         ArmidError: It is missing or has changed.
     """
     if choice.path in MOTIONS:
-        recording, _ = read_recording(choice, ".", run.robot, demo_recordings(run.folder))
+        recording, _ = read_choice(choice, ".", run.robot, demo_recordings(run.folder))
     else:
         place = find_recording(choice.path, sha256, folder, data)
-        recording, _ = read_recording(replace(choice, path=str(place)), ".", run.robot)
+        recording, _ = read_choice(replace(choice, path=str(place)), ".", run.robot)
     if recording.sha256 != sha256:
         raise ArmidError(
             f"{choice.path} has changed since the run was made (sha256 {recording.sha256[:12]}…).",

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RobotError, StudyError
-from armid.estimation.problem import EstimationProblem
-from armid.information.accumulate import accumulate_information
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.information import Information
 from armid.maths.inertia import transform
 from armid.measurement.log_format import LogFormat
@@ -20,18 +19,9 @@ from armid.measurement.recording import Recording
 from armid.model.base_parameters import BaseParameters
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.identify import changing_parameters, read_recording
+from armid.study.identify import changing_parameters, read_choice
 from armid.study.processed import ProcessedRecording, joined_observations, process_each
 from armid.values import Array, load
-
-__all__ = [
-    "NewRecordings",
-    "link_columns",
-    "load_columns",
-    "load_new_recordings",
-    "new_recording_findings",
-    "read_new_recordings",
-]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,10 +81,9 @@ def load_new_recordings(
     deviation = _deviation(recordings[0][0].reading, run.robot.n)
     if gain_deviation is not None:
         deviation = np.full(run.robot.n, gain_deviation)
-    new = replace(accumulate_information(run.model, base, observations), scale_deviation=deviation)
-    samples = EstimationProblem(new, model=run.model, base=base, observations=observations)
+    samples = build_problem(run.model, observations, base=base, scale_deviation=deviation)
     return NewRecordings(
-        run, base, earlier, new, samples, processed, (*new_recording_findings(run), *findings, *found)
+        run, base, earlier, samples.information, samples, processed, (*new_recording_findings(run), *findings, *found)
     )
 
 
@@ -118,10 +107,10 @@ def read_new_recordings(
     seen = dict.fromkeys(run.trained_on, run.folder)
     for path in paths:
         choice = RecordingChoice(str(Path(path).absolute()), reading=how)
-        recording, found = read_recording(choice, ".", run.robot)
+        recording, found = read_choice(choice, ".", run.robot)
         if recording.sha256 in seen:
             raise StudyError(
-                f"{path} is to be new, but the same data stand in {seen[recording.sha256]} already "
+                f"{path} must be a new recording, but {seen[recording.sha256]} has the same data "
                 f"(sha256 {recording.sha256[:12]}…).",
                 remedy="give a recording that was made after the run, each once.",
             )

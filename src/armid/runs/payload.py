@@ -19,8 +19,6 @@ from armid.study.plausibility import few_blocks_finding
 from armid.study.records import finding_record
 from armid.values import Array
 
-__all__ = ["Payload", "find_payload", "payload_record"]
-
 FAR = 3.0
 """Distance of the estimate from the nearest real body, in standard deviations, from which it is reported."""
 

@@ -21,14 +21,12 @@ from armid.model.motion import Motion
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.diagnosis import findings_on
-from armid.study.identify import read_recording, score_recordings
+from armid.study.identify import read_choice, score_recordings
 from armid.study.plans.plan_files import motion_of_plan
 from armid.study.processed import process_each
 from armid.validation.prediction import Validation, validate
 from armid.validation.prediction_interval import torque_band
 from armid.values import Array, replace_file
-
-__all__ = ["band", "motion_of", "predict", "validate_run", "write_torque"]
 
 
 def validate_run(
@@ -49,11 +47,11 @@ def validate_run(
     read_findings: list[tuple[Finding, ...]] = []
     for path in paths:
         choice = RecordingChoice(path, "validate", _like(run, reading))
-        recording, found = read_recording(choice, ".", run.robot)
+        recording, found = read_choice(choice, ".", run.robot)
         read_findings.append(found)
         if recording.sha256 in run.trained_on:
             raise StudyError(
-                f"{path} is to validate, but the same data trained {run.folder} (sha256 {recording.sha256[:12]}…).",
+                f"{path} cannot validate {run.folder}: the same data trained it (sha256 {recording.sha256[:12]}…).",
                 remedy="give a recording that the run has not seen.",
             )
         recordings.append((choice, recording))
@@ -86,7 +84,7 @@ def motion_of(run: Run, path: str, *, rate: float, reading: Mapping[str, Any]) -
     raw = load_recording(path, how, run.robot)
     if raw.effort is None:  # only the motion is needed
         how = replace(how, drive_gain=None, drive_gain_deviation=None)
-    recording, _ = read_recording(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
+    recording, _ = read_choice(RecordingChoice(path, reading=how), ".", run.robot, {path: raw})
     if recording.effort is None:
         recording = replace(recording, effort=np.zeros_like(recording.q))
     every_row = replace(run.processing, slow=0.0, saturation=None, standstill="keep")

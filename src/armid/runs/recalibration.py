@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, Finding, StudyError
-from armid.estimation.estimate import Estimate
+from armid.estimation.estimate import Estimate, InputDigest
 from armid.estimation.update.recalibration import ParameterChange, recalibrate_fit
 from armid.estimation.whitening import minimum_norm_solution
 from armid.information.information import Information, stack, total
@@ -21,14 +21,12 @@ from armid.measurement.recording import Recording
 from armid.runs.new_recordings import NewRecordings, link_columns, load_new_recordings
 from armid.runs.run import Run
 from armid.study.config import EstimationChoice, RecordingChoice, Study, parse_robot, resolve_model
-from armid.study.identify import Result, read_recording, score_recordings
+from armid.study.identify import Result, read_choice, score_recordings
 from armid.study.plausibility import few_blocks_finding, negative_finding
 from armid.study.processed import ProcessedRecording, process_each
 from armid.threads import one_blas_thread
 from armid.validation.prediction import Score, validate
 from armid.values import digest, sha256_of_file
-
-__all__ = ["Changed", "Recalibration", "changes_record", "recalibrate"]
 
 Changed = Literal["friction", "tool", "all"]
 """Parameters that may have changed: friction and offsets, these and the last link, or all."""
@@ -98,10 +96,10 @@ def recalibrate(
         fit=found.fit,
         findings=new_recordings.findings,
         made_from=(
-            f"robot {run.robot.sha256}",
-            f"earlier run {sha256_of_file(Path(run.folder) / 'estimate.npz')}",
-            *(f"train {each.recording.sha256}" for each in new_recordings.recordings),
-            f"options {digest(changed)}",
+            InputDigest("robot", run.robot.sha256),
+            InputDigest("earlier run", sha256_of_file(Path(run.folder) / "estimate.npz")),
+            *(InputDigest("train", each.recording.sha256) for each in new_recordings.recordings),
+            InputDigest("options", digest(changed)),
         ),
         made_by=new_recordings.new.made_by,
     )
@@ -142,13 +140,13 @@ def _result(
 def _held_out(new_recordings: NewRecordings, path: str) -> tuple[RecordingChoice, Recording]:
     """Reads a recording for validation that took part in no estimate."""
     choice = replace(new_recordings.recordings[0].choice, path=str(Path(path).absolute()), role="validate")
-    recording, _ = read_recording(choice, ".", new_recordings.run.robot)
+    recording, _ = read_choice(choice, ".", new_recordings.run.robot)
     if recording.sha256 in {
         *new_recordings.run.trained_on,
         *(each.recording.sha256 for each in new_recordings.recordings),
     }:
         raise StudyError(
-            f"{path} is to validate, but the same data are trained on (sha256 {recording.sha256[:12]}…).",
+            f"{path} cannot validate, since the same data are used for training (sha256 {recording.sha256[:12]}…).",
             remedy="give a recording that neither the run nor the recalibration has seen.",
         )
     return choice, recording
@@ -269,7 +267,7 @@ def _older_validation(error: float, earlier: float, new: float) -> Finding:
 def changes_record(recalibration: Recalibration) -> dict[str, Any]:
     """The contents of `changes.json`: every base parameter before and after."""
     base = recalibration.result.estimate.base
-    units = dict(zip(base.names, base.units, strict=True))
+    units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
     return {
         "earlier": recalibration.earlier,
         "let_change": recalibration.changed,

@@ -13,14 +13,13 @@ import numpy as np
 from armid.errors import ArmidError, Finding, StudyError
 from armid.estimation.estimate import torque_parameters
 from armid.measurement.processing.pipeline import process_recordings
+from armid.remedy import Remedy, setting
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.identify import read_recording
+from armid.study.identify import read_choice
 from armid.validation.prediction import Check, Validation
 from armid.validation.rollout import Feedback
 from armid.validation.rollout_score import MotionScore, score_motion
-
-__all__ = ["judged_by_motion", "load_feedback", "motion_record", "roll_out_run"]
 
 MOST_LOST = 0.5
 """Largest share of windows that may be lost: beyond it there is no median error."""
@@ -87,7 +86,7 @@ def roll_out_run(
     scores: list[MotionScore] = []
     findings: list[Finding] = []
     for path in paths:
-        recording, found = read_recording(RecordingChoice(path, "validate", how), ".", run.robot)
+        recording, found = read_choice(RecordingChoice(path, "validate", how), ".", run.robot)
         findings += found
         observations, found = process_recordings(
             [recording], every_row, periods=[how.stated_period], starts=[how.start]
@@ -144,7 +143,7 @@ def _lost(score: MotionScore) -> list[Finding]:
                 "warning",
                 "",
                 f"{score.losses.indefinite} {windows_text} met a mass matrix that is not positive definite.",
-                'estimate with physically consistent links: method = "physical".',
+                Remedy("estimate with physically consistent links: ", setting("method", "physical"), "."),
             )
         )
     return found

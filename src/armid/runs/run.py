@@ -23,15 +23,23 @@ from armid.model.dynamics import DynamicsModel
 from armid.notebook import Displayed, Summary
 from armid.robot import Robot
 from armid.study.atomic_folder import refuse, whole_folder
-from armid.study.config import ModelChoice, Study, build_model
+from armid.study.config import ModelChoice, build_model
 from armid.study.identify import Result
 from armid.study.provenance import RunOrigin, origin_now, origin_of, origin_record
-from armid.study.records import estimate_record, friction_selection_record, to_json, validation_record
+from armid.study.records import (
+    estimate_record,
+    friction_selection_record,
+    log_format_record,
+    study_record,
+    to_json,
+    validation_record,
+)
 from armid.values import load, replace_file, save
 
-__all__ = ["Run", "load_run", "refuse_folder", "save_run"]
-
 MARKER = "estimate.json"
+
+FORMAT = 1
+"""Format of a run's folder, in `model.json`. Runs without a number have format 1."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -79,19 +87,26 @@ class Run(Displayed):
         return link_table(self.model, self.estimate)
 
 
-def save_run(result: Result, folder: Path | str, *, further_records: Mapping[str, Any] | None = None) -> Path:
+def save_run(
+    result: Result,
+    folder: Path | str,
+    *,
+    further_records: Mapping[str, Any] | None = None,
+    made: RunOrigin | None = None,
+) -> Path:
     """Writes a run's folder. An existing run is replaced; anything else is refused.
 
     Args:
         result: Result of an identification.
         folder: Output folder.
         further_records: Further records to write as JSON, by the name of their file.
+        made: Time, place and version; now and here where not given.
 
     Raises:
         OutputError: The folder cannot be written, or holds something that is no run.
     """
     with whole_folder(folder, MARKER, "run") as draft:
-        _write(result, draft)
+        _write(result, draft, made or origin_now())
         for name, record in (further_records or {}).items():
             replace_file(draft / name, to_json(record) + "\n")
     return Path(folder)
@@ -106,15 +121,47 @@ def refuse_folder(folder: Path | str) -> None:
     refuse(folder, MARKER, "run")
 
 
+def saved_run(result: Result, folder: Path | str, *, further_records: Mapping[str, Any] | None = None) -> Run:
+    """Writes a run's folder as `save_run` does, and gives the run without reading it."""
+    made = origin_now()
+    return run_of(result, save_run(result, folder, further_records=further_records, made=made), made)
+
+
+def run_of(result: Result, folder: Path | str, made: RunOrigin) -> Run:
+    """The run that `save_run` writes, without reading it."""
+    return Run(
+        str(folder),
+        result.robot,
+        result.model,
+        result.estimate,
+        result.study.processing,
+        _format_given(result),
+        _trained_on(result),
+        result.validation.verdict,
+        made,
+    )
+
+
+def _format_given(result: Result) -> LogFormat:
+    """Log format of the first training recording, without guessed columns: other recordings may have others."""
+    return result.given_format or next(r.reading for r in result.study.recordings if r.role == "train")
+
+
+def _trained_on(result: Result) -> tuple[str, ...]:
+    """Digests of the training recordings."""
+    return tuple(each.sha256 for each in result.training)
+
+
 def load_run(folder: Path | str) -> Run:
     """Reads a run.
 
     Raises:
-        ArmidError: The folder is no run.
+        ArmidError: The folder is no run, is damaged, or has a format that this version does not know.
     """
     folder = Path(folder)
     if not (folder / MARKER).is_file():
         raise ArmidError(f"{folder} is no run of armid.", remedy="give the folder that armid identify made.")
+    kept = _kept(folder)
     try:
         robot, estimate = load(Robot, folder / "robot.npz"), load(Estimate, folder / "estimate.npz")
     except (KeyError, TypeError) as error:  # fields that another version did not have
@@ -124,7 +171,6 @@ def load_run(folder: Path | str) -> Run:
             remedy="identify again.",
         ) from error
     try:
-        kept: dict[str, Any] = json.loads((folder / "model.json").read_text(encoding="utf-8"))
         return Run(
             str(folder),
             robot,
@@ -137,11 +183,31 @@ def load_run(folder: Path | str) -> Run:
             origin_of(kept),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
+        raise _damaged(folder, error) from error
+
+
+def _kept(folder: Path) -> dict[str, Any]:
+    """The record in `model.json`, of a format that this version reads."""
+    try:
+        kept: dict[str, Any] = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        found = dict(kept).get("format", FORMAT)
+    except (OSError, ValueError, TypeError) as error:
+        raise _damaged(folder, error) from error
+    if found != FORMAT:
         raise ArmidError(
-            f"{folder} is damaged or of another version: its model.json or validation.json cannot be read "
-            f"({type(error).__name__}: {error}).",
-            remedy="identify again.",
-        ) from error
+            f"{folder} has format {found}; this version of armid reads format {FORMAT}.",
+            remedy="update armid, or identify again with this version.",
+        )
+    return kept
+
+
+def _damaged(folder: Path, error: Exception) -> ArmidError:
+    """The error for a run whose records cannot be read."""
+    return ArmidError(
+        f"{folder} is damaged or of another version: its model.json or validation.json cannot be read "
+        f"({type(error).__name__}: {error}).",
+        remedy="identify again.",
+    )
 
 
 def _verdict(folder: Path) -> str:
@@ -155,42 +221,27 @@ def _model(robot: Robot, record: Mapping[str, Any]) -> DynamicsModel:
     return dataclasses.replace(model, load_parameters=record.get("load_parameters"))
 
 
-def _write(result: Result, draft: Path) -> None:
+def _write(result: Result, draft: Path, made: RunOrigin) -> None:
     study = result.study
-    # Guessed columns are not stored, since other recordings of the arm may have other columns.
-    asked = result.asked or next(r.reading for r in study.recordings if r.role == "train")
     model = {
+        "format": FORMAT,
         "terms": study.model.terms,
         "shapes": study.model.shapes,
         "load_parameters": result.model.load_parameters,
         "processing": dataclasses.asdict(study.processing),
-        "reading": _given(asked),
-        "trained_on": [each.sha256 for each in result.training],
-        "made": origin_record(origin_now()),
+        "reading": log_format_record(_format_given(result)),
+        "trained_on": _trained_on(result),
+        "made": origin_record(made),
     }
-    replace_file(draft / "study.json", to_json(_study_record(study)) + "\n")
+    replace_file(draft / "study.json", to_json(study_record(study)) + "\n")
     replace_file(draft / "model.json", to_json(model) + "\n")
     save(result.robot, draft / "robot.npz")
     save(result.information, draft / "information.npz")
     save(result.estimate, draft / "estimate.npz")
-    if result.ladder is not None:
-        record = friction_selection_record(result.ladder, result.robot.joint_names)
+    if result.friction_selection is not None:
+        record = friction_selection_record(result.friction_selection, result.robot.joint_names)
         replace_file(draft / "friction.json", to_json(record) + "\n")
     replace_file(draft / "validation.json", to_json(validation_record(result.validation)) + "\n")
     record = estimate_record(result.estimate)
     record["links"] = link_record(link_table(result.model, result.estimate))
     replace_file(draft / MARKER, to_json(record) + "\n")
-
-
-def _study_record(study: Study) -> dict[str, Any]:
-    """The resolved study, without default values of log formats."""
-    record: dict[str, Any] = dataclasses.asdict(study)
-    record["folder"] = str(Path(study.folder).resolve())  # independent of the working folder
-    for recording, choice in zip(record["recordings"], study.recordings, strict=True):
-        recording["reading"] = _given(choice.reading)
-    return record
-
-
-def _given(reading: LogFormat) -> dict[str, Any]:
-    """Fields of a log format that are given."""
-    return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}

@@ -19,6 +19,7 @@ from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select
 from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.pipeline import process_recordings
+from armid.model.parameter_name import ParameterName
 from armid.model.terms.rigid_body import rigid_body_units
 from armid.runs.new_recordings import load_columns, new_recording_findings, read_new_recordings
 from armid.runs.recalibration import Changed
@@ -27,10 +28,8 @@ from armid.study.identify import Progress, changing_parameters, no_progress
 from armid.threads import one_blas_thread
 from armid.values import Array, load
 
-__all__ = ["SURPRISE", "Event", "TrackedRun", "track", "track_record", "track_table"]
-
-SURPRISE = 3.0
-"""Normalized innovation from which a change is reported: with ten independent rows chance exceeds it once in 1e14
+THRESHOLD = 3.0
+"""Normalised innovation from which a change is reported: with ten independent rows chance exceeds it once in 1e14
 blocks, and other motion of the same arm gives hardly two."""
 
 LOOSE = np.array([100.0, 50.0, 50.0, 50.0, 25.0, 25.0, 25.0, 25.0, 25.0, 25.0])
@@ -43,13 +42,13 @@ class Event:
 
     Attributes:
         time: End of the block that showed it [s].
-        joint: The joint with the largest normalized innovation.
-        surprise: Its normalized innovation.
+        joint: The joint with the largest normalised innovation.
+        normalized_innovation: Normalised innovation of that joint in the block.
     """
 
     time: float
     joint: str
-    surprise: float
+    normalized_innovation: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,19 +63,19 @@ class TrackedRun:
         deviation: Standard deviations, shape (K, m).
         error: RMS torque error of each block by the estimate before it, shape (K, n) [N·m or N].
         before: The same by the run, shape (K, n).
-        surprise: Normalized innovation, shape (K, n).
-        events: Blocks in which it exceeded `SURPRISE`.
+        normalized_innovation: Normalised innovation, shape (K, n).
+        events: Blocks in which it exceeded `THRESHOLD`.
         findings: Findings of run, reading and processing.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     units: tuple[str, ...]
     time: Array
     values: Array
     deviation: Array
     error: Array
     before: Array
-    surprise: Array
+    normalized_innovation: Array
     events: tuple[Event, ...]
     findings: tuple[Finding, ...]
 
@@ -124,19 +123,21 @@ def track(
     )
     ends, lengths = _times(observations)
     earlier = averaged(base.names, run.estimate.fit)
-    own = np.ones(base.count, dtype=np.bool_) if changed == "all" else changing_parameters(run.model)[base.kept]
+    changing = np.ones(base.count, dtype=np.bool_) if changed == "all" else changing_parameters(run.model)[base.kept]
     further, jump = None, JUMP * np.sqrt(np.diag(earlier.covariance))
     if changed == "tool":
         new = with_load_columns(new, np.ones(new.blocks, dtype=np.bool_), load_columns(run)[0])
         new = replace(new, names=(*base.names, *LOAD_NAMES))
-        own, further = np.append(own, np.ones(10, dtype=np.bool_)), LOOSE
+        changing, further = np.append(changing, np.ones(10, dtype=np.bool_)), LOOSE
         jump = np.append(jump, LOOSE)
-    elif not own.any():
+    elif not changing.any():
         raise StudyError(
             f"The model of {run.folder} has no friction that could change.", remedy="use --tool or --all."
         )
     factors = load(Information, Path(run.folder) / "information.npz")
-    state = resume(new, earlier, ForgettingOptions(memory, own, SURPRISE, jump), further=further, factors=factors)
+    state = resume(
+        new, earlier, ForgettingOptions(memory, changing, THRESHOLD, jump), further=further, factors=factors
+    )
     units = (*base.units, *(rigid_body_units() if changed == "tool" else ()))
     return _update_all(run, state, new, ends, lengths, units, (*new_recording_findings(run), *findings, *found), tell)
 
@@ -154,7 +155,7 @@ def _update_all(
     """Updates the state with all blocks."""
     start = state.values
     shape = (new.blocks, new.n)
-    error, before, surprise = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    error, before, innovation = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     values, deviation = np.zeros((2, new.blocks, new.count))
     events: list[Event] = []
     for k in range(new.blocks):
@@ -164,12 +165,12 @@ def _update_all(
         state = update(state, part, float(lengths[k]))
         now = fit(state)
         values[k], deviation[k] = now.values, np.sqrt(np.diag(now.covariance))
-        surprise[k] = state.innovations.surprise
-        j = int(np.argmax(surprise[k]))
-        if surprise[k, j] >= SURPRISE:
-            events.append(Event(float(ends[k]), run.robot.joint_names[j], float(surprise[k, j])))
+        innovation[k] = state.innovations.normalized_innovation
+        j = int(np.argmax(innovation[k]))
+        if innovation[k, j] >= THRESHOLD:
+            events.append(Event(float(ends[k]), run.robot.joint_names[j], float(innovation[k, j])))
     tell("tracking", 1.0)
-    return TrackedRun(new.names, units, ends, values, deviation, error, before, surprise, tuple(events), findings)
+    return TrackedRun(new.names, units, ends, values, deviation, error, before, innovation, tuple(events), findings)
 
 
 def _cut(run: ObservedRun, seconds: float) -> ObservedRun:
@@ -214,22 +215,22 @@ def track_record(found: TrackedRun) -> dict[str, Any]:
         ],
         "error": found.error,
         "error_of_the_run": found.before,
-        "surprise": found.surprise,
-        "events": [{"time": e.time, "joint": e.joint, "surprise": e.surprise} for e in found.events],
+        "surprise": found.normalized_innovation,
+        "events": [{"time": e.time, "joint": e.joint, "surprise": e.normalized_innovation} for e in found.events],
     }
 
 
 def track_table(found: TrackedRun) -> str:
-    """Tracked parameters as CSV: time, each parameter with its deviation, normalized innovation of each joint."""
+    """Tracked parameters as CSV: time, each parameter with its deviation, normalised innovation of each joint."""
     names = ["t"]
     for name in found.names:
         names += [name, f"{name}_deviation"]
-    names += [f"surprise_{j + 1}" for j in range(found.surprise.shape[1])]
+    names += [f"surprise_{j + 1}" for j in range(found.normalized_innovation.shape[1])]
     both = np.stack([found.values, found.deviation], axis=2).reshape(len(found.time), -1)
     text = io.StringIO()
     np.savetxt(
         text,
-        np.column_stack([found.time, both, found.surprise]),
+        np.column_stack([found.time, both, found.normalized_innovation]),
         delimiter=",",
         header=",".join(names),
         comments="",

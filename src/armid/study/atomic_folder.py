@@ -11,8 +11,6 @@ from pathlib import Path
 
 from armid.errors import OutputError
 
-__all__ = ["refuse", "whole_folder"]
-
 
 @contextmanager
 def whole_folder(folder: Path | str, marker: str, kind: str) -> Generator[Path]:

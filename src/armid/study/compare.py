@@ -28,10 +28,8 @@ from armid.measurement.observations import Observations
 from armid.study.config import build_estimator
 from armid.study.identify import Prepared, Progress, stated_problem
 from armid.study.processed import joined_observations, of_role
-from armid.validation.certificate import Certificate, certify_values
+from armid.validation.certificate import certify_values
 from armid.values import Array
-
-__all__ = ["MethodScore", "MethodTable", "compare_methods", "compare_record"]
 
 VALIDATE = "keep a recording for validation."
 
@@ -54,7 +52,9 @@ class MethodScore:
         method: Name of the method.
         training: RMS residual of each joint in the band, shape (n,) [N·m or N].
         unseen: RMS error on held-out motion, shape (n,); NaN where there is none.
-        certificate: Physical consistency of the base parameters, with the distance to the nearest consistent ones.
+        consistent: Whether the base parameters are physically consistent; `None` where that is not known.
+        distance: Their distance to the nearest consistent ones; NaN where it is not known.
+        relative_distance: This distance over the norm of the parameters.
         eigenvalue: Smallest eigenvalue of the links' pseudo-inertias, where the method estimates links.
         dropped: Number of parameters that the method holds at zero.
         seconds: Time for the estimate [s].
@@ -64,7 +64,9 @@ class MethodScore:
     method: str
     training: Array
     unseen: Array
-    certificate: Certificate | None = None
+    consistent: bool | None = None
+    distance: float = np.nan
+    relative_distance: float = np.nan
     eigenvalue: float | None = None
     dropped: int = 0
     seconds: float = 0.0
@@ -115,7 +117,7 @@ def compare_methods(
             "validation",
             _on_recordings(prepared, total(accumulate_information(prepared.model, prepared.base, observations))),
         )
-    elif prepared.ladder is not None and prepared.ladder.evidence:
+    elif prepared.friction_selection is not None and prepared.friction_selection.evidence:
         kind, unseen = "none", _no_error  # terms, load and prior depend on all training data already
     else:
         kind, unseen = "cross-validation", _on_folds(problem)
@@ -139,9 +141,9 @@ def compare_record(table: MethodTable) -> dict[str, Any]:
                 "training_total": float(np.linalg.norm(each.training)),
                 "unseen_rms": each.unseen,
                 "unseen_total": float(np.linalg.norm(each.unseen)),
-                "consistent": None if each.certificate is None else each.certificate.feasible,
-                "distance": None if each.certificate is None else each.certificate.distance,
-                "relative_distance": None if each.certificate is None else each.certificate.relative_distance,
+                "consistent": each.consistent,
+                "distance": each.distance,
+                "relative_distance": each.relative_distance,
                 "smallest_eigenvalue": each.eigenvalue,
                 "dropped": each.dropped,
                 "seconds": each.seconds,
@@ -160,20 +162,21 @@ def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: Un
     began = time.perf_counter()
     try:
         method = _quick(build_estimator(replace(prepared.study.estimation, method=name)))
-        fit = method.estimate(problem)
+        fit = method.solve(problem)
     except (ArmidError, np.linalg.LinAlgError) as error:
         return MethodScore(name, nothing, nothing, seconds=time.perf_counter() - began, failure=_reason(error))
     seconds = time.perf_counter() - began
-    failure = ""
-    certificate, error_unseen = None, nothing
+    failure, error_unseen = "", nothing
+    consistency: tuple[bool | None, float, float] = (None, np.nan, np.nan)
     try:
-        certificate = certify_values(model, base.names, collapse(base.names, fit), base.regrouping)
+        found = certify_values(model, base.names, collapse(base.names, fit), base.regrouping)
+        consistency = found.feasible, found.distance, found.relative_distance
         error_unseen = unseen(method, fit)
     except (ArmidError, np.linalg.LinAlgError) as error:
         failure = _reason(error)
     eigenvalue = None if fit.standard is None else fit.standard.proof.smallest_eigenvalue
     dropped = len(fit.dropped)
-    return MethodScore(name, fit.residual_rms, error_unseen, certificate, eigenvalue, dropped, seconds, failure)
+    return MethodScore(name, fit.residual_rms, error_unseen, *consistency, eigenvalue, dropped, seconds, failure)
 
 
 def _quick(method: Estimator) -> Estimator:
@@ -217,7 +220,7 @@ def _on_folds(problem: EstimationProblem) -> UnseenError:
         squares = np.zeros(information.n)
         for k in numbers:
             out = fold == k
-            fit_without = fixed_method.estimate(_without(problem, out | training_information(information, out)))
+            fit_without = fixed_method.solve(_without(problem, out | training_information(information, out)))
             squares += held_out_squares(select(information, out), fit_without.values)
         return _rms(squares, information.rows.sum(axis=0))
 

@@ -20,35 +20,15 @@ from armid.estimation.estimators import ESTIMATORS, Estimator
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics import DynamicsModel
-from armid.model.terms import TERMS, Coulomb, Offset, RigidBody, RotorInertia, Term, Viscous
+from armid.model.terms import DEFAULT_TERMS, TERMS, RotorInertia, Term
+from armid.notebook import Displayed, Summary
 from armid.robot import Robot, builtin_arms, load_robot
-from armid.study.summary import Outlined
-
-__all__ = [
-    "EstimationChoice",
-    "ModelChoice",
-    "RecordingChoice",
-    "RobotChoice",
-    "Study",
-    "build_estimator",
-    "build_model",
-    "default_estimation",
-    "load_choice",
-    "load_study",
-    "parse_study",
-    "resolve_model",
-]
+from armid.study.summary import study_summary
 
 T = TypeVar("T")
 
 Shapes = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 """Options of a term, or of several of one name."""
-
-IDENTIFY_TERMS = (RigidBody.name, Viscous.name, Coulomb.name, Offset.name)
-"""Default terms. Rotor inertia is added where the effort is that of the motors, and where friction is selected."""
-
-IDENTIFY_WIDTH = 0.02
-"""Default width of Coulomb friction [rad/s]: with zero width, encoder noise would switch its sign at rest."""
 
 PLAIN_METHOD = "wls"
 AUTOMATIC_METHOD = "ridge"
@@ -91,7 +71,8 @@ class ModelChoice:
     """The torque terms of a study.
 
     Attributes:
-        terms: Their names; chosen by the kind of effort where none are given. A name may stand here several times.
+        terms: Their names; chosen by the kind of effort where none are given. A name may stand here several times;
+            `default` stands for the default terms with their shapes.
         shapes: Options of terms, by the term's name: one table, or a list of tables where a term has other shapes on
             other joints.
         automatic: Whether friction is selected and added joint by joint; `terms = "auto"` in a study.
@@ -165,7 +146,7 @@ class EstimationChoice:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Study(Outlined):
+class Study(Displayed):
     """Inputs and options of an identification.
 
     Attributes:
@@ -188,6 +169,10 @@ class Study(Outlined):
         object.__setattr__(self, "recordings", tuple(self.recordings))
         if not any(recording.role == "train" for recording in self.recordings):
             raise StudyError("The study has no recording to train on.", remedy='give one role = "train".')
+
+    def summary(self) -> Summary:
+        """Arm, terms, method, recordings, and options that differ from the defaults."""
+        return study_summary(self)
 
 
 def load_study(path: Path | str) -> Study:
@@ -257,6 +242,10 @@ def build_estimator(choice: EstimationChoice) -> Estimator:
     return _make(ESTIMATORS[choice.method], choice.options.get(choice.method, {}), f"[estimation.{choice.method}]")
 
 
+DEFAULT = "default"
+"""Name that stands for the default terms with their shapes in a list of terms."""
+
+
 def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) -> DynamicsModel:
     """Makes the model that a study chooses.
 
@@ -267,7 +256,11 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
             friction is selected, rotor inertia is always added: joint torques in logs are often converted motor
             torques, and under a prior a superfluous rotor inertia does no harm.
     """
-    names = choice.terms or (*IDENTIFY_TERMS, *((RotorInertia.name,) if motor_side or choice.automatic else ()))
+    usual = {term.name: dataclasses.asdict(term) for term in DEFAULT_TERMS}  # pyright: ignore[reportArgumentType]
+    plain = {} if choice.terms and DEFAULT not in choice.terms else usual
+    asked = choice.terms or (DEFAULT, *((RotorInertia.name,) if motor_side or choice.automatic else ()))
+    further = tuple(name for name in usual if name not in asked)
+    names = tuple(name for each in asked for name in (further if each == DEFAULT else (each,)))
     for name in choice.shapes:
         if name not in names:
             raise StudyError(
@@ -278,15 +271,15 @@ def build_model(robot: Robot, choice: ModelChoice, *, motor_side: bool = False) 
     for k, name in enumerate(names):
         if name not in TERMS:
             raise StudyError(
-                f"Unknown torque term {name!r}.", possible=", ".join(TERMS), remedy=did_you_mean(name, TERMS)
+                f"Unknown torque term {name!r}.",
+                possible=", ".join((*TERMS, DEFAULT)),
+                remedy=did_you_mean(name, TERMS),
             )
         # A repeated name takes one of its tables at each occurrence, and all remaining ones at the last.
         taken = tables[name] if name not in names[k + 1 :] else tables[name][:1]
         tables[name] = tables[name][len(taken) :]
         for options in taken or [{}]:
-            if name == Coulomb.name and not choice.terms:
-                options.setdefault("width", IDENTIFY_WIDTH)
-            terms.append(_make(TERMS[name], options, f"[model.{name}]"))
+            terms.append(_make(TERMS[name], {**plain.get(name, {}), **options}, f"[model.{name}]"))
     return DynamicsModel(robot, tuple(terms))
 
 

@@ -22,8 +22,6 @@ from armid.study.identify import Progress, Result, conclude, prepare
 from armid.study.processed import ProcessedRecording
 from armid.values import Array
 
-__all__ = ["MOTIONS", "RECORD", "Demo", "demo_recordings", "demo_study", "run_demo", "thesis_processing"]
-
 HANGING = (0.0, 0.0, 9.81)
 SECONDS = 27.0
 REPETITIONS = 5

@@ -15,7 +15,7 @@ from armid.doctor.checks.dynamics.channel_delay import explain as explain_delay
 from armid.doctor.checks.dynamics.contact import explain as explain_contact
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
 from armid.doctor.explanation import LogState
-from armid.errors import ArmidError, Finding, RecordingError
+from armid.errors import ArmidError, EstimationError, Finding, RecordingError
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recording
@@ -23,22 +23,13 @@ from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.measurement.robot_convention import to_robot_convention, understood
 from armid.model.dynamics import DynamicsModel
+from armid.remedy import Remedy
 from armid.robot import Robot
 from armid.study.config import RecordingChoice, Study, build_model, load_choice
 from armid.study.recording_labels import labels, together
 from armid.study.remedies import tables_of
 from armid.threads import one_blas_thread
 from armid.validation.gravity_sign import gravity_finding
-
-__all__ = [
-    "Diagnosis",
-    "diagnose",
-    "diagnose_recording",
-    "diagnosis_record",
-    "findings_on",
-    "has_errors",
-    "run_checks",
-]
 
 CODE = re.compile(r"\[([a-z-]+)\]$")
 """Code of a finding at the end of an error about a recording."""
@@ -170,8 +161,8 @@ def _no_effort(raw: Recording) -> Finding:
     possible = next((each for each in raw.findings if each.code == "effort-possible"), None)
     evidence = "There is no effort in the recording." + ("" if possible is None else f" {possible.evidence}")
     remedy = "" if possible is None else possible.remedy
-    remedy = remedy or "log the torque or motor current of each joint, or find out what its columns are called"
-    return Finding("channel-dead", "error", "effort", evidence, remedy)
+    remedy = remedy or "log the torque or motor current of each joint; if the file has it, name its columns"
+    return Finding("effort-missing", "error", "effort", evidence, remedy)
 
 
 def _sticking(recording: Recording, processing: ProcessingOptions) -> list[Finding]:
@@ -181,7 +172,8 @@ def _sticking(recording: Recording, processing: ProcessingOptions) -> list[Findi
         found = process_recording(recording, plain)[1]
     except ArmidError:
         return []
-    return [replace(each, channel="") for each in found if each.code == "sticking"]
+    told = [each for each in found if each.code == "sticking"]
+    return [replace(each, channel="") if each.channel == recording.source else each for each in told]
 
 
 def _of_currents(evidence: LogEvidence) -> tuple[Finding, ...]:
@@ -280,6 +272,17 @@ def diagnosis_record(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Any]:
         for f in each.findings
     ]
     return {"findings": sorted(findings, key=lambda f: SEVERITIES.index(f["severity"]))}
+
+
+def diagnosed_error(error: EstimationError, findings: Sequence[Finding]) -> EstimationError:
+    """The error with the doctor's errors on the recordings, which are its likely cause."""
+    errors = [finding for finding in findings if finding.severity == "error"]
+    if not errors:
+        return error
+    problem = " ".join([error.problem, *(f"[{finding.code}] {finding.evidence}" for finding in errors)])
+    return EstimationError(
+        problem, possible=error.possible, remedy=Remedy.joined(finding.remedy for finding in errors)
+    )
 
 
 def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:

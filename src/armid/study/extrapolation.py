@@ -9,8 +9,6 @@ from armid.measurement.observations import Observations
 from armid.robot import Robot
 from armid.values import Array
 
-__all__ = ["highest_speeds", "speed_finding"]
-
 FAR = 1.25
 """Ratio of speed to the highest trained speed from which it is reported: two random motions of one kind differ by
 less."""

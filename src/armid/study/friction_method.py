@@ -9,8 +9,6 @@ from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.friction.selection import FrictionSelection
 from armid.study.config import EstimationChoice
 
-__all__ = ["as_chosen", "credited", "with_selection_prior"]
-
 GIVEN, CHOSEN = "given", "as chosen with the friction"
 """Texts on the source of a prior's weight: an option of the method, or the friction selection."""
 

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import EstimationError, Finding, StudyError
-from armid.estimation.estimate import Estimate, TermUse
+from armid.estimation.estimate import Estimate, InputDigest, TermUse
+from armid.estimation.estimating import estimate
 from armid.estimation.friction.load_torque import with_load
 from armid.estimation.friction.selection import FrictionSelection, choose_friction
 from armid.estimation.per_recording import offset_names, separate_by_recording
-from armid.estimation.problem import EstimationProblem, standard_of
-from armid.estimation.uncertainty.covariance import estimate_covariance
-from armid.information.accumulate import accumulate_information
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.information.hysteresis_states import memory_findings
 from armid.information.information import Information
 from armid.measurement.log_format import LogFormat
@@ -41,29 +40,15 @@ from armid.study.config import (
     load_choice,
     resolve_model,
 )
-from armid.study.diagnosis import findings_on
+from armid.study.diagnosis import diagnosed_error, findings_on
 from armid.study.extrapolation import highest_speeds, speed_finding
 from armid.study.friction_method import as_chosen, credited
 from armid.study.processed import ProcessedRecording, joined_observations, of_role, process_each
 from armid.study.recording_labels import labels
 from armid.study.recording_parts import cut_recording, refuse_shared
 from armid.threads import one_blas_thread
-from armid.validation.prediction import Score, Validation, score, validate
+from armid.validation.prediction import PredictedRecording, Score, Validation, predict_recording, score, validate
 from armid.values import Array, digest
-
-__all__ = [
-    "Prepared",
-    "Progress",
-    "Result",
-    "changing_parameters",
-    "conclude",
-    "identify",
-    "no_progress",
-    "prepare",
-    "read_recording",
-    "score_recordings",
-    "stated_problem",
-]
 
 Progress = Callable[[str, float], None]
 """Callback with the name of the stage and its finished share."""
@@ -81,8 +66,9 @@ class Result(Displayed):
         estimate: The estimate.
         validation: Torque error on the validation recordings.
         training: Torque error on the training recordings.
-        ladder: Friction selection, if there was one.
-        asked: Log format of the first training recording as given, before its columns were guessed.
+        friction_selection: Friction selection, if there was one.
+        given_format: Log format of the first training recording as given, before its columns were guessed.
+        predictions: Torque of the estimate along each recording, in the order of the study; may be empty.
     """
 
     study: Study
@@ -92,8 +78,9 @@ class Result(Displayed):
     estimate: Estimate
     validation: Validation
     training: tuple[Score, ...]
-    ladder: FrictionSelection | None = None
-    asked: LogFormat | None = None
+    friction_selection: FrictionSelection | None = None
+    given_format: LogFormat | None = None
+    predictions: tuple[PredictedRecording, ...] = ()
 
     def summary(self) -> Summary:
         """Torque error on held-out motion; values are in `estimate`."""
@@ -112,7 +99,7 @@ class Prepared:
         problem: Estimation problem of the training recordings.
         findings: Findings up to here.
         began: Begin of the work, by `time.perf_counter` [s].
-        ladder: Friction selection, if there was one.
+        friction_selection: Friction selection, if there was one.
     """
 
     study: Study
@@ -122,10 +109,10 @@ class Prepared:
     problem: EstimationProblem
     findings: tuple[Finding, ...]
     began: float
-    ladder: FrictionSelection | None = None
+    friction_selection: FrictionSelection | None = None
 
 
-def read_recording(
+def read_choice(
     choice: RecordingChoice,
     folder: Path | str,
     robot: Robot,
@@ -194,7 +181,7 @@ def prepare(
     read_findings: list[tuple[Finding, ...]] = []
     for k, choice in enumerate(study.recordings):
         tell("recordings", k / len(study.recordings))
-        recording, found = read_recording(choice, study.folder, robot, given)
+        recording, found = read_choice(choice, study.folder, robot, given)
         read_findings.append(found)
         recordings.append((choice, recording))
     refuse_shared(recordings)
@@ -205,15 +192,15 @@ def prepare(
     training = of_role(processed, "train")
     observations = joined_observations(training)
     findings += [finding for each in training for finding in each.findings]
-    ladder = None
+    selection = None
     if study.model.automatic:
         tell("friction", 0.0)
-        ladder = choose_friction(model, observations, threads=threads)
-        model = ladder.model
+        selection = choose_friction(model, observations, threads=threads)
+        model = selection.model
         bodies = robot.inertial_vector
         described = bodies is not None and bool((bodies[:, 0] > 0.0).all())
-        study = replace(study, estimation=as_chosen(study.estimation, ladder, described=described))
-        findings.append(plausibility.chosen_finding(ladder, study.estimation.method))
+        study = replace(study, estimation=as_chosen(study.estimation, selection, described=described))
+        findings.append(plausibility.chosen_finding(selection, study.estimation.method))
     model = with_load(model, observations, threads=threads)
     findings += memory_findings(model, observations)
     tell("doctor", 0.0)
@@ -221,12 +208,15 @@ def prepare(
     understood_as = tuple(replace(c, reading=understood(r, c.reading)) for c, r in recordings)
     study = replace(study, model=resolve_model(model), processing=processing, recordings=understood_as)
     base = find_base_parameters(model)
-    information = accumulate_information(
-        model, base, observations, threads=threads, progress=lambda done, all: tell("information", done / all)
+    problem = build_problem(
+        model,
+        observations,
+        base=base,
+        scale_deviation=_scale_deviation(train, robot),
+        threads=threads,
+        progress=lambda done, all: tell("information", done / all),
     )
-    information = replace(information, scale_deviation=_scale_deviation(train, robot))
-    problem = EstimationProblem(information, standard_of(model, base), model, base, observations)
-    return Prepared(study, model, base, processed, problem, tuple(findings), began, ladder)
+    return Prepared(study, model, base, processed, problem, tuple(findings), began, selection)
 
 
 @one_blas_thread
@@ -244,25 +234,35 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
     try:
         estimate = _estimate(study, model, prepared.base, stated_problem(prepared), recordings)
     except EstimationError as error:
-        raise _diagnosed(error, prepared.findings) from error
-    estimate = credited(estimate, prepared.ladder)
+        raise diagnosed_error(error, prepared.findings) from error
+    estimate = credited(estimate, prepared.friction_selection)
     if prepared.problem.observations is not None:
         estimate = replace(estimate, speeds=highest_speeds(prepared.problem.observations))
-    chosen = prepared.ladder is not None
+    chosen = prepared.friction_selection is not None
     remarks = plausibility.plausibility_findings(
         model, information, stated_problem(prepared), estimate.fit, chosen=chosen
     )
     findings = [*prepared.findings, *estimate.findings, *remarks]
     tell("validation", 0.0)
     train = of_role(recordings, "train")
-    training, _ = score_recordings(model, estimate, train)
-    scores, found = score_recordings(model, estimate, of_role(recordings, "validate"))
+    predictions = {each: predict_recording(model, estimate, each.observations) for each in recordings}
+    training, _ = score_recordings(model, estimate, train, predictions)
+    scores, found = score_recordings(model, estimate, of_role(recordings, "validate"), predictions)
     validation = validate(robot.joint_names, scores, estimate)
     tell("validation", 1.0)
     seconds = time.perf_counter() - prepared.began
     estimate = replace(estimate, findings=(*findings, *found), seconds=seconds)
     return Result(
-        study, robot, model, information, estimate, validation, training, prepared.ladder, train[0].choice.reading
+        study,
+        robot,
+        model,
+        information,
+        estimate,
+        validation,
+        training,
+        prepared.friction_selection,
+        train[0].choice.reading,
+        tuple(predictions.values()),
     )
 
 
@@ -292,8 +292,9 @@ def score_recordings(
     model: DynamicsModel,
     estimate: Estimate,
     recordings: Sequence[ProcessedRecording],
+    predictions: Mapping[ProcessedRecording, PredictedRecording] | None = None,
 ) -> tuple[tuple[Score, ...], tuple[Finding, ...]]:
-    """Computes the torque error on each recording, with findings."""
+    """Computes the torque error on each recording, with findings; predictions are computed where not given."""
     scores: list[Score] = []
     findings: list[Finding] = []
     names = labels([each.choice for each in recordings])
@@ -301,7 +302,9 @@ def score_recordings(
         path, asked = each.choice.path, highest_speeds(each.observations)
         beyond = speed_finding(model.robot, estimate.speeds, asked, label or Path(path).name)
         findings += each.findings if beyond is None else (*each.findings, beyond)
-        scores.append(score(model, estimate, each.observations, path=path, sha256=each.recording.sha256))
+        prediction = (predictions or {}).get(each)
+        sha256 = each.recording.sha256
+        scores.append(score(model, estimate, each.observations, path=path, sha256=sha256, prediction=prediction))
     return tuple(scores), tuple(findings)
 
 
@@ -321,13 +324,12 @@ def _estimate(
     recordings: Sequence[ProcessedRecording],
 ) -> Estimate:
     """Estimates, with covariance and digests of all inputs."""
-    fit = build_estimator(study.estimation).estimate(problem)
-    fit = replace(estimate_covariance(fit, problem), information=None)
+    fit = estimate(problem, build_estimator(study.estimation))
     options = digest(repr((study.model, study.processing, study.estimation)))
     made_from = (
-        f"robot {model.robot.sha256}",
-        *(f"{each.choice.role} {each.recording.sha256}" for each in recordings),
-        f"options {options}",
+        InputDigest("robot", model.robot.sha256),
+        *(InputDigest(each.choice.role, each.recording.sha256) for each in recordings),
+        InputDigest("options", options),
     )
     return Estimate(
         model.robot.name,
@@ -354,15 +356,6 @@ def changing_parameters(model: DynamicsModel) -> NDArray[np.bool_]:
     for column, (_, law) in zip(model.law_columns, model.laws, strict=True):
         changing[column] = "ddq" not in symbols(law.expression)
     return changing
-
-
-def _diagnosed(error: EstimationError, findings: Sequence[Finding]) -> EstimationError:
-    """The error with the doctor's errors on the recordings, which are its likely cause."""
-    errors = [finding for finding in findings if finding.severity == "error"]
-    if not errors:
-        return error
-    problem = " ".join([error.problem, *(f"[{finding.code}] {finding.evidence}" for finding in errors)])
-    return EstimationError(problem, possible=error.possible, remedy="; ".join(finding.remedy for finding in errors))
 
 
 def _uses(model: DynamicsModel) -> tuple[TermUse, ...]:

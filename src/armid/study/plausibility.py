@@ -14,27 +14,16 @@ from armid.estimation.fit import Fit
 from armid.estimation.friction.selection import FEWEST, FrictionSelection
 from armid.estimation.per_recording import offset_names
 from armid.estimation.problem import EstimationProblem, StandardParameters
-from armid.estimation.uncertainty.covariance import FEWEST_BLOCKS, FEWEST_ROWS
+from armid.estimation.uncertainty.thresholds import FEWEST_BLOCKS, FEWEST_ROWS
 from armid.information.information import Information, stack, total
 from armid.maths.linalg import inverse_of, unit_columns
 from armid.measurement.observations import Observations
+from armid.measurement.remedy import lines
 from armid.model.dynamics import DynamicsModel
+from armid.remedy import Remedy, setting
 from armid.robot import Robot
 from armid.validation.gravity_sign import gravity_finding
 from armid.values import Array
-
-__all__ = [
-    "chosen_finding",
-    "drift_finding",
-    "excitation_finding",
-    "far_finding",
-    "far_masses",
-    "few_blocks_finding",
-    "gravity_finding",
-    "negative_finding",
-    "plausibility_findings",
-    "weak_finding",
-]
 
 FAR = 20.0
 """Factor between the estimated and the described mass of a link from which it is reported."""
@@ -74,7 +63,7 @@ def drift_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
     """Finding on offsets that differ between recordings by more than the joint's RMS residual, or `None`."""
     drifts: list[str] = []
     for parameter in (each for each in model.parameters if each.name in offset_names(model)):
-        copies = [k for k, name in enumerate(fit.names) if name.split("[", 1)[0] == parameter.name]
+        copies = [k for k, name in enumerate(fit.names) if name.of_all == parameter.name]
         low, high = fit.intervals[copies].T
         values = fit.values[copies]
         if len(copies) > 1 and np.ptp(values) > fit.residual_rms[parameter.number - 1] and low.max() > high.min():
@@ -110,7 +99,7 @@ def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None
         "",
         f"The data do not determine these masses, and they are far from the description's: {masses_text}. "
         "Torques are not affected, but a simulation of single links is.",
-        'physical = { prior = "log-det" }  # in [estimation]: what data leave open stays near the description',
+        lines("what data leave open stays near the description", "estimation", physical={"prior": "log-det"}),
     )
 
 
@@ -141,13 +130,13 @@ def excitation_finding(information: Information, robot: Robot, observations: Obs
     )
 
 
-def chosen_finding(ladder: FrictionSelection, method: str) -> Finding:
+def chosen_finding(selection: FrictionSelection, method: str) -> Finding:
     """Finding on how selected friction is estimated."""
-    if ladder.prior_weight is None:
-        return Finding("friction-not-chosen", "warning", "", ladder.why, "record longer, or name the terms.")
+    if selection.prior_weight is None:
+        return Finding("friction-not-chosen", "warning", "", selection.why, "record longer, or name the terms.")
     evidence = (
         "Friction was chosen with the links under a prior, whose weight has the smallest error on held-out motion, "
-        f"{ladder.prior_weight:.3g} independent samples; the estimate is by {method}. The choice holds for speeds "
+        f"{selection.prior_weight:.3g} independent samples; the estimate is by {method}. The choice holds for speeds "
         "and poses like those recorded."
     )
     return Finding("friction-chosen", "info", "", evidence, "validate on another recording.")
@@ -235,7 +224,7 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
     names = [
         name
         for name, (_, high) in zip(fit.names, fit.intervals, strict=True)
-        if name.split("[", 1)[0] in forbidden and high < 0.0
+        if name.of_all in forbidden and high < 0.0
     ]
     if not names:
         return None
@@ -246,5 +235,5 @@ def negative_finding(model: DynamicsModel, fit: Fit) -> Finding | None:
         "",
         f"{', '.join(names[:NAMED])}{others}: the whole 95 % interval is negative, which cannot be. The model lacks "
         "an effect that the motion shows, or the motion does not separate these parameters from others.",
-        'use method = "physical", and look at the residuals in the report.',
+        Remedy("use ", setting("method", "physical"), ", and look at the residuals in the report."),
     )

@@ -16,8 +16,6 @@ from armid.measurement.recording import Recording
 from armid.robot import Robot
 from armid.study.config import RecordingChoice
 
-__all__ = ["ProcessedRecording", "joined_observations", "of_role", "process_each"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ProcessedRecording:

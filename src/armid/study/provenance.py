@@ -9,8 +9,6 @@ from datetime import datetime
 from importlib.metadata import version
 from typing import Any
 
-__all__ = ["RunOrigin", "origin_now", "origin_of", "origin_record"]
-
 
 @dataclass(frozen=True, slots=True)
 class RunOrigin:

@@ -9,8 +9,6 @@ from pathlib import Path
 from armid.errors import Finding
 from armid.study.config import RecordingChoice
 
-__all__ = ["labelled", "labels", "together"]
-
 
 def labels(choices: Sequence[RecordingChoice]) -> list[str]:
     """Short name of each recording: the shortest end of its path that no other has; empty for a single recording.

@@ -9,8 +9,6 @@ from armid.errors import StudyError
 from armid.measurement.recording import Recording
 from armid.study.config import RecordingChoice
 
-__all__ = ["cut_recording", "refuse_shared"]
-
 ROWS = ("time", "q", "dq", "ddq", "effort", "valid", "number")
 """Fields of a recording with one entry for each sample."""
 

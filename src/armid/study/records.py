@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armid.errors import Finding
 from armid.estimation.estimate import Estimate, standard_parameters
-from armid.estimation.friction.selection import FrictionSelection
+from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.standard_fit import StandardFit
+from armid.measurement.log_format import LogFormat
 from armid.model.base_formulas import base_formulas
+from armid.study.config import Study
 from armid.validation.prediction import Validation
-
-__all__ = [
-    "certificate_record",
-    "estimate_record",
-    "finding_record",
-    "friction_selection_record",
-    "to_json",
-    "validation_record",
-]
+from armid.values import Array
 
 LIST_OF_NUMBERS = re.compile(r'\[\n([^][{}"]*?)\n *\]')
 """List of numbers as `json` breaks it into lines. No text matches, since line ends in texts are escaped."""
@@ -38,18 +35,17 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
     poor = fit.poorly_identified
     base: list[dict[str, Any]] = []
     for k, name in enumerate(fit.names):
-        plain = name.split("[", 1)[0]
         base.append(
             {
                 "name": name,
                 "value": fit.values[k],
-                "unit": units[plain],
+                "unit": units[name.of_all],
                 "deviation": fit.deviation[k],
                 "relative_deviation_percent": fit.relative_deviation[k],
                 "poorly_identified": bool(poor[k]),
                 "dropped": name in fit.dropped,
                 "interval95": ends[k],
-                "formula": formulas[plain],
+                "formula": formulas[name.of_all],
             }
         )
     return {
@@ -75,8 +71,8 @@ def estimate_record(estimate: Estimate) -> dict[str, Any]:
         "certificate": certificate_record(fit.standard),
         "seconds": estimate.seconds,
         "warnings": [finding_record(finding) for finding in estimate.findings],
-        "made_from": estimate.made_from,
-        "made_by": estimate.made_by,
+        "made_from": [str(each) for each in estimate.made_from],
+        "made_by": str(estimate.made_by),
     }
 
 
@@ -92,6 +88,50 @@ def certificate_record(fit: StandardFit | None) -> dict[str, Any] | None:
     }
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class SelectionSummary:
+    """Friction selection without its models.
+
+    Attributes:
+        evidence: Every candidate of every joint that was tried.
+        ratio: Held-out RMS with the selected terms over that without, shape (n,).
+        deviation: Standard error of the ratio, shape (n,).
+        prior_weight: Weight of the prior in independent samples, if there is one.
+        why: Reason why nothing was tried, or why there is no weight of the prior; empty otherwise.
+    """
+
+    evidence: tuple[SelectionEvidence, ...]
+    ratio: Array
+    deviation: Array
+    prior_weight: float | None
+    why: str
+
+    def chosen(self, joint: str) -> list[str]:
+        """Candidates selected for a joint, by its name."""
+        return [each.candidate for each in self.evidence if each.chosen and each.joint == joint]
+
+
+def selection_summary(selection: FrictionSelection) -> SelectionSummary:
+    """Summary of a friction selection."""
+    return SelectionSummary(
+        selection.evidence, selection.ratio, selection.deviation, selection.prior_weight, selection.why
+    )
+
+
+def log_format_record(reading: LogFormat) -> dict[str, Any]:
+    """Fields of a log format that are given."""
+    return {key: value for key, value in dataclasses.asdict(reading).items() if value is not None}
+
+
+def study_record(study: Study) -> dict[str, Any]:
+    """The contents of `study.json`: the resolved study, without default values of log formats."""
+    record: dict[str, Any] = dataclasses.asdict(study)
+    record["folder"] = str(Path(study.folder).resolve())  # independent of the working folder
+    for recording, choice in zip(record["recordings"], study.recordings, strict=True):
+        recording["reading"] = log_format_record(choice.reading)
+    return record
+
+
 def friction_selection_record(selection: FrictionSelection, joints: Sequence[str]) -> dict[str, Any]:
     """The contents of `friction.json`: selected friction of each joint and its evidence."""
     return {
@@ -102,7 +142,7 @@ def friction_selection_record(selection: FrictionSelection, joints: Sequence[str
                 "name": name,
                 "ratio": selection.ratio[j],
                 "deviation": selection.deviation[j],
-                "chosen": [each.candidate for each in selection.evidence if each.chosen and each.joint == name],
+                "chosen": selection_summary(selection).chosen(name),
             }
             for j, name in enumerate(joints)
         ],
@@ -158,19 +198,20 @@ def validation_record(validation: Validation) -> dict[str, Any]:
 
 def to_json(record: Any) -> str:
     """JSON text with full precision, a list of numbers on one line; NaN and infinity as null."""
-    text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(plain(record), indent=1, ensure_ascii=False, allow_nan=False)
     return LIST_OF_NUMBERS.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """A record in JSON's own types: lists for arrays and tuples, null for NaN and infinity."""
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     return value

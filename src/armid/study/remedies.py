@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 import shlex
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
-from armid.errors import StudyError
 from armid.measurement.log_format import LogFormat
-from armid.measurement.remedy import BY_HAND
+from armid.remedy import Assignment, Remedy
 from armid.study.config import EstimationChoice, ModelChoice, RobotChoice, Study
 from armid.toml import to_toml
-
-__all__ = ["OF_READING", "OPTIONS", "applied", "as_option", "as_study", "at_the_prompt", "tables_of"]
 
 TABLES: Mapping[str, type] = {
     "robot": RobotChoice,
@@ -30,24 +25,14 @@ OF_READING = ("rate", "time_unit", "columns", "units", "period", "torque_sign")
 OPTIONS = (*OF_READING, "gravity", "terms", "cutoff", "edges", "slow", "standstill", "method")
 """Keys that commands have options for, under the same names."""
 
-ASSIGNMENT = re.compile(r'\b([a-z_]+) = ("[^"]*"|[-+.\de]*\d|\[[^\[\]]*\]|\{[^{}]*\})')
-"""A key of a study with its value, within a sentence."""
-
 
 def tables_of(remedy: str) -> dict[str, dict[str, Any]]:
-    """Keys of a remedy by table of the study; none where it is to be done by hand.
+    """Keys of a remedy by table of the study; none where it is to be done by hand."""
+    return _by_table(Remedy.read(remedy).keys)
 
-    Raises:
-        StudyError: The remedy is neither lines of a study nor work by hand.
-    """
-    if not remedy or remedy.startswith(BY_HAND):
-        return {}
-    try:
-        keys = tomllib.loads(remedy)
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError(
-            f"The remedy {remedy!r} is no line of a study: {error}.", remedy="write it by hand."
-        ) from error
+
+def _by_table(keys: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Keys of a study by their table."""
     tables: dict[str, dict[str, Any]] = {}
     for key, value in keys.items():
         owners = [name for name, kind in TABLES.items() if key in {f.name for f in dataclasses.fields(kind)}]
@@ -80,13 +65,16 @@ def as_option(remedy: str, options: Collection[str] = OPTIONS) -> str | None:
         remedy: As a finding has it.
         options: Keys that the command has options for.
     """
+    return _options(Remedy.read(remedy).keys, options)
+
+
+def _options(keys: Mapping[str, Any], options: Collection[str]) -> str | None:
     texts: list[str] = []
-    for keys in tables_of(remedy).values():
-        for key, value in keys.items():
-            values = _values(key, value) if key in options else None
-            if values is None:
-                return None
-            texts += [f"--{key.replace('_', '-')} {each}" for each in values]
+    for key, value in keys.items():
+        values = _values(key, value) if key in options else None
+        if values is None:
+            return None
+        texts += [f"--{key.replace('_', '-')} {each}" for each in values]
     return " ".join(texts) or None
 
 
@@ -97,23 +85,19 @@ def at_the_prompt(remedy: str, options: Collection[str]) -> str:
         remedy: Remedy of a finding or an error.
         options: Keys that the command has options for.
     """
-    try:
-        whole = bool(tables_of(remedy))
-    except StudyError:  # a sentence
-        whole = False
-    if whole:
-        said = as_option(remedy, options)
-        lines = "\n".join(["in a study:", remedy]) if "\n" in remedy else f"in a study: {remedy}"
-        return lines if said is None else f"{said}; {lines}"
+    if not isinstance(remedy, Remedy):
+        return remedy
+    if remedy.keys:
+        option = as_option(remedy, options)
+        lines = f"in a study:{chr(10) if len(remedy.parts) > 1 else ' '}{remedy}"
+        return lines if option is None else f"{option}; {lines}"
+    return "".join(part if isinstance(part, str) else _with_option(part, options) for part in remedy.parts)
 
-    def option(found: re.Match[str]) -> str:
-        try:
-            said = as_option(found[0], options)
-        except StudyError:
-            said = None
-        return found[0] if said is None else f"{said} (in a study: {found[0]})"
 
-    return ASSIGNMENT.sub(option, remedy)
+def _with_option(setting: Assignment, options: Collection[str]) -> str:
+    """A setting within a sentence, behind its option where there is one."""
+    option = _options(setting.keys, options)
+    return setting.text if option is None else f"{option} (in a study: {setting.text})"
 
 
 def _values(key: str, value: Any) -> list[str] | None:
@@ -124,9 +108,7 @@ def _values(key: str, value: Any) -> list[str] | None:
         return [" ".join(map(_number, value))]
     if key == "columns":
         named = {name: [each] if isinstance(each, str) else each for name, each in value.items()}
-        if any("," in each for names in named.values() for each in names):
-            return None
-        return [shlex.quote(f"{name}={','.join(names)}") for name, names in named.items()]
+        return [shlex.quote(f"{name}={','.join(map(_quoted, names))}") for name, names in named.items()]
     return None if isinstance(value, list | dict) else [_number(value)]
 
 
@@ -145,6 +127,12 @@ def as_study(remedy: str, study: Study, path: str, reading: Mapping[str, Any]) -
     whole["model"] = {"terms": list(study.model.terms), **tables.pop("model", {})}
     whole["recording"] = [{"path": path, **reading, **tables.pop("recording", {})}]
     return to_toml({**{name: table for name, table in whole.items() if table != {"terms": []}}, **tables}).rstrip()
+
+
+def _quoted(name: str) -> str:
+    """Name of a column within a list with commas: in double quotes where it has a comma or begins with a quote."""
+    doubled = name.replace('"', '""')
+    return f'"{doubled}"' if "," in name or name.startswith('"') else name
 
 
 def _number(value: Any) -> str:

@@ -3,40 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 
-from armid.notebook import Displayed, Summary
-
-if TYPE_CHECKING:
-    from armid.study.config import Study
-
-__all__ = ["Outlined"]
+from armid.notebook import Summary
 
 
-class Outlined(Displayed):
-    """Study with a summary of its arm, terms, method, recordings, and options that differ from the defaults."""
-
-    __slots__ = ()
-
-    def summary(self) -> Summary:
-        """One row each for arm, terms, method and processing, and one a recording."""
-        study = cast("Study", self)
-        model = study.model
-        terms = "friction chosen joint by joint" if model.automatic else ", ".join(model.terms) or "default"
-        rows = [
-            ("arm", study.robot.description, _changed(study.robot, "description")),
-            ("terms", terms, ", ".join(f"{name} {shapes}" for name, shapes in model.shapes.items())),
-            ("method", study.estimation.method, _changed(study.estimation, "method")),
-            ("processing", f"cut-off {study.processing.cutoff} Hz", _changed(study.processing, "cutoff")),
-        ]
-        for each in study.recordings:
-            part = "" if tuple(each.part) == (0.0, 1.0) else f"part {each.part[0]:g} to {each.part[1]:g}"
-            rows.append((each.role, each.path, ", ".join(filter(None, (part, _changed(each.reading))))))
-        train = sum(each.role == "train" for each in study.recordings)
-        title = f"study of {study.robot.description}: {train} to train, {len(study.recordings) - train} to validate"
-        return Summary(title, ("", "", "options"), tuple(rows))
+def study_summary(study: Any) -> Summary:
+    """Arm, terms, method, recordings, and options of a `Study` that differ from the defaults: one row each."""
+    model = study.model
+    terms = "friction chosen joint by joint" if model.automatic else ", ".join(model.terms) or "default"
+    rows = [
+        ("arm", study.robot.description, _changed(study.robot, "description")),
+        ("terms", terms, ", ".join(f"{name} {shapes}" for name, shapes in model.shapes.items())),
+        ("method", study.estimation.method, _changed(study.estimation, "method")),
+        ("processing", f"cut-off {study.processing.cutoff} Hz", _changed(study.processing, "cutoff")),
+    ]
+    for each in study.recordings:
+        part = "" if tuple(each.part) == (0.0, 1.0) else f"part {each.part[0]:g} to {each.part[1]:g}"
+        rows.append((each.role, each.path, ", ".join(filter(None, (part, _changed(each.reading))))))
+    train = sum(each.role == "train" for each in study.recordings)
+    title = f"study of {study.robot.description}: {train} to train, {len(study.recordings) - train} to validate"
+    return Summary(title, ("", "", "options"), tuple(rows))
 
 
 def _changed(value: Any, *excluded: str) -> str:

@@ -1,4 +1,4 @@
-"""Algorithm 3: from a recording to parameters, and their error against the known truth of a virtual arm."""
+"""Algorithm 3, from a recording to parameters, and the error against the known parameters of a virtual arm."""
 
 from __future__ import annotations
 
@@ -10,50 +10,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.estimation.fit import Fit
-from armid.estimation.problem import EstimationProblem, standard_of
-from armid.information.accumulate import accumulate_information
-from armid.information.information import Information
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.lab.ideal_recording import Sensors, record
 from armid.measurement.log_format import LogFormat
 from armid.measurement.observations import Observations
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.recording import Recording
+from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS
 from armid.study.config import EstimationChoice, RecordingChoice, build_estimator
 from armid.study.processed import joined_observations, process_each
 from armid.thesis.setting import PERIOD, ReferenceModel, Setting
 from armid.values import digest
 
-__all__ = ["TEST_RATE", "Errors", "Fitted", "by_method", "errors_of", "estimate", "mean_of", "observed", "recorded"]
-
 REPETITIONS = 5
-"""K of section 3.2.2; the thesis does not say its number."""
+"""K of section 3.2.2; the thesis does not give its value."""
 
 TEST_RATE = 100.0
 """Sample rate of the held-out motion [Hz]."""
 
 NOISE = Sensors()
-"""Noise of recordings at 8 kHz; at another rate scaled to the same noise density."""
+"""Noise of recordings at 8 kHz; at other rates it is scaled to the same noise density."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Fitted:
-    """An estimate with what it was made from.
+    """Estimate with its model, observations and information.
 
     Attributes:
-        model: The arm that was fitted.
+        model: Dynamics model of the fit.
         observations: The processed recording.
-        information: Information of the recording.
+        problem: Its estimation problem.
         fit: The estimate.
     """
 
     model: ReferenceModel
     observations: Observations
-    information: Information
+    problem: EstimationProblem
     fit: Fit
 
     @property
     def residual(self) -> float:
-        """Root mean square of all joints' residuals in the band [N·m]."""
+        """Root mean square of the filtered residuals of all joints [N·m]."""
         return float(np.sqrt(np.mean(self.fit.residual_rms**2)))
 
 
@@ -66,7 +63,7 @@ class Errors:
         inertial: The same for base parameters without friction.
         friction: The same for friction.
         unseen: Root mean square over all joints of predicted less true torque along Table A.2 [N·m].
-        residual: Root mean square of the residual in the band [N·m].
+        residual: Root mean square of the filtered residual [N·m].
     """
 
     relative: float
@@ -77,7 +74,7 @@ class Errors:
 
 
 def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
-    """Noisy recording of the virtual arm along Table A.1 in 27 s, five times without a pause."""
+    """Noisy recording of the virtual arm along five repetitions of Table A.1 in 27 s each, without a pause."""
     rng, rate = np.random.default_rng(seed), setting.extent.rate
     size = np.sqrt(rate / NOISE.rate) if noise else 0.0
     sensors = Sensors(size * NOISE.position, size * NOISE.torque, rate)
@@ -86,7 +83,7 @@ def recorded(setting: Setting, seed: int, *, noise: bool = True) -> Recording:
 
 
 def mean_of(recording: Recording, period: float = PERIOD) -> Recording:
-    """Mean of a recording's repetitions, as a recording of a single one."""
+    """Mean of a recording's repetitions, as a recording of one repetition."""
     assert recording.time is not None and recording.effort is not None  # a virtual arm logs both
     samples = round(period / (recording.time[1] - recording.time[0]))
     q, effort = (x[: len(x) // samples * samples] for x in (recording.q, recording.effort))
@@ -115,32 +112,24 @@ def estimate(
     model: ReferenceModel, observations: Observations, method: str = "ols", options: Mapping[str, Any] | None = None
 ) -> Fitted:
     """Steps 3 and 4 of Algorithm 3: estimate by a method."""
-    information = accumulate_information(model.dynamics, model.base, observations)
-    return Fitted(model, observations, information, _fit(model, observations, information, method, options))
+    problem = build_problem(model.dynamics, observations, base=model.base)
+    return Fitted(model, observations, problem, _solved(problem, method, options))
 
 
 def by_method(fitted: Fitted, method: str, options: Mapping[str, Any] | None = None) -> Fitted:
     """Estimate by another method from the same information."""
-    fit = _fit(fitted.model, fitted.observations, fitted.information, method, options)
-    return replace(fitted, fit=fit)
+    return replace(fitted, fit=_solved(fitted.problem, method, options))
 
 
-def _fit(
-    model: ReferenceModel,
-    observations: Observations,
-    information: Information,
-    method: str,
-    options: Mapping[str, Any] | None,
-) -> Fit:
-    standard = standard_of(model.dynamics, model.base)
-    problem = EstimationProblem(information, standard, model.dynamics, model.base, observations)
-    return build_estimator(EstimationChoice(method, options={method: options or {}})).estimate(problem)
+def _solved(problem: EstimationProblem, method: str, options: Mapping[str, Any] | None) -> Fit:
+    """Fit with deviations (2.44) to (2.46), as in the thesis."""
+    return build_estimator(EstimationChoice(method, options={method: options or {}})).solve(problem)
 
 
 def errors_of(setting: Setting, fitted: Fitted) -> Errors:
     """Errors of an estimate against the truth, and of its torque on held-out motion."""
     truth, values = setting.truth, fitted.fit.values
-    friction = np.array([name.startswith("F") for name in setting.hanging.base.names])
+    friction = np.array([name.symbol not in RIGID_BODY_SYMBOLS for name in setting.hanging.base.names])
     motion = setting.unseen.sample(TEST_RATE)
     torque = setting.hanging.dynamics.torque(motion, setting.theta)
     found = fitted.model.dynamics.torque(motion, fitted.model.theta(values))

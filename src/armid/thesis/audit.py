@@ -12,6 +12,8 @@ from armid.excitation.limits.joint_limits import limits_of
 from armid.maths.inertia import pseudo_inertia
 from armid.maths.linalg import condition, scaled_condition
 from armid.model.motion import Motion
+from armid.model.parameter_name import parameter_names
+from armid.model.terms.rigid_body import RIGID_BODY_SYMBOLS
 from armid.runs.certification import Verdict, certify_named
 from armid.thesis.algorithm import TEST_RATE
 from armid.thesis.published import published
@@ -22,10 +24,8 @@ from armid.validation.gravity_sign import gravity_sign_finding
 from armid.validation.reference_constraints import ROUNDING
 from armid.values import Array
 
-__all__ = ["Audit", "Broken", "Carried", "Conditions", "Deviations", "PrintedCoefficients", "audit"]
-
 OUTLIER = "ZZR_6"
-"""The one outlier among the deviations of Table 4.1."""
+"""Parameter whose deviation in Table 4.1 is an outlier."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,13 +55,13 @@ class Deviations:
 
     Attributes:
         period: Seconds that the table is stretched to, shape (k,).
-        hanging: Standard deviation of the logarithm of printed over shape, as the arm hangs, shape (k,).
-        literal: The same under the sign of gravity in print, shape (k,).
-        shape: Relative deviations [%] in 27 s under that sign, scaled to the printed ones, shape (57,).
-        outlier: The parameter that was left out of all this.
-        error_median: Of the virtual arm's estimate as it is printed: true error over such a deviation, median.
-        error_largest: The largest.
-        below_ten: Parameters whose printed deviation is below 10 %.
+        hanging: Standard deviation of ln(printed / computed deviation) for the hanging arm, shape (k,).
+        literal: The same for the printed sign of gravity, shape (k,).
+        shape: Relative deviations [%] in 27 s for that sign, scaled to the printed ones, shape (57,).
+        outlier: Parameter that is left out of these numbers.
+        error_median: Median ratio of true error to such a deviation, for Algorithm 3 as printed on the virtual arm.
+        error_largest: Largest such ratio.
+        below_ten: Number of parameters with a printed deviation below 10 %.
     """
 
     period: Array
@@ -79,8 +79,8 @@ class Broken:
     """Constraint of (3.52) or (3.53) that Table 4.2 violates beyond rounding.
 
     Attributes:
-        constraint: Its number.
-        link: The link.
+        constraint: Number of the constraint.
+        link: Number of the link.
         value: Left-hand side.
         bound: Right-hand side.
     """
@@ -96,7 +96,7 @@ class Carried:
     """Table 4.2 converted to base parameters.
 
     Attributes:
-        values: Shape (57,).
+        values: Base parameters, shape (57,).
         mismatch: Relative difference from Table 4.1, inertial part.
         printed_mismatch: The same with YY_i as (3.7) prints it.
     """
@@ -113,10 +113,10 @@ class PrintedCoefficients:
     Attributes:
         sums: Largest of |Σ b_l / l|, |Σ a_l|, |Σ l b_l| over the joints, (3.55c), shape (3,).
         without_last: The same without the last row of b, shape (3,).
-        position_share: Largest share of the limit in (3.55d).
-        velocity_share: Largest share of the limit in (3.55e).
-        above_literal: Pairs (a_il, b_il) above (3.55f) as it is printed.
-        above: Pairs above it without 1/L.
+        position_share: Largest utilisation of the limit in (3.55d).
+        velocity_share: Largest utilisation of the limit in (3.55e).
+        above_literal: Number of pairs (a_il, b_il) above (3.55f) as printed.
+        above: Number of pairs above it without 1/L.
     """
 
     sums: Array
@@ -132,16 +132,16 @@ class Audit:
     """Audit of the published results.
 
     Attributes:
-        base: The certificate of Table 4.1, its mass matrix along Table A.2 and at its worst.
-        physical: That of Table 4.2.
-        broken: Constraints that Table 4.2 breaks.
+        base: Certificate of Table 4.1, with its mass matrix along Table A.2 and at the worst pose.
+        physical: Certificate of Table 4.2.
+        broken: Constraints that Table 4.2 violates.
         eigenvalues: Smallest eigenvalue of each link's pseudo-inertia in Table 4.2, shape (7,).
-        rounding: What rounding Table 4.1 to three decimals can explain of its distance from a real body.
+        rounding: Part of Table 4.1's distance from a real body that its rounding to three decimals explains.
         carried: Table 4.2 as base parameters.
-        gravity: What Table 4.1 says of the sign of gravity; empty where it says nothing.
-        deviations: Of Table 4.1.
-        conditions: Of Table A.1.
-        tables: Tables A.1 and A.2 against (3.55).
+        gravity: Evidence of Table 4.1 on the sign of gravity; empty without any.
+        deviations: Standard deviations of Table 4.1.
+        conditions: Condition numbers of Table A.1.
+        tables: Tables A.1 and A.2 checked against (3.55).
     """
 
     base: Verdict
@@ -165,7 +165,7 @@ def audit(setting: Setting, estimates: Estimates) -> Audit:
     base = certify_named(robot, values, motion=along)
     physical = certify_named(robot, _named(thesis.physical), motion=along)
     given = np.array(list(values.values()))
-    friction = np.array([name.startswith("F") for name in values])
+    friction = np.array([name.symbol not in RIGID_BODY_SYMBOLS for name in parameter_names(values)])
     theta = standard_of_physical(model.dynamics, thesis.physical)
     carried, printed = (
         model.base.values_of(standard_of_physical(model.dynamics, thesis.physical, printed=literal))
@@ -206,7 +206,7 @@ def _conditions(setting: Setting) -> Conditions:
     periods = np.array([DESIGNED, PERIOD, PERIOD + 1.0])
     factors = [_stacked(setting.hanging, setting.train, period) for period in periods]
     turned = [_stacked(setting.literal, setting.train, period) for period in periods]
-    inertial = [k for k, name in enumerate(setting.hanging.base.names) if not name.startswith("F")]
+    inertial = [k for k, name in enumerate(setting.hanging.base.names) if name.symbol in RIGID_BODY_SYMBOLS]
     motion: Motion = setting.train.stretched(DESIGNED).sample(TEST_RATE)
     Y = setting.hanging.dynamics.regressor(motion)
     return Conditions(

@@ -28,22 +28,20 @@ from armid.thesis.setting import DESIGNED, PERIOD, Setting
 from armid.thesis.steps import CORRECTED
 from armid.values import Array
 
-__all__ = ["DesignTrial", "Designs", "designs"]
-
 HARMONICS = 10
 
 CHECKED = 50.0
-"""Rate at which collisions are checked [Hz]: the fastest joint turns by 3° from one pose to the next."""
+"""Rate of the collision check [Hz]: the fastest joint turns by 3° between poses."""
 
 MOVING = replace(CORRECTED, slow=0.05)
-"""Velocity below which a joint may stick [rad/s]; static friction is no function of the velocity."""
+"""Processing without rows below 0.05 rad/s, where a joint may stick with any static friction."""
 
 NEAR = 2
 """Distance in joints up to which links may overlap by construction: capsules of a bent wrist do."""
 
 CONTROLLER = Controller(model_scale=1.05, friction=0.9)
-"""Inverse dynamics of a model that is 5 % too heavy, nine tenths of the friction fed forward: no controller knows
-more of an arm that is still to be identified."""
+"""Inverse dynamics with a model that is 5 % too heavy and feedforward of 90 % of the friction: a good model before
+the identification."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,11 +54,11 @@ class DesignTrial:
         condition: Condition number of its stacked Y_b at 100 Hz.
         limits: Highest share of the limits of position, velocity and torque in closed loop, shape (3,).
         tracking: Root mean square of the position error of all joints in closed loop [rad].
-        clearance: Least distance between bodies more than two joints apart [m].
-        doubts: What spoke against running it on the arm, as codes.
-        printed: Algorithm 3 as it is printed, on the closed loop's recording.
+        clearance: Smallest distance between bodies more than two joints apart [m].
+        doubts: Codes of findings against a run on the arm.
+        printed: Errors of Algorithm 3 as printed, on the closed loop's recording.
         corrected: The same with filtered columns.
-        moving: The same, rows left out while their joint stands or nearly so.
+        moving: The same without rows at or near standstill of their joint.
     """
 
     name: str
@@ -76,7 +74,7 @@ class DesignTrial:
 
     @property
     def feasible(self) -> bool:
-        """True if the trajectory keeps all limits."""
+        """True if the trajectory meets all limits."""
         return not self.doubts
 
 
@@ -86,11 +84,11 @@ class Designs:
 
     Attributes:
         unknowns: Coefficients of (3.55), 2 · 7 · L.
-        free: Of them, what (3.55c) leaves.
+        free: Number of coefficients that (3.55c) leaves free.
         published: Table A.1 in 20 s and in 27 s, tested in the same way.
-        trials: The designed ones, in order of their starts.
-        starts: Condition number of each random start, drawn into the limits, shape (starts,).
-        kept: Position of the best feasible one among the trials; -1 where none was.
+        trials: Designed trajectories, in order of their starts.
+        starts: Condition number of each random start, scaled into the limits, shape (starts,).
+        kept: Index of the best feasible trial; -1 where none is feasible.
     """
 
     unknowns: int
@@ -102,14 +100,14 @@ class Designs:
 
     @property
     def best(self) -> DesignTrial:
-        """The best feasible trajectory; Table A.1 in 27 s if there is none."""
+        """Best feasible trajectory; Table A.1 in 27 s if there is none."""
         return self.trials[self.kept] if self.kept >= 0 else self.published[-1]
 
 
 def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
     """Algorithm 2: descend from each start, run the result in closed loop, evaluate it by Algorithm 3, keep the best.
 
-    Best is what predicts Table A.2 best after Algorithm 3 as it is printed, among what the arm could run.
+    The best is the feasible trajectory with the smallest prediction error on Table A.2 after Algorithm 3 as printed.
 
     Raises:
         MissingExtraError: MuJoCo is not installed.
@@ -138,7 +136,7 @@ def designs(setting: Setting, tell: Callable[[float], None]) -> Designs:
 
 
 def _problem(setting: Setting) -> DescentProblem:
-    """(3.55): the smallest condition number at 100 Hz under (3.55c) to (3.55f), the last without 1/L."""
+    """(3.55): minimum of the condition number at 100 Hz under (3.55c) to (3.55f), the last without 1/L."""
     model = setting.hanging
     robot = model.dynamics.robot
     limits = limits_of(robot)
@@ -164,7 +162,7 @@ def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTr
     )
     done = simulate(truth, plan, options, seed=seed)
     clearance = _clearance(setting, done)
-    said = sorted(
+    codes = sorted(
         {finding.code for finding in simulation_findings(done)} | ({"collision"} if clearance <= 0.0 else set())
     )
     evaluated: list[Errors] = []
@@ -180,7 +178,7 @@ def _trial(setting: Setting, name: str, plan: Excitation, seed: int) -> DesignTr
         _shares(setting, done),
         float(np.sqrt(np.mean(off**2))),
         clearance,
-        tuple(said),
+        tuple(codes),
         *evaluated,
     )
 
@@ -198,7 +196,7 @@ def _shares(setting: Setting, done: Simulated) -> Array:
 
 
 def _clearance(setting: Setting, done: Simulated) -> float:
-    """Smallest distance between bodies of the arm along the simulated motion [m]; neighbours are not checked."""
+    """Smallest distance between bodies of the arm along the simulated motion [m], without neighbours."""
     robot = setting.hanging.dynamics.robot
     found = collision_of(robot, limits_of(robot), np.zeros(robot.n), margin=0.0)
     links = np.array([shape.link for shape in found.shapes])[found.pairs]

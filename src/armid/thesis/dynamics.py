@@ -14,10 +14,8 @@ from armid.thesis.published import published
 from armid.thesis.setting import DESIGNED, HANGING, LITERAL, Setting, random_states
 from armid.values import Array
 
-__all__ = ["Dynamics", "Kinematics", "beta_columns", "dynamics", "kinematics"]
-
 POSE = np.array([[0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7]])
-"""A pose without symmetry [rad], at which numbers are printed."""
+"""Pose without symmetry [rad], at which numbers are printed."""
 
 STATE = (
     POSE,
@@ -27,8 +25,7 @@ STATE = (
 """Velocity and acceleration at this pose [rad/s, rad/s²]."""
 
 BALANCE_RATE, BALANCE_STEP = 100.0, 1e-4
-"""Instants a second at which energy is balanced [Hz], and the half step of the difference that stands for its
-derivative [s]: its square times the third derivative is 1e-6 W."""
+"""Rate of the energy balance [Hz], and half the step of its difference quotient [s], which has an error of 1e-6 W."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,13 +33,13 @@ class Kinematics:
     """Results of section 3.1.1.
 
     Attributes:
-        poses: Random poses at which (3.1) was compared with the arm's own frames.
+        poses: Number of random poses at which (3.1) was compared with the arm's own frames.
         rotation_error: Largest difference of a rotation's entry.
         position_error: Largest difference of an origin [m].
-        heights: Heights of the origins at q = 0 and of the flange, shape (8,) [m].
-        pose: A pose [rad], shape (7,).
-        origins: Origins there and the flange, shape (8, 3) [m].
-        rotation: Orientation of frame 7 there, shape (3, 3).
+        heights: Heights of the origins and of the flange at q = 0, shape (8,) [m].
+        pose: Further pose, shape (7,) [rad].
+        origins: Origins and flange at that pose, shape (8, 3) [m].
+        rotation: Orientation of frame 7 at that pose, shape (3, 3).
     """
 
     poses: int
@@ -59,18 +56,17 @@ class Dynamics:
     """Results of sections 2.2 and 3.1.2.
 
     Attributes:
-        states: Random states at which forms of the dynamics were compared.
-        regressor_error: Largest difference between the Lagrangian's regressor and Newton and Euler's, over the
-            largest entry.
-        printed_derivative_error: The same with (3.42) as it is printed.
+        states: Number of random states at which forms of the dynamics were compared.
+        regressor_error: Largest difference of Lagrangian and Newton-Euler regressor, over the largest entry.
+        printed_derivative_error: The same with (3.42) as printed.
         mass_error: Largest difference of ∂²L/∂q̇∂q̇ from M(q), over the largest entry.
         torque_error: Largest difference of M q̈ + C q̇ + g + friction from Y π, over the largest torque.
-        triangle: Largest entry of y_ij, i = link and j = joint, over the largest of all: with j > i, which (3.43)
-            prints, and with i > j.
-        torque: Torque of the description's bodies in a state without symmetry, shape (7,) [N·m].
-        literal_torque: The same with the potential energy of (2.21) as it is printed, shape (7,) [N·m].
-        imbalance: Largest of |d/dt (T + U) - τᵀ q̇| along Table A.1 in 20 s [W].
-        literal_imbalance: The same with U of (2.21) as it is printed [W].
+        triangle: Largest entry of y_ij of link i and joint j, over the largest of all: for j > i, which (3.43)
+            prints, and for i > j.
+        torque: Torque of the description's bodies at a state without symmetry, shape (7,) [N·m].
+        literal_torque: The same with the potential energy of (2.21) as printed, shape (7,) [N·m].
+        imbalance: Largest |d/dt (T + U) - τᵀ q̇| along Table A.1 in 20 s [W].
+        literal_imbalance: The same with U of (2.21) as printed [W].
     """
 
     states: int
@@ -108,7 +104,7 @@ def kinematics(setting: Setting) -> Kinematics:
 
 def beta_columns(model: DynamicsModel) -> list[int]:
     """Indices of the inertial parameters in the order of (3.8)."""
-    names = [parameter.name for parameter in model.parameters]
+    names: list[str] = [parameter.name for parameter in model.parameters]
     return [names.index(f"{symbol}_{link + 1}") for link in range(model.n) for symbol in BETA_ORDER]
 
 
@@ -150,19 +146,19 @@ def _torque_of_matrices(model: DynamicsModel, states: Motion, theta: Array) -> A
 
 def _friction(model: DynamicsModel, states: Motion, theta: Array) -> Array:
     """Friction torque F_v q̇ + F_s sgn(q̇), shape (N, 7)."""
-    of = {p.name: value for p, value in zip(model.parameters, theta, strict=True)}
+    of: dict[str, float] = {p.name: value for p, value in zip(model.parameters, theta, strict=True)}
     viscous, coulomb = (np.array([of[f"{symbol}_{j + 1}"] for j in range(model.n)]) for symbol in ("FV", "FS"))
     return viscous * states.dq + coulomb * np.sign(states.dq)
 
 
 def _triangle(Y: Array) -> tuple[float, float]:
-    """Largest entry of joints' rows in columns of links before them, and after them, over the largest of all."""
+    """Largest entries of joints' rows in columns of earlier links and of later links, over the largest of all."""
     blocks = np.abs(Y.reshape(len(Y), 7, 7, 10)).max(axis=(0, 3))  # joint j, link i
     return float(np.tril(blocks, -1).max() / blocks.max()), float(np.triu(blocks, 1).max() / blocks.max())
 
 
 def _imbalance(setting: Setting, model: DynamicsModel, potential: DynamicsModel) -> float:
-    """Largest |d/dt (T + U) - τᵀ q̇| along Table A.1 in 20 s, U with one sign of gravity, τ as the arm has it [W]."""
+    """Largest |d/dt (T + U) - τᵀ q̇| along Table A.1 in 20 s [W]: U of `potential`, τ of the hanging arm."""
     plan = setting.train.stretched(DESIGNED)
     motion = plan.sample(BALANCE_RATE)
     bodies = model.nominal_parameters()

@@ -1,4 +1,4 @@
-"""Errata of the thesis, each with the printed form, the correct form, and the number that shows it."""
+"""Errata of the thesis, each with the printed form, the correct form, and a number as evidence."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from armid.thesis.reduction import Reduction
 from armid.thesis.setting import PERIOD, Setting
 from armid.thesis.steps import Estimates, Steps
 
-__all__ = ["Erratum", "errata"]
-
 NONE = float("nan")
 
 
@@ -24,13 +22,13 @@ class Erratum:
     """One erratum.
 
     Attributes:
-        item: Its place in the thesis.
-        printed: What is printed.
-        right: What is right.
-        shown: What the two numbers are; why, where there are none.
-        printed_value: The number that the print gives; NaN where words say it.
-        right_value: The number that the right one gives.
-        typesetting: Whether it may be one of typesetting, or of the copy of the text that was at hand.
+        item: Place in the thesis.
+        printed: Printed form.
+        right: Correct form.
+        shown: Meaning of the two numbers, or the reason where there are none.
+        printed_value: Number from the printed form; NaN without one.
+        right_value: Number from the correct form; NaN without one.
+        typesetting: Whether it may be an error of typesetting, or of the copy of the text in use.
     """
 
     item: str

@@ -2,8 +2,8 @@
 
     x = x0 + x1 ε1 + x2 ε2 + x12 ε1 ε2,    ε1² = ε2² = 0
 
-Through a function f the part of ε1 is its derivative along the first direction, that of ε1 ε2 the second derivative
-along both [Fike2011]. Nothing is truncated, so that no step has to be chosen.
+In the result of a function the part of ε1 is its derivative along the first direction, the part of ε1 ε2 the second
+derivative along both [Fike2011]. There is no truncation error, and no step to choose.
 """
 
 from __future__ import annotations
@@ -16,12 +16,10 @@ from numpy.typing import ArrayLike
 
 from armid.values import Array
 
-__all__ = ["HyperDual", "bilinear", "constant", "cosine", "hyper_dual", "sine", "stacked"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class HyperDual:
-    """An array of hyper-dual numbers.
+    """Array of hyper-dual numbers.
 
     Attributes:
         parts: Value, the two first derivatives and the mixed second one, shape (4, ...).
@@ -74,13 +72,13 @@ def bilinear(product: Callable[[Array, Array], Array], a: HyperDual, b: HyperDua
 
 
 def sine(x: HyperDual) -> HyperDual:
-    """The sine of each number."""
+    """Sine of each number."""
     s, c = np.sin(x.parts[0]), np.cos(x.parts[0])
     return _function(x, s, c, -s)
 
 
 def cosine(x: HyperDual) -> HyperDual:
-    """The cosine of each number."""
+    """Cosine of each number."""
     s, c = np.sin(x.parts[0]), np.cos(x.parts[0])
     return _function(x, c, -s, -c)
 
@@ -91,6 +89,6 @@ def stacked(numbers: list[HyperDual]) -> HyperDual:
 
 
 def _function(x: HyperDual, value: Array, slope: Array, bend: Array) -> HyperDual:
-    """A function with its first and second derivative at the values."""
+    """Applies a function, given by its value and first and second derivatives."""
     _, a, b, ab = x.parts
     return HyperDual(np.stack([value, slope * a, slope * b, slope * ab + bend * a * b]))

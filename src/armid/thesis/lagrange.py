@@ -1,10 +1,11 @@
 """Regressor by differentiation of the thesis's Lagrangian, independent of any Newton-Euler recursion.
 
-β of (2.33) follows link by link from the frames of Table 3.1 by (3.9), in hyper-dual numbers; the regressor is then
+The vectors β of (2.33) follow link by link from the frames of Table 3.1 by (3.9), in hyper-dual numbers. The
+regressor is
 
     y_ij = d/dt (∂β_i / ∂q̇_j)ᵀ - (∂β_i / ∂q_j)ᵀ        (2.37), (3.6a), (3.42) as it should read
 
-with the derivative by time along (q̇, q̈). Nothing of it comes from the kernel: only Table 3.1 and its lengths.
+with the time derivative along (q̇, q̈). The kernel is not used: only Table 3.1 and its lengths.
 """
 
 from __future__ import annotations
@@ -17,8 +18,6 @@ from armid.model.motion import Motion
 from armid.thesis.hyperdual import HyperDual, bilinear, constant, cosine, hyper_dual, sine, stacked
 from armid.thesis.published import Published
 from armid.values import Array
-
-__all__ = ["BETA_ORDER", "Frames", "lagrangian_mass", "lagrangian_regressor", "lagrangian_terms", "make_frames"]
 
 BETA_ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "XZ", "YY", "YZ", "ZZ")
 """Order of (3.8) without friction."""
@@ -69,16 +68,16 @@ def make_frames(thesis: Published) -> Frames:
 
 
 def lagrangian_terms(frames: Frames, q: HyperDual, dq: HyperDual, gravity: Array) -> HyperDual:
-    """β of (2.33) for every link, with L_i = β_iᵀ π'_i and U_i = -m_i gravityᵀ p.
+    """Vectors β of (2.33) for every link, with L_i = β_iᵀ π'_i and U_i = -m_i gravityᵀ p.
 
     Args:
         frames: Table 3.1.
         q: Positions (..., 7).
         dq: Velocities (..., 7).
-        gravity: As an acceleration in the base, shape (3,) [m/s²]; the print has its opposite.
+        gravity: Acceleration of gravity in the base frame, shape (3,) [m/s²]; the thesis prints the opposite sign.
 
     Returns:
-        Shape (..., 7, 10), in the order of (3.8).
+        Vectors of shape (..., 7, 10), in the order of (3.8).
     """
     zero = q.at(0).times(0.0)
     nothing = stacked([zero, zero, zero])
@@ -98,7 +97,7 @@ def lagrangian_terms(frames: Frames, q: HyperDual, dq: HyperDual, gravity: Array
 
 
 def _beta(velocity: HyperDual, turning: HyperDual, origin: HyperDual, R: HyperDual, gravity: Array) -> HyperDual:
-    """β of one link, shape (..., 10)."""
+    """Vector β of one link, shape (..., 10)."""
     g = constant(gravity)
     mass = _dot(velocity, velocity).times(0.5) + _dot(origin, g)
     first = _cross(velocity, turning) + _apply(_transposed(R), g)  # (v · (ω × r)) = (v × ω) · r
@@ -108,13 +107,13 @@ def _beta(velocity: HyperDual, turning: HyperDual, origin: HyperDual, R: HyperDu
 
 
 def lagrangian_regressor(frames: Frames, motion: Motion, gravity: Array, *, printed: bool = False) -> Array:
-    """The rigid-body regressor (N, 7, 70) from the Lagrangian, columns link by link in the order of (3.8).
+    """Rigid-body regressor (N, 7, 70) from the Lagrangian, columns link by link in the order of (3.8).
 
     Args:
         frames: Table 3.1.
-        motion: States, N of them.
-        gravity: As in `lagrangian_terms`.
-        printed: (3.42) as it is printed, with ∂β/∂q_j under the derivative by time.
+        motion: N states.
+        gravity: Acceleration of gravity as in `lagrangian_terms`.
+        printed: Whether to use (3.42) as printed, with ∂β/∂q_j under the time derivative.
     """
     along = np.eye(motion.n)[:, None, :]  # directions j, shape (7, 1, 7)
     first_q, first_dq = (along, 0.0) if printed else (0.0, along)

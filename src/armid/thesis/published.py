@@ -13,18 +13,16 @@ import numpy as np
 
 from armid.values import Array
 
-__all__ = ["Published", "Sum", "Summand", "formula", "published", "weight"]
-
 
 @dataclass(frozen=True, slots=True)
 class Summand:
-    """Summand with a parameter or column, as in 2 (d_3 + d_4)² M_4.
+    """Summand of a parameter or column, such as 2 (d_3 + d_4)² M_4.
 
     Attributes:
-        name: The parameter.
-        factor: Its number.
-        lengths: Numbers of the lengths that are added.
-        power: Of their sum; 0 for none.
+        name: Name of the parameter.
+        factor: Numerical factor.
+        lengths: Numbers of the lengths in the sum.
+        power: Exponent of the sum of lengths; 0 for none.
     """
 
     name: str
@@ -46,9 +44,9 @@ class Published:
         frames: Rows of Table 3.1: d_y, d_z, φ, θ, ψ.
         base: Table 4.1: value and relative deviation [%] of each base parameter.
         physical: Table 4.2: rows as (3.40), shape (7, 12).
-        columns: (A.1): removed column, its label in print, and its sum as it should be and in print; `None` where
-            the print cannot be read as a sum.
-        groupings: (3.39): base parameter and sum.
+        columns: Lines of (A.1): removed column, its printed label, and its correct and printed sum; `None` where the
+            print cannot be read as a sum.
+        groupings: Lines of (3.39): base parameter and sum.
     """
 
     condition: float

@@ -14,19 +14,9 @@ from armid.thesis.published import Sum, formula, published, weight
 from armid.thesis.setting import HANGING, Setting, random_states
 from armid.values import Array
 
-__all__ = [
-    "Dependence",
-    "Grouping",
-    "Identity",
-    "Reduction",
-    "physical_of_standard",
-    "reduction",
-    "standard_of_physical",
-]
-
 GAP = 1e-10
-"""Singular value over the largest below which columns depend on each other: rounding is 1e-15, independent ones
-stand above 1e-2."""
+"""Ratio of a singular value to the largest below which columns are dependent: rounding gives 1e-15, independent
+columns more than 1e-2."""
 
 ALIKE = 1e-12
 """Largest relative difference that counts as rounding."""
@@ -37,13 +27,12 @@ class Dependence:
     """Line of (A.1).
 
     Attributes:
-        column: The column that is removed.
-        label: Its label in the text at hand.
-        printed: The sum in the text at hand; empty where it cannot be read as one.
-        right: The sum as it should be.
-        printed_error: Of the printed line, over the larger side, where it is more than rounding; NaN where it
-            cannot be read.
-        right_error: Of the right one.
+        column: Removed column.
+        label: Printed label.
+        printed: Printed sum; empty where it cannot be read as a sum.
+        right: Correct sum.
+        printed_error: Error of the printed line over the larger side, 0 within rounding; NaN where unreadable.
+        right_error: Error of the correct line.
     """
 
     column: str
@@ -59,9 +48,9 @@ class Grouping:
     """Line of (3.39).
 
     Attributes:
-        name: The base parameter.
-        printed: Its sum in print.
-        error: Largest difference of a coefficient from the geometry's own.
+        name: Name of the base parameter.
+        printed: Printed sum.
+        error: Largest difference of a coefficient from that of the geometry.
     """
 
     name: str
@@ -74,11 +63,11 @@ class Identity:
     """Identity between β of one link and those of the links before it.
 
     Attributes:
-        number: Its number in the thesis.
-        printed: As it is printed, a name standing for its β.
+        number: Number in the thesis.
+        printed: Printed form, where names denote their β.
         error: Largest difference between the sides over the largest β of its kind, at random states.
-        right: As it should be, where the print is wrong.
-        right_error: Then its error.
+        right: Correct form, where the print is wrong.
+        right_error: Error of the correct form.
     """
 
     number: str
@@ -93,16 +82,16 @@ class Reduction:
     """Results of section 3.1.4.
 
     Attributes:
-        columns: Columns of Y.
+        columns: Number of columns of Y.
         zero: Names of the zero columns.
         rank: Number of independent columns.
-        singular: Last singular value that counts and the first that does not, over the largest.
-        removed: π_r of (3.33).
-        names: π_b of (3.38).
-        dependences: (A.1), line by line.
-        groupings: (3.39), line by line.
-        identities: (3.18) to (3.30).
-        torque_error: Algorithm 1: largest difference of Y_b π_b(π(μ)) from τ(μ), over the largest torque.
+        singular: Smallest nonzero and largest zero singular value, over the largest.
+        removed: Removed parameters π_r of (3.33).
+        names: Base parameters π_b of (3.38).
+        dependences: Lines of (A.1).
+        groupings: Lines of (3.39).
+        identities: Identities (3.18) to (3.30).
+        torque_error: Largest difference of Y_b π_b(π(μ)) from τ(μ) in Algorithm 1, over the largest torque.
     """
 
     columns: int
@@ -123,7 +112,7 @@ def reduction(setting: Setting) -> Reduction:
     states = random_states(setting, seed=3)
     Y = model.regressor(states)
     flat = Y.reshape(-1, Y.shape[2])
-    by_name = dict(zip(base.standard_names, flat.T, strict=True))
+    by_name: dict[str, Array] = dict(zip(base.standard_names, flat.T, strict=True))
     sizes = np.linalg.svd(flat, compute_uv=False)
     rank = int(np.count_nonzero(sizes > GAP * sizes[0]))
     zero = [name for name, column in by_name.items() if np.abs(column).max() <= ALIKE * np.abs(flat).max()]
@@ -145,14 +134,14 @@ def reduction(setting: Setting) -> Reduction:
 
 
 def standard_of_physical(model: DynamicsModel, physical: Array, *, printed: bool = False) -> Array:
-    """π(μ) of (3.7), shape (84,).
+    """Standard parameters π(μ) of (3.7), shape (84,).
 
     Args:
         model: Rigid bodies, viscous and Coulomb friction.
         physical: Rows as (3.40), shape (7, 12).
-        printed: YY_i as it is printed, with r_y² + r_z².
+        printed: Whether to use YY_i as printed, with r_y² + r_z².
     """
-    names = [parameter.name for parameter in model.parameters]
+    names: list[str] = [parameter.name for parameter in model.parameters]
     theta = np.zeros(len(names))
     for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
         m, rx, ry, rz, xx, xy, xz, yy, yz, zz, fv, fs = physical[k]
@@ -165,8 +154,8 @@ def standard_of_physical(model: DynamicsModel, physical: Array, *, printed: bool
 
 
 def physical_of_standard(model: DynamicsModel, theta: Array) -> Array:
-    """μ(π): rows as (3.40), shape (7, 12)."""
-    names = [parameter.name for parameter in model.parameters]
+    """Physical parameters μ(π) by rows as (3.40), shape (7, 12)."""
+    names: list[str] = [parameter.name for parameter in model.parameters]
     rows: list[list[float]] = []
     for k, own in enumerate(model.inertial_columns.reshape(-1, 10)):
         mass, com, tensor = vector_to_com_inertia(theta[own])
@@ -176,7 +165,7 @@ def physical_of_standard(model: DynamicsModel, theta: Array) -> Array:
 
 
 def _dependence(columns: dict[str, Array], name: str, label: str, right: Sum, printed: Sum | None) -> Dependence:
-    meant = label if label in columns else name  # a label that is no column's is read as the one it must be
+    meant = label if label in columns else name  # a wrong label is replaced by the right one
     return Dependence(
         name,
         label,
@@ -206,7 +195,7 @@ def _grouping(setting: Setting, name: str, terms: Sum) -> Grouping:
 
 
 def _identities(setting: Setting) -> tuple[Identity, ...]:
-    """(3.18), (3.23), (3.26), (3.29), (3.30) for every link that they hold for."""
+    """Identities (3.18), (3.23), (3.26), (3.29) and (3.30) for every link to which they apply."""
     states, d = random_states(setting, seed=4), published().lengths
     terms = lagrangian_terms(
         make_frames(published()), constant(states.q), constant(states.dq), np.array(HANGING)

@@ -14,10 +14,8 @@ from armid.thesis.steps import Estimates
 from armid.validation.worst_pose import worst_along
 from armid.values import Array
 
-__all__ = ["Pictures", "Results", "Table41", "results"]
-
 BAND = 0.1
-"""Share of a joint's range of torque that Figure 4.3 draws lines at."""
+"""Share of a joint's torque range at which Figure 4.3 has lines."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,9 +23,9 @@ class Table41:
     """Base parameters in the form of Table 4.1.
 
     Attributes:
-        values: Shape (57,).
-        relative: Relative standard deviations under white residuals [%], shape (57,).
-        below_ten: How many of these are below 10 %.
+        values: Base parameters, shape (57,).
+        relative: Relative standard deviations for white residuals [%], shape (57,).
+        below_ten: Number of these below 10 %.
         mass_matrix: Smallest eigenvalue of M(q) along Table A.2 [kg·m²].
     """
 
@@ -42,13 +40,13 @@ class Pictures:
     """Data of figures 4.2 and 4.3 over one period.
 
     Attributes:
-        time: Shape (N,) [s].
+        time: Time of each sample, shape (N,) [s].
         measured: Processed torque, shape (N, 7) [N·m].
-        base: Predicted by base parameters, shape (N, 7) [N·m].
-        physical: Predicted by physical ones, shape (N, 7) [N·m].
-        band: A tenth of each joint's range of torque, shape (7,) [N·m].
-        rms: Of measured less predicted, by base and by physical parameters, shape (2, 7) [N·m].
-        beyond: Share of samples beyond the band, by base parameters, shape (7,).
+        base: Prediction by base parameters, shape (N, 7) [N·m].
+        physical: Prediction by physical parameters, shape (N, 7) [N·m].
+        band: A tenth of each joint's torque range, shape (7,) [N·m].
+        rms: RMS of measured less predicted, by base and by physical parameters, shape (2, 7) [N·m].
+        beyond: Share of samples outside ± band, by base parameters, shape (7,).
     """
 
     time: Array
@@ -67,13 +65,13 @@ class Results:
     Attributes:
         names: π_b of (3.38).
         truth: True base parameters, shape (57,).
-        printed: Table 4.1 by Algorithm 3 as it is printed.
+        printed: Table 4.1 by Algorithm 3 as printed.
         corrected: Table 4.1 with filtered columns.
-        wrong: Base parameters with filtered columns under the sign of gravity in print, shape (57,).
-        printed_physical: Table 4.2 as it is printed, shape (7, 12).
+        wrong: Base parameters with filtered columns for the printed sign of gravity, shape (57,).
+        printed_physical: Table 4.2 by Algorithm 3 as printed, shape (7, 12).
         corrected_physical: Table 4.2 with filtered columns, shape (7, 12).
-        true_physical: What it should be; only its base parameters can be known, shape (7, 12).
-        printed_pictures: Figures 4.2 and 4.3 as it is printed.
+        true_physical: True values, of which only the base parameters are identifiable, shape (7, 12).
+        printed_pictures: Figures 4.2 and 4.3 by Algorithm 3 as printed.
         corrected_pictures: The same with filtered columns.
     """
 
@@ -125,7 +123,7 @@ def _physical(setting: Setting, fitted: Fitted) -> Array:
 
 
 def _pictures(base: Fitted, physical: Fitted) -> Pictures:
-    """Torque on the rows of the output grid; predictions through the band where the columns go through it."""
+    """Torques on the output grid; predictions are filtered where the columns are."""
     (run,) = base.observations.runs
     band, rows = base.observations.band, run.rows
     measured = filtered_torque(run, band)[rows]

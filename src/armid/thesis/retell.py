@@ -1,4 +1,4 @@
-"""Run of the whole reference study, and its numbers as one record."""
+"""Run of the whole reference study, and the record of its numbers."""
 
 from __future__ import annotations
 
@@ -21,13 +21,11 @@ from armid.thesis.results import Pictures, Results, results
 from armid.thesis.setting import Extent, Setting, Tell, make_setting
 from armid.thesis.steps import Steps, steps
 
-__all__ = ["Thesis", "retell", "thesis_record"]
-
 NEEDED = {"mujoco": "lab", "casadi": "nlp"}
 """Required packages with their extras, checked before the work begins."""
 
 SHARES = {"model": (0.0, 0.03), "Algorithm 3": (0.03, 0.45), "Algorithm 2": (0.45, 0.96), "audit": (0.96, 1.0)}
-"""Begin of each chapter as a share of the whole time."""
+"""Begin and end of each chapter as shares of the whole time."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,7 +41,7 @@ class Thesis:
         designs: Section 3.3, Algorithm 2.
         results: Chapter 4 on the virtual arm.
         audit: The published results.
-        errata: What is printed and what is right.
+        errata: Errata of the thesis.
         seconds: Wall time.
     """
 
@@ -63,8 +61,8 @@ def retell(extent: Extent | None = None, *, progress: Tell | None = None) -> The
     """Runs the study.
 
     Args:
-        extent: How much is run; all of it where not given.
-        progress: Told of chapters.
+        extent: Extent of the run; the whole study where not given.
+        progress: Callback with the chapter and its finished share.
 
     Raises:
         MissingExtraError: MuJoCo or CasADi is not installed.
@@ -73,11 +71,11 @@ def retell(extent: Extent | None = None, *, progress: Tell | None = None) -> The
         if find_spec(name) is None:
             raise MissingExtraError(name, "The study of the thesis", extra)
     began = time.perf_counter()
-    told = progress or _silent
+    report = progress or _silent
 
     def within(chapter: str) -> Callable[[float], None]:
         begin, end = SHARES[chapter]
-        return lambda share: told(chapter, begin + share * (end - begin))
+        return lambda share: report(chapter, begin + share * (end - begin))
 
     within("model")(0.0)
     setting = make_setting(extent or Extent())
@@ -102,7 +100,7 @@ SERIES = {"time", "measured", "base", "physical"}
 
 
 def thesis_record(thesis: Thesis) -> dict[str, Any]:
-    """The contents of `thesis.json`: every number of the study except the lines of its figures."""
+    """Contents of `thesis.json`: every number of the study except the lines of its figures."""
     return {
         field.name: _record(getattr(thesis, field.name))
         for field in dataclasses.fields(thesis)

@@ -17,21 +17,6 @@ from armid.model.terms import Coulomb, RigidBody, Viscous
 from armid.robot import load_robot
 from armid.values import Array
 
-__all__ = [
-    "DESIGNED",
-    "HANGING",
-    "LITERAL",
-    "PERIOD",
-    "QUICK",
-    "Extent",
-    "ReferenceModel",
-    "Setting",
-    "Tell",
-    "extent_of",
-    "make_setting",
-    "random_states",
-]
-
 HANGING, LITERAL = (0.0, 0.0, 9.81), (0.0, 0.0, -9.81)
 """Gravity as an acceleration in the base of the hanging arm, and with the sign of the thesis's equations."""
 
@@ -49,14 +34,13 @@ class Extent:
     Attributes:
         seeds: Seeds of the noise over which medians are taken.
         starts: Random starts of Algorithm 2.
-        stages: Stages of each descent, from smooth to sharp.
-        rate: Samples a second of recordings along the exact motion [Hz]; the noise of their mean does not depend
-            on it.
-        lab_rate: Samples a second of closed-loop recordings [Hz].
-        physics_rate: Steps a second of the simulation behind them [Hz].
-        repetitions: Of each closed-loop recording.
+        stages: Stages of each descent, from smoothed to exact criterion.
+        rate: Sample rate of recordings along the exact motion [Hz]; the noise of their mean does not depend on it.
+        lab_rate: Sample rate of closed-loop recordings [Hz].
+        physics_rate: Step rate of the closed-loop simulation [Hz].
+        repetitions: Repetitions in each closed-loop recording.
         searches: Random starts of the nonlinear program (3.52).
-        poses: Random poses and states at which identities are looked at.
+        poses: Number of random poses and states at which identities are checked.
     """
 
     seeds: int = 10
@@ -84,11 +68,11 @@ def extent_of(*, quick: bool = False, seeds: int | None = None, starts: int | No
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReferenceModel:
-    """Model of the arm under one gravity.
+    """Model of the arm under one sign of gravity.
 
     Attributes:
         dynamics: Rigid bodies, viscous and Coulomb friction of width zero.
-        base: Its base parameters, the 57 of (3.38).
+        base: The 57 base parameters of (3.38).
     """
 
     dynamics: DynamicsModel
@@ -110,13 +94,13 @@ class Setting:
     """Common setting of all chapters.
 
     Attributes:
-        hanging: The arm as it hangs.
-        literal: The same under the sign of (2.21) and (2.33) in print.
-        theta: Standard parameters of the virtual arm (p,): inertials of the description, friction of Table 4.1.
-        truth: Its base parameters (57,).
+        hanging: Model of the hanging arm.
+        literal: The same for the printed sign of (2.21) and (2.33).
+        theta: Standard parameters of the virtual arm (p,): bodies of the description, friction of Table 4.1.
+        truth: Base parameters of the virtual arm (57,).
         train: Table A.1, stretched to 27 s.
         unseen: Table A.2, stretched to 27 s.
-        extent: How much is run.
+        extent: Extent of the run.
     """
 
     hanging: ReferenceModel

@@ -14,10 +14,8 @@ from armid.thesis.algorithm import Errors, Fitted, by_method, errors_of, estimat
 from armid.thesis.setting import PERIOD, Setting
 from armid.values import Array
 
-__all__ = ["Estimates", "Spread", "Step", "Steps", "steps"]
-
 CORRECTED = replace(THESIS, columns=True)
-"""Processing of the thesis with the torque's filter on the regressor, too."""
+"""Processing of the thesis, but with the torque's filter on the regressor as well."""
 
 PADDED = replace(THESIS, edges="pad", average=False)
 OWN = ProcessingOptions(edges="periodic", average=True)
@@ -28,10 +26,10 @@ class Step:
     """Row of the table.
 
     Attributes:
-        group: What the rows around it have in common.
-        key: Name of it that no other row has.
-        title: What is done.
-        errors: How far it is from the truth.
+        group: Title of its group of rows.
+        key: Unique name.
+        title: Description of the method.
+        errors: Errors against the truth.
     """
 
     group: str
@@ -42,14 +40,13 @@ class Step:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Spread:
-    """Row over several seeds of the noise.
+    """Main steps over several seeds of the noise.
 
     Attributes:
-        seeds: How many.
-        printed: Relative error and torque error [N·m] on Table A.2 of Algorithm 3 as it is printed, shape (seeds, 2).
+        seeds: Number of seeds.
+        printed: Relative error and torque error [N·m] on Table A.2 of Algorithm 3 as printed, shape (seeds, 2).
         corrected: The same with filtered columns, shape (seeds, 2).
-        printed_ratio: Residual under the wrong sign of gravity over that under the right one, as it is printed,
-            shape (seeds,).
+        printed_ratio: Residual for the wrong sign of gravity over that for the right one, as printed, shape (seeds,).
         corrected_ratio: The same with filtered columns, shape (seeds,).
     """
 
@@ -65,12 +62,12 @@ class Estimates:
     """Estimates that later chapters use.
 
     Attributes:
-        printed: Ordinary least squares of Algorithm 3 as it is printed, periodic edges.
+        printed: Ordinary least squares of Algorithm 3 as printed, periodic edges.
         corrected: The same with filtered columns.
-        wrong: The corrected one under the sign of gravity in print.
-        printed_physical: (3.52) and (3.53) on what is filtered on one side.
-        corrected_physical: The same on filtered columns.
-        consistent: Bodies that can exist, on filtered columns.
+        wrong: The corrected estimate for the printed sign of gravity.
+        printed_physical: Estimate by (3.52) and (3.53) with filtered torque only.
+        corrected_physical: The same with filtered columns.
+        consistent: Physically consistent estimate with filtered columns.
     """
 
     printed: Fitted
@@ -86,8 +83,8 @@ class Steps:
     """Results of section 3.2 on the virtual arm.
 
     Attributes:
-        rows: The table.
-        spread: Over seeds.
+        rows: Rows of the table.
+        spread: Main steps over seeds.
     """
 
     rows: tuple[Step, ...]
@@ -145,7 +142,7 @@ def _periodic(setting: Setting, recording: Recording) -> Fitted:
 
 
 def _edges(rows: _Rows, recording: Recording) -> None:
-    """Adds rows on a choice that the thesis does not state: the ends of the mean period."""
+    """Adds rows on the treatment of the ends of the mean period, which the thesis does not state."""
     mean, group = mean_of(recording), "one-sided filter"
     rows.run(group, "printed-padded", "as printed, ends padded, 100 rows a second", mean, PADDED)
     every = replace(PADDED, decimate=0.0)
@@ -191,7 +188,7 @@ def _others(rows: _Rows, recording: Recording, printed: Fitted, corrected: Fitte
     ):
         nlp = by_method(fitted, "thesis-nlp", searches)
         bodies.append(rows.take(group, f"{name}-nlp", "(3.52) with (3.53), interior point", nlp))
-        # The virtual arm is its own description: a prior towards that would know the answer.
+        # The description has the true bodies of the virtual arm, so a prior towards it would contain the solution.
         convex = by_method(fitted, "physical", {"prior": "mass"})
         bodies.append(rows.take(group, f"{name}-convex", "pseudo-inertias, convex", convex))
     return Estimates(printed, corrected, wrong, bodies[0], bodies[2], bodies[3])

@@ -20,8 +20,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.threads import one_blas_thread
 from armid.values import Array, array
 
-__all__ = ["Blame", "Certificate", "certify_values"]
-
 FEASIBLE = 1e-6
 """Relative distance up to which values count as consistent: the accuracy of the solver."""
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.errors import Finding
+from armid.measurement.remedy import lines
 from armid.model.base_parameters import BaseParameters
+from armid.remedy import Assignment, Remedy
 from armid.robot import Robot
 from armid.values import array
-
-__all__ = ["gravity_finding", "gravity_sign_finding"]
 
 STRONGEST_GRAVITY = 15.0
 """Acceleration above which a stated gravity is a mistake [m/s²]."""
@@ -51,7 +51,7 @@ def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | N
         values: Base parameters, shape (b,).
     """
     values = array(values, (base.count,), "base parameters")
-    symbols = np.array([name.rsplit("_", 1)[0] for name in base.standard_names])
+    symbols = np.array([name.symbol for name in base.standard_names])
     forced = _forced(base, symbols)
     size = np.abs(values * forced)
     telling = np.flatnonzero(size > WEIGHTY * size.max(initial=0.0))
@@ -67,12 +67,12 @@ def gravity_sign_finding(base: BaseParameters, values: ArrayLike) -> Finding | N
         f"of mass within its link ({len(against)} of {len(telling)} such moments)."
     )
     if turned:
-        return Finding("torque-sign", "warning", "", f"{evidence} Friction is negative too.", "torque_sign = -1")
-    opposite = ", ".join(f"{-x + 0.0:.4g}" for x in base.gravity)
+        return Finding("torque-sign", "warning", "", f"{evidence} Friction is negative too.", lines(torque_sign=-1))
+    text = f"gravity = [{', '.join(f'{-x + 0.0:.4g}' for x in base.gravity)}]"
+    opposite = Assignment(text, {"gravity": [float(f"{-x + 0.0:.4g}") for x in base.gravity]})
     friction_text = " Friction has the right sign, so that gravity alone is turned." if len(friction) else ""
-    return Finding(
-        "gravity-direction", "warning", "", f"{evidence}{friction_text}", f"gravity = [{opposite}]  # in [robot]"
-    )
+    remedy = Remedy(opposite, table="robot")
+    return Finding("gravity-direction", "warning", "", f"{evidence}{friction_text}", remedy)
 
 
 def _forced(base: BaseParameters, symbols: NDArray[np.str_]) -> NDArray[np.float64]:

@@ -16,8 +16,6 @@ from armid.notebook import Displayed, Summary, names_apart
 from armid.validation.prediction_interval import band_of_rows
 from armid.values import Array, array
 
-__all__ = ["Check", "Score", "Validation", "score", "validate"]
-
 CLOSE_TO_TRAINING = 3.0
 """Largest ratio of the total error on held-out motion to that on training motion that passes."""
 
@@ -111,6 +109,29 @@ class Validation(Displayed):
         return Summary(f"verdict on held-out motion: {self.verdict}", columns, rows, note)
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class PredictedRecording:
+    """Torque of an estimate along one recording, with prediction intervals.
+
+    Attributes:
+        runs: Measured and predicted torque of each contiguous run.
+        every: Intervals are known on every k-th row of a run; this is k.
+        half_widths: Half width of the 95 % prediction interval on these rows of all runs, shape (M, n) [N·m or N].
+    """
+
+    runs: tuple[Comparison, ...]
+    every: int
+    half_widths: Array
+
+
+def predict_recording(model: DynamicsModel, estimate: Estimate, observations: Observations) -> PredictedRecording:
+    """Predicts the torque along a recording, with intervals on some ten thousand rows."""
+    theta = torque_parameters(estimate.base, estimate.fit)
+    runs = tuple(compare(model, theta, run, observations.band) for run in observations.runs)
+    every = max(1, sum(len(run.rows) for run in observations.runs) // COVERED_ROWS)
+    return PredictedRecording(runs, every, band_of_rows(model, estimate, observations, every))
+
+
 def score(
     model: DynamicsModel,
     estimate: Estimate,
@@ -118,10 +139,11 @@ def score(
     *,
     path: str = "",
     sha256: str = "",
+    prediction: PredictedRecording | None = None,
 ) -> Score:
-    """Compares the estimate's torque with that of one recording."""
-    theta = torque_parameters(estimate.base, estimate.fit)
-    found = _together([compare(model, theta, run, observations.band) for run in observations.runs])
+    """Compares the estimate's torque with that of one recording; `prediction` is computed where it is not given."""
+    prediction = prediction or predict_recording(model, estimate, observations)
+    found = _together(prediction.runs)
     residual = np.where(found.mask, found.residual, np.nan)
     prior = model.nominal_parameters()
     prior_rms = None
@@ -135,7 +157,7 @@ def score(
         _rms(np.where(found.mask, found.residual_raw, np.nan)),
         _of_known(np.std, np.where(found.mask, found.measured, np.nan)),
         _of_known(np.max, np.abs(residual)),
-        _coverage(model, estimate, observations, residual),
+        _coverage(prediction, residual),
         prior_rms,
     )
 
@@ -183,10 +205,8 @@ def _rms(residual: Array) -> Array:
     return np.sqrt(_of_known(np.mean, residual**2))
 
 
-def _coverage(model: DynamicsModel, estimate: Estimate, observations: Observations, residual: Array) -> Array:
+def _coverage(prediction: PredictedRecording, residual: Array) -> Array:
     """Share of rows (n,) whose error lies inside the 95 % prediction interval."""
-    every = max(1, len(residual) // COVERED_ROWS)
-    ends = np.cumsum([len(run.rows) for run in observations.runs])[:-1]
-    residual = np.concatenate([part[::every] for part in np.split(residual, ends)])
-    width = band_of_rows(model, estimate, observations, every)
-    return _of_known(np.mean, np.where(np.isnan(residual), np.nan, np.abs(residual) <= width))
+    ends = np.cumsum([len(run.mask) for run in prediction.runs])[:-1]
+    residual = np.concatenate([part[:: prediction.every] for part in np.split(residual, ends)])
+    return _of_known(np.mean, np.where(np.isnan(residual), np.nan, np.abs(residual) <= prediction.half_widths))

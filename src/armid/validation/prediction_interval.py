@@ -21,8 +21,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["band_of_rows", "torque_band"]
-
 SMALLEST_SHARE = 1e-3
 """Share of the parameters in the variance below which their degrees of freedom are taken as infinite."""
 
@@ -72,7 +70,7 @@ def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:
 
     Where each recording has its own values, it is the covariance of their mean plus the scatter of a new value.
     """
-    copies = [name.split("[", 1)[0] for name in fit.names]
+    copies = [name.of_all for name in fit.names]
     mean = np.array([[name == copy for copy in copies] for name in base.names], dtype=np.float64)
     count = mean.sum(axis=1)
     mean /= count[:, None]

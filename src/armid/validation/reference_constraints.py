@@ -12,8 +12,6 @@ import numpy as np
 
 from armid.values import Array, array
 
-__all__ = ["ROUNDING", "Constraint", "thesis_constraints"]
-
 ROUNDING = 5e-4
 """Rounding error of values that are printed with three decimals."""
 

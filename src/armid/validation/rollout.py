@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.model.motion import Motion
 from armid.values import Array, array
-
-__all__ = ["Feedback", "RolledOut", "Windows", "roll_out", "sharpened"]
 
 SIGNED = ("coulomb", "asymmetric-coulomb", "load-coulomb", "stribeck")
 """Terms whose width only smooths a sign."""
@@ -136,37 +134,47 @@ def roll_out(
         windows: Recorded motion and torque.
         feedback: Feedback of the recorded controller; without one the recorded torque acts alone.
     """
-    run = _RollOut(sharpened(model), parameters, windows, feedback)
-    found = np.empty_like(windows.q)
-    samples = windows.q.shape[1]
-    for k in range(samples):
-        found[:, k] = np.where(run.alive[:, None], run.q, np.nan)
-        if k + 1 < samples:
-            run.advance(k)
+    run = _Rollout(_Dynamics(sharpened(model), parameters), windows, feedback)
+    q = np.full_like(windows.q, np.nan)
+    for k in range(windows.q.shape[1]):
+        if k:
+            run.advance(k - 1)
+        q[run.alive, k] = run.state.q[run.alive]
     # A window that is lost in the very last step still has all its samples.
-    alive = np.isfinite(found).all(axis=(1, 2))
-    return RolledOut(found, ~alive & ~run.indefinite, ~alive & run.indefinite)
+    alive = np.isfinite(q).all(axis=(1, 2))
+    return RolledOut(q, ~alive & ~run.indefinite, ~alive & run.indefinite)
 
 
-class _RollOut:
-    """Integrator with the state of all windows at one instant."""
+class _State(NamedTuple):
+    """State of all windows at one instant.
 
-    def __init__(self, model: DynamicsModel, parameters: Array, windows: Windows, feedback: Feedback | None) -> None:
-        self.model, self.theta, self.windows, self.feedback = model, parameters, windows, feedback
-        self.friction = _Friction(model, parameters)
-        self.inertial = parameters[model.inertial_columns].reshape(model.n, 10)
-        self.alive = np.ones(len(windows.q), dtype=bool)
-        self.indefinite = np.zeros(len(windows.q), dtype=bool)
-        self.q = windows.q[:, 0].copy()
-        mass = model.mass_matrix(self.q, parameters)
+    Attributes:
+        q: Positions, shape (W, n) [rad or m].
+        half: Velocities half a step before, shape (W, n).
+        ddq: Accelerations one step before, shape (W, n).
+        memory: Hysteresis states, shape (W, m).
+        integral: Position error of the feedback, integrated over time, shape (W, n).
+    """
+
+    q: Array
+    half: Array
+    ddq: Array
+    memory: Array
+    integral: Array
+
+
+class _Rollout:
+    """Integrator of all windows."""
+
+    def __init__(self, dynamics: _Dynamics, windows: Windows, feedback: Feedback | None) -> None:
+        self.dynamics, self.windows, self.feedback = dynamics, windows, feedback
+        self.alive, self.indefinite = np.ones(len(windows.q), dtype=bool), np.zeros(len(windows.q), dtype=bool)
+        q, ddq = windows.q[:, 0], windows.ddq[:, 0]
+        mass = dynamics.mass(q)
         self._check_definite(mass)
         self.substeps = self._substeps(mass)
-        self.h = windows.step / self.substeps
-        self.a = windows.ddq[:, 0].copy()
-        self.half = windows.dq[:, 0] - 0.5 * self.h * self.a
-        self.ends = windows.memory.copy()
-        self.summed = np.zeros_like(self.q)
-        self.count = 0
+        half = windows.dq[:, 0] - 0.5 * (windows.step / self.substeps) * ddq
+        self.state = _State(q, half, ddq, windows.memory, np.zeros_like(q))
 
     def _substeps(self, mass: Array) -> int:
         """Number of integration steps from one sample to the next."""
@@ -184,55 +192,53 @@ class _RollOut:
 
     def advance(self, k: int) -> None:
         """Integrates from sample k to the next."""
-        for i in range(self.substeps):
-            self._step(k, i / self.substeps)
+        for step in range(k * self.substeps, (k + 1) * self.substeps):
+            self._step(step)
 
-    def _between(self, values: Array, k: int, share: float) -> Array:
-        """Recorded values (W, n), interpolated between two samples."""
+    def _recorded(self, values: Array, step: int) -> Array:
+        """Recorded values (W, n) at a step, interpolated between two samples."""
+        k, share = step // self.substeps, step % self.substeps / self.substeps
         return values[:, k] if share == 0.0 else (1.0 - share) * values[:, k] + share * values[:, k + 1]
 
-    def _step(self, k: int, share: float) -> None:
-        h, model = self.h, self.model
-        torque = self._between(self.windows.torque, k, share)
-        now = self.half + 0.5 * h * self.a
-        rest, slope, dry = self.friction.at(self.q, now, self.a, self.ends)
+    def _step(self, step: int) -> None:
+        dynamics, state, integral = self.dynamics, self.state, self.state.integral
+        h = self.windows.step / self.substeps
+        torque = self._recorded(self.windows.torque, step)
+        dq = state.half + 0.5 * h * state.ddq
+        rest, slope, dry = dynamics.friction(state.q, dq, state.ddq, state.memory)
         linear = slope
         if self.feedback is not None:
-            error = self._between(self.windows.q, k, share) - self.q
-            rate = self._between(self.windows.dq, k, share) - now
-            self.summed += h * error
-            gain = self.feedback
-            torque = torque + gain.proportional * error + gain.derivative * rate + gain.integral * self.summed
+            error = self._recorded(self.windows.q, step) - state.q
+            rate = self._recorded(self.windows.dq, step) - dq
+            integral, gain = integral + h * error, self.feedback
+            torque = torque + gain.proportional * error + gain.derivative * rate + gain.integral * integral
             linear = slope + gain.derivative
-        zero = np.zeros_like(self.q)
-        bias = kernel.inverse_dynamics(model.tree, self.inertial, self.q, now, zero)
-        mass = model.mass_matrix(self.q, self.theta)
-        if self.count % CHECK_EVERY == 0:
+        mass = dynamics.mass(state.q)
+        if step % CHECK_EVERY == 0:
             self._check_definite(mass)
-        self.count += 1
-        matrix = mass + 0.5 * h * linear[:, :, None] * np.eye(model.n)
-        matrix[~self.alive] = np.eye(model.n)
-        pull = torque - bias - rest - linear * (self.half - now)
+        identity = np.eye(mass.shape[1])
+        matrix = mass + 0.5 * h * linear[:, :, None] * identity
+        matrix[~self.alive] = identity
+        driving = torque - dynamics.bias(state.q, dq) - rest - linear * (state.half - dq)
         mobility = np.asarray(h * np.linalg.inv(matrix), dtype=np.float64)
-        free = self.half + (mobility @ pull[:, :, None])[:, :, 0]
-        new = free
-        if dry.any():
-            _, new = solve_stiction(mobility, free, dry, dry)
+        free = state.half + (mobility @ driving[:, :, None])[:, :, 0]
+        new = solve_stiction(mobility, free, dry, dry)[1] if dry.any() else free
         self.alive &= np.abs(new).max(axis=1) < RUNAWAY
-        new = np.where(self.alive[:, None], new, self.half)
-        self.a = np.where(self.alive[:, None], (new - self.half) / h, 0.0)
-        self.half = np.where(self.alive[:, None], new, 0.0)
-        self.q = self.q + h * self.half
-        self.ends = self.friction.updated_states(self.q, self.ends)
+        alive = self.alive[:, None]
+        ddq = (np.where(alive, new, state.half) - state.half) / h
+        half = np.where(alive, new, 0.0)
+        q = state.q + h * half
+        self.state = _State(q, half, ddq, dynamics.updated_memory(q, state.memory), integral)
 
 
-class _Friction:
-    """Torque of all terms except rigid bodies, split into dry friction and the rest."""
+class _Dynamics:
+    """Mass matrix, bias torque and friction of a model."""
 
     def __init__(self, model: DynamicsModel, parameters: Array) -> None:
-        self.model = model
+        self.model, self.theta = model, parameters
+        self.inertial = parameters[model.inertial_columns].reshape(model.n, 10)
         # Terms proportional to the acceleration are in the mass matrix already.
-        self.kept = np.array(
+        self.entries = np.array(
             [
                 e
                 for e, (_, p, law, _) in enumerate(model.entries)
@@ -240,40 +246,47 @@ class _Friction:
             ],
             dtype=np.int64,
         )
-        self.loaded = any("load" in symbols(law.expression) for _, law in model.laws)
-        self.theta = parameters
+        self.depends_on_load = any("load" in symbols(law.expression) for _, law in model.laws)
 
-    def at(self, q: Array, dq: Array, ddq: Array, states: Array) -> tuple[Array, Array, Array]:
+    def mass(self, q: Array) -> Array:
+        """Mass matrices (W, n, n) at positions (W, n)."""
+        return self.model.mass_matrix(q, self.theta)
+
+    def bias(self, q: Array, dq: Array) -> Array:
+        """Torque (W, n) without acceleration and friction."""
+        return kernel.inverse_dynamics(self.model.tree, self.inertial, q, dq, np.zeros_like(q))
+
+    def friction(self, q: Array, dq: Array, ddq: Array, memory: Array) -> tuple[Array, Array, Array]:
         """Friction without its dry part, its slope, and the bound of the dry part, each (W, n)."""
-        if not len(self.kept):
+        if not len(self.entries):
             return np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
         small = np.full_like(dq, REST)
         away = np.where(dq < 0.0, -NUDGE, NUDGE)
-        up, down, here, beside = np.split(self._torque(q, [small, -small, dq, dq + away], ddq, states), 4)
+        up, down, here, beside = np.split(self._torque(q, [small, -small, dq, dq + away], ddq, memory), 4)
         dry = np.maximum(0.5 * (up - down), 0.0)
         rest = here - dry * np.sign(dq)
         # A negative slope is treated explicitly, in the next step: it is small, and implicit it could be unstable.
         slope = np.maximum((beside - here) / away, 0.0)
         return rest, np.where(dq == 0.0, 0.0, slope), dry
 
-    def _torque(self, q: Array, velocities: list[Array], ddq: Array, states: Array) -> Array:
+    def _torque(self, q: Array, velocities: list[Array], ddq: Array, memory: Array) -> Array:
         """Torque of the friction columns at several velocities of the same positions, one after another."""
         times = len(velocities)
         many = np.tile(q, (times, 1))
-        acceleration = np.tile(ddq, (times, 1)) if self.loaded else np.zeros_like(many)
-        memory = np.tile(states, (times, 1)) if self.model.nodes else None
+        acceleration = np.tile(ddq, (times, 1)) if self.depends_on_load else np.zeros_like(many)
+        states = np.tile(memory, (times, 1)) if self.model.nodes else None
         motion = Motion(
-            np.arange(len(many), dtype=np.float64), many, np.concatenate(velocities), acceleration, memory
+            np.arange(len(many), dtype=np.float64), many, np.concatenate(velocities), acceleration, states
         )
-        columns = self.model.term_columns(motion, self.kept)
+        columns = self.model.term_columns(motion, self.entries)
         torque = np.zeros((self.model.n, len(many)))
         np.add.at(torque, columns.joint, columns.values * self.theta[columns.parameter][:, None])
         return torque.T
 
-    def updated_states(self, q: Array, states: Array) -> Array:
+    def updated_memory(self, q: Array, memory: Array) -> Array:
         """Hysteresis states (W, m) after a move to q."""
         if not self.model.nodes:
-            return states
+            return memory
         driven = np.stack([sum(w * q[:, j] for j, w in node.coordinate) for node in self.model.nodes], axis=1)
         width = np.array([node.memory.width for node in self.model.nodes])
-        return np.minimum(np.maximum(states, driven - width), driven + width)
+        return np.minimum(np.maximum(memory, driven - width), driven + width)

@@ -14,8 +14,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.validation.rollout import Feedback, Windows, roll_out
 from armid.values import Array, array
 
-__all__ = ["Losses", "MotionScore", "score_motion"]
-
 MOST_WINDOWS = 200
 """Largest number of windows of a recording; of more, an evenly spread selection is used."""
 

@@ -17,8 +17,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["Pose", "worst_along", "worst_pose"]
-
 POSES = 4096
 """Number of random poses."""
 

@@ -26,10 +26,10 @@ from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import simulate
 from armid.maths.sampling import resample
 from armid.measurement.log_format import LogFormat
-from armid.measurement.remedy import BY_HAND
 from armid.measurement.robot_convention import to_robot_convention
 from armid.robot import load_robot
 from armid.study.diagnosis import diagnose_recording
+from armid.study.remedies import tables_of
 from healing import delay_error
 from sick import FAULTS, Case, sound
 
@@ -157,7 +157,7 @@ def test_what_could_not_be_looked_at_is_said():
     short = replace(log, time=log.time[rows], q=log.q[rows], dq=None, effort=log.effort[rows], valid=True)
     (found,) = diagnose_recording(sound(4).robot, short, LogFormat())
     assert "not checked" in found.evidence
-    assert codes(diagnose_recording(sound(4).robot, replace(log, effort=None), LogFormat())) == {"channel-dead"}
+    assert codes(diagnose_recording(sound(4).robot, replace(log, effort=None), LogFormat())) == {"effort-missing"}
 
 
 @pytest.mark.parametrize("pushes", [1, 2, 3])
@@ -305,6 +305,16 @@ def test_stamps_of_samples_taken_unevenly_are_used_and_nothing_is_to_do():
     assert "nothing to do" in found[0].evidence
 
 
+def test_missing_rows_are_counted():
+    case = sound(4)
+    log = case.recording
+    kept = np.arange(log.samples) % 37 != 20
+    assert log.time is not None and log.effort is not None
+    dropped = case.logged(time=log.time[kept], q=log.q[kept], dq=None, effort=log.effort[kept], valid=True)
+    (found,) = [f for f in examined(dropped) if f.code == "clock-jitter"]
+    assert f"about {(~kept).sum()} rows are missing" in found.evidence
+
+
 def test_an_explanation_that_makes_left_out_motion_worse_is_not_believed():
     case = sound(4)
     log = to_robot_convention(case.recording, case.reading, case.robot).recording
@@ -323,7 +333,7 @@ def test_an_explanation_that_makes_left_out_motion_worse_is_not_believed():
 @pytest.mark.parametrize("fault", sorted(FAULTS))
 def test_a_remedy_says_what_left_out_motion_says_of_it(fault: str):
     for finding in examined(FAULTS[fault](4)):
-        if finding.remedy and not finding.remedy.startswith(BY_HAND):
+        if tables_of(finding.remedy):
             assert "eft-out motion" in finding.evidence, finding
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from armid.estimation.estimating import estimate
 from armid.estimation.estimators import PhysicallyConsistent, WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.estimation.standard_fit import map_to_standard
-from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.information.accumulate import accumulate_information
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
@@ -70,7 +70,7 @@ def recorded(seed: int, seconds: float = 20.0, scale: float = 0.0, noise: float 
 
 def found(problem: EstimationProblem, **options: object) -> Fit:
     method = PhysicallyConsistent(**options)  # pyright: ignore[reportArgumentType]
-    return estimate_covariance(method.estimate(problem), problem)
+    return estimate(problem, method)
 
 
 @pytest.mark.parametrize("prior", ["mass", "log-det"])
@@ -115,7 +115,7 @@ def test_the_cone_narrows_what_weak_data_leave_open():
     shares: list[float] = []
     for seed in range(DRAWS):
         problem = recorded(seed, seconds=8.0, noise=6.0)
-        weak, plain = found(problem), estimate_covariance(WeightedLeastSquares().estimate(problem), problem)
+        weak, plain = found(problem), estimate(problem)
         assert problem.base is not None
         ratios.append(np.sqrt(np.diag(weak.covariance) / np.diag(plain.covariance)))
         shares.append(inside(weak.intervals, problem.base.regrouping @ truth()).mean())
@@ -142,4 +142,4 @@ def test_the_record_has_the_proof_and_the_prior_of_bodies_and_of_nothing_else():
     record = certificate_record(fit.standard)
     assert record is not None and record["prior"] == {"kind": "log-det", "weight": 2.0, "how": "given"}
     assert record["price"] >= 0.0 and record["smallest_eigenvalue"] > 0.0 and record["gap"] < 1e-6
-    assert certificate_record(WeightedLeastSquares().estimate(problem).standard) is None
+    assert certificate_record(WeightedLeastSquares().solve(problem).standard) is None

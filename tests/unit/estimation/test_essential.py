@@ -51,7 +51,7 @@ def uncorrelated(*given: object) -> float:
 
 def refitted(given: EstimationProblem, choose: Callable[[Array, Array, float], int | None]) -> list[int]:
     """Parameters left when after each one the others are fitted anew; told values, deviations and cost."""
-    weights = WLS.estimate(given).weights
+    weights = WLS.solve(given).weights
     A, y = stack(total(given.information), weights)
     left = list(range(A.shape[1]))
     while True:
@@ -71,7 +71,7 @@ def test_the_ratio_rule_is_that_of_fits_made_anew(ratio: float):
         relative = deviation / np.abs(values)
         return int(np.argmax(relative)) if relative.max() > ratio * relative.min() else None
 
-    fit = EssentialParameters(ratio=ratio, price=np.inf).estimate(problem())
+    fit = EssentialParameters(ratio=ratio, price=np.inf).solve(problem())
     left = refitted(problem(), choose)
     assert fit.dropped == tuple(name for k, name in enumerate(fit.names) if k not in left)
     assert len(fit.dropped) > 0
@@ -86,39 +86,39 @@ def test_the_criterion_is_that_of_fits_made_anew(monkeypatch: pytest.MonkeyPatch
         rise = (values / deviation) ** 2
         return int(np.argmin(rise)) if rise.min() < np.log(rows) else None
 
-    fit = EssentialParameters("bic").estimate(problem())
+    fit = EssentialParameters("bic").solve(problem())
     left = refitted(problem(), choose)
     assert fit.dropped == tuple(name for k, name in enumerate(fit.names) if k not in left)
 
 
 def test_what_is_left_is_fitted_and_what_is_dropped_is_zero():
     given = problem()
-    fit = EssentialParameters().estimate(given)
+    fit = EssentialParameters().solve(given)
     left = [k for k, name in enumerate(fit.names) if name not in fit.dropped]
     A, y = stack(total(given.information), fit.weights)
     expected = np.zeros(len(fit.names))
     expected[left] = np.linalg.lstsq(A[:, left], y, rcond=None)[0]
     np.testing.assert_allclose(fit.values, expected, rtol=0, atol=SAME * np.abs(expected).max())
     assert fit.names == arm()[1].names and not fit.values[[fit.names.index(name) for name in fit.dropped]].any()
-    assert fit.scaled_condition <= WLS.estimate(given).scaled_condition
+    assert fit.scaled_condition <= WLS.solve(given).scaled_condition
 
 
 @pytest.mark.parametrize("criterion", ["pham-gautier", "bic"])
 def test_parameters_that_are_zero_are_dropped_and_large_ones_are_not(criterion: str):
-    fit = EssentialParameters(criterion).estimate(problem())  # pyright: ignore[reportArgumentType]
+    fit = EssentialParameters(criterion).solve(problem())  # pyright: ignore[reportArgumentType]
     assert set(IDLE) <= set(fit.dropped)
     sure = np.abs(arm()[2]) > 20.0 * fit.deviation
     assert sure.sum() > 10 and not set(np.array(fit.names)[sure]) & set(fit.dropped)
 
 
 def test_the_price_is_kept_and_told():
-    given, plain = problem(), WLS.estimate(problem())
+    given, plain = problem(), WLS.solve(problem())
 
     def weighted(rms: Array) -> float:
         return float(np.sqrt(np.sum((plain.weights * rms) ** 2 * plain.rows)))
 
     for price in (0.0, 0.001, 0.02):
-        fit = EssentialParameters(ratio=1.0, price=price).estimate(given)
+        fit = EssentialParameters(ratio=1.0, price=price).solve(given)
         rise = weighted(fit.residual_rms) / weighted(plain.residual_rms) - 1.0
         assert -SAME <= rise <= price + SAME
         (finding,) = fit.findings
@@ -128,7 +128,7 @@ def test_the_price_is_kept_and_told():
 
 
 def test_exact_data_lose_nothing_that_is_there():
-    fit = EssentialParameters().estimate(problem(noise=0.0))
+    fit = EssentialParameters().solve(problem(noise=0.0))
     assert set(fit.dropped) <= set(IDLE)
     np.testing.assert_allclose(fit.values, arm()[2], rtol=0, atol=SAME * np.abs(arm()[2]).max())
 
@@ -136,7 +136,7 @@ def test_exact_data_lose_nothing_that_is_there():
 def test_intervals_are_no_shorter_for_having_chosen():
     """Of what is held at zero too, so that it covers the truth."""
     given = problem()
-    fit, plain = EssentialParameters().estimate(given), WLS.estimate(given)
+    fit, plain = EssentialParameters().solve(given), WLS.solve(given)
     np.testing.assert_array_equal(fit.deviation, plain.deviation)
     ends = estimate_covariance(fit, given).intervals
     for name in fit.dropped:
@@ -156,7 +156,7 @@ def test_correlated_residuals_are_worth_fewer_rows():
         given = EstimationProblem(
             accumulate_information(arm()[0], arm()[1], raw(one_run(motion, torque + added, RATE, block_rows=100)))
         )
-        counts.append(len(EssentialParameters("bic").estimate(given).dropped))
+        counts.append(len(EssentialParameters("bic").solve(given).dropped))
     assert counts[0] > counts[1] and counts[0] < arm()[1].count / 2
 
 

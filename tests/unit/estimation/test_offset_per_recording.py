@@ -107,7 +107,7 @@ def test_each_offset_is_found_and_the_mean_stands_for_another_recording():
     base = find_base_parameters(model)
     information = accumulate_information(model, base, observations)
     apart = separate_by_recording(information, np.isin(information.names, offset_names(model)))
-    fit = Ridge(weight=1.0).estimate(EstimationProblem(apart, standard_of(model, base), model, base))
+    fit = Ridge(weight=1.0).solve(EstimationProblem(apart, standard_of(model, base), model, base))
     found = dict(zip(fit.names, fit.values, strict=True))
     for r, own in enumerate(OFFSETS):
         assert np.abs([found[f"FO_{j + 1}[{r + 1}]"] - own[j] for j in range(3)]).max() < NEAR
@@ -115,7 +115,7 @@ def test_each_offset_is_found_and_the_mean_stands_for_another_recording():
     (unseen,) = recorded(OFFSETS.mean(axis=0)[None]).runs
     left = compare(model, theta, unseen, observations.band)
     assert np.sqrt(np.mean(left.residual[left.mask] ** 2)) < NOISE + NEAR
-    together = WeightedLeastSquares().estimate(EstimationProblem(information))
+    together = WeightedLeastSquares().solve(EstimationProblem(information))
     assert together.residual_rms.max() > 5.0 * fit.residual_rms.max()
     said = drift_finding(model, fit)
     assert said is not None and said.code == "offset-drift" and "FO_1 0.9" in said.evidence
@@ -127,7 +127,7 @@ def test_offsets_that_agree_are_not_remarked():
     base = find_base_parameters(model)
     information = accumulate_information(model, base, observations)
     apart = separate_by_recording(information, np.isin(information.names, offset_names(model)))
-    assert drift_finding(model, WeightedLeastSquares().estimate(EstimationProblem(apart))) is None
+    assert drift_finding(model, WeightedLeastSquares().solve(EstimationProblem(apart))) is None
 
 
 def test_recordings_that_cannot_show_an_offset_share_one():

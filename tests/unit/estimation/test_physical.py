@@ -85,7 +85,7 @@ def names() -> list[str]:
 
 
 def estimate(problem: EstimationProblem | None = None, **options: object) -> tuple[Fit, StandardFit]:
-    fit = PhysicallyConsistent(**options).estimate(problem or problem_of())  # pyright: ignore[reportArgumentType]
+    fit = PhysicallyConsistent(**options).solve(problem or problem_of())  # pyright: ignore[reportArgumentType]
     assert fit.standard is not None
     return fit, fit.standard
 
@@ -101,7 +101,7 @@ def value(fit: StandardFit, name: str) -> float:
 def test_data_that_determine_bodies_are_not_bent(prior: str):
     problem = problem_of()
     fit, standard = estimate(problem, prior=prior)
-    free = WeightedLeastSquares().estimate(problem)
+    free = WeightedLeastSquares().solve(problem)
     assert (np.abs(fit.values - free.values) < 0.05 * free.deviation).all()
     assert 0.0 <= standard.proof.price < 0.005
     np.testing.assert_allclose(fit.deviation, free.deviation, rtol=CONE)
@@ -376,7 +376,7 @@ def test_known_links_are_as_described():
         ({"masses": {"1": [2.0, 1.0]}}, "masses"),
         ({"total_mass": (5.0,)}, "total_mass"),
         ({"com": {"1": [[0, 0, 0], [1, 1]]}}, "com"),
-        ({"com": {"1": [[0, 0, 0], [0, 1, 1]]}}, "no inside"),
+        ({"com": {"1": [[0, 0, 0], [0, 1, 1]]}}, "no volume"),
         ({"com": {"1": [[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0]]}}, "plane"),
         ({"equal": (["XX_1"],)}, "equal"),
         ({"equal": ("XX_1",)}, "equal"),
@@ -473,7 +473,7 @@ def test_friction_of_each_recording_has_a_body_in_common():
 def test_factors_come_to_the_same_bodies():
     problem = problem_of(rotor=-0.1)  # at the border of the cone
     convex, _ = estimate(problem, prior="mass")
-    found = LogCholesky().estimate(problem)
+    found = LogCholesky().solve(problem)
     assert found.standard is not None and found.standard.proof.smallest_eigenvalue > 0.0
     assert (np.abs(found.values - convex.values) < 0.05 * convex.deviation).all()
 
@@ -481,7 +481,7 @@ def test_factors_come_to_the_same_bodies():
 def test_the_thesis_constraints_are_kept_and_do_not_make_a_body():
     pytest.importorskip("casadi")
     problem = problem_of()
-    fit = ThesisNLP(starts=1, long=((), ())).estimate(problem)
+    fit = ThesisNLP(starts=1, long=((), ())).solve(problem)
     assert fit.standard is not None
     for own in model().inertial_columns.reshape(-1, 10):
         m, mx, my, mz, *_ = theta = fit.standard.values[own]
@@ -494,7 +494,7 @@ def test_the_thesis_constraints_are_kept_and_do_not_make_a_body():
         assert 0.05 - room <= m <= 15.0 + room and (np.abs(com) <= 0.5 + room).all()
         assert axes[0] + axes[1] >= axes[2] - room and 100.0 * axes[0] >= axes[2] - room  # (3.53a), (3.53b)
         assert 0.1 * axes[0] >= products - room and axes[0] >= 1e-4 - room  # (3.53c), (3.53d)
-    free = ThesisNLP(constraints=(), starts=1).estimate(problem_of(noise=20.0))
+    free = ThesisNLP(constraints=(), starts=1).solve(problem_of(noise=20.0))
     assert free.standard is not None and free.standard.proof.smallest_eigenvalue < 0.0
     assert "not-physical" in {finding.code for finding in free.findings}
 
@@ -510,7 +510,7 @@ def test_without_ipopt_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(Exception, match=r"armid\[nlp\]"):
-        ThesisNLP().estimate(problem_of())
+        ThesisNLP().solve(problem_of())
 
 
 def test_a_model_without_bodies_has_friction_that_is_not_negative():

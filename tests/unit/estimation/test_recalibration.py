@@ -70,7 +70,7 @@ def test_the_new_factors_have_the_new_estimate_as_their_optimum(tool: np.ndarray
     old, new = carrying(1, rng), carrying(2, rng, None if tool is None else LOAD, friction=1.5)
     found = recalibrate_fit(old.information, known(old.information), new.information, changing(), tool)
     assert found.information.blocks == old.information.blocks + new.information.blocks
-    again = WeightedLeastSquares().estimate(EstimationProblem(found.information))
+    again = WeightedLeastSquares().solve(EstimationProblem(found.information))
     # Ties of friction and other weights move it by a small part of its deviation.
     assert (np.abs(again.values - found.fit.values) <= 0.1 * found.fit.deviation).all()
     third = carrying(4, rng, None if tool is None else LOAD, friction=1.5)

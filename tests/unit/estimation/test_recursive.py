@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError
+from armid.estimation.estimating import estimate
 from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.recursive.forgetting import RETURN, discount, retained_rows
@@ -19,7 +20,6 @@ from armid.estimation.recursive.recursive_estimate import (
     resume,
     update,
 )
-from armid.estimation.uncertainty.covariance import estimate_covariance
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, select, stack, total
 from armid.lab.ideal_recording import Sensors
@@ -60,11 +60,11 @@ def gram(state: RecursiveState) -> np.ndarray:
 @pytest.mark.parametrize("fixed", [False, True])
 def test_without_forgetting_it_is_the_batch_estimate(fixed: bool):
     information = informed(1)
-    batch = WeightedLeastSquares().estimate(EstimationProblem(information))
+    batch = WeightedLeastSquares().solve(EstimationProblem(information))
     found = fit(through(begin(information, weights=batch.weights if fixed else None), information))
     scale = np.abs(batch.values).max()
     np.testing.assert_allclose(found.values, batch.values, atol=EXACT * scale)
-    np.testing.assert_allclose(found.deviation, batch.deviation, rtol=EXACT)
+    np.testing.assert_allclose(found.white_deviation, batch.white_deviation, rtol=EXACT)
     np.testing.assert_allclose(found.residual_rms, batch.residual_rms, rtol=EXACT)
     np.testing.assert_array_equal(found.rows, batch.rows)
 
@@ -226,7 +226,7 @@ def test_the_effective_number_of_samples_is_twice_the_memory():
 def test_it_goes_on_from_an_earlier_estimate():
     """As one estimate from both, but for the share of noise that each recording shows of its own."""
     first, second = informed(1), informed(2)
-    earlier = estimate_covariance(WeightedLeastSquares().estimate(EstimationProblem(first)), first)
+    earlier = estimate(EstimationProblem(first))
     state = resume(second, earlier)
     np.testing.assert_allclose(state.values, earlier.values, atol=1e-8)
     found = fit(through(state, second))
@@ -241,13 +241,13 @@ def test_bad_input_is_one_message():
         tuple(f"x{k}" for k in range(information.count)),
         information.joints, information.rows, information.run, information.recording,
     )  # fmt: skip
-    with pytest.raises(EstimationError, match="longer than 0 s"):
+    with pytest.raises(EstimationError, match="above 0 s"):
         ForgettingOptions(0.0)
-    with pytest.raises(EstimationError, match="forwards"):
+    with pytest.raises(EstimationError, match="must not be negative"):
         update(begin(information), information, -1.0)
     with pytest.raises(EstimationError, match="so far determine"):
         fit(begin(information))
     with pytest.raises(EstimationError, match="other parameters"):
-        resume(other, WeightedLeastSquares().estimate(EstimationProblem(information)))
+        resume(other, WeightedLeastSquares().solve(EstimationProblem(information)))
     with pytest.raises(EstimationError, match="shape"):
         begin(information, ForgettingOptions(changing=np.ones(3, dtype=np.bool_)))

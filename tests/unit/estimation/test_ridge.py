@@ -92,7 +92,7 @@ def nominal(given: EstimationProblem) -> np.ndarray:
 @pytest.mark.parametrize("towards", ["nominal", "zero"])
 def test_it_solves_its_normal_equations(towards: str):
     given = problem()
-    fit = Ridge(towards, weight=30.0).estimate(given)  # pyright: ignore[reportArgumentType]
+    fit = Ridge(towards, weight=30.0).solve(given)  # pyright: ignore[reportArgumentType]
     A, y = stack(total(given.information), fit.weights)
     P = fit.prior_precision
     assert P is not None and np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P)))).min() > 0.0
@@ -104,8 +104,8 @@ def test_it_solves_its_normal_equations(towards: str):
 
 def test_without_weight_it_is_least_squares_and_with_much_the_description():
     given = problem()
-    plain = WeightedLeastSquares().estimate(given)
-    light, heavy = (Ridge("nominal", weight).estimate(given) for weight in (0.0, 1e12))
+    plain = WeightedLeastSquares().solve(given)
+    light, heavy = (Ridge("nominal", weight).solve(given) for weight in (0.0, 1e12))
     np.testing.assert_allclose(light.values, plain.values, rtol=0, atol=SAME * np.abs(plain.values).max())
     np.testing.assert_allclose(light.deviation, plain.deviation, rtol=1e-5)
     assert light.prior_precision is None
@@ -115,7 +115,7 @@ def test_without_weight_it_is_least_squares_and_with_much_the_description():
 
 def test_more_weight_is_nearer_to_the_description_and_costs_residual():
     given = problem()
-    fits = [Ridge("nominal", weight).estimate(given) for weight in (0.1, 10.0, 1e3)]
+    fits = [Ridge("nominal", weight).solve(given) for weight in (0.1, 10.0, 1e3)]
     P = fits[0].prior_precision
     assert P is not None
     away = [float((fit.values - nominal(given)) @ P @ (fit.values - nominal(given))) for fit in fits]
@@ -125,22 +125,22 @@ def test_more_weight_is_nearer_to_the_description_and_costs_residual():
 
 def test_poor_data_gain_by_a_description_that_is_nearly_right():
     given = weak()
-    fit = Ridge().estimate(given)
-    assert distance(fit.values) < 0.5 * distance(WeightedLeastSquares().estimate(given).values)
+    fit = Ridge().solve(given)
+    assert distance(fit.values) < 0.5 * distance(WeightedLeastSquares().solve(given).values)
     assert distance(fit.values) < distance(nominal(given))
 
 
 def test_good_data_hardly_mind_a_description_that_is_wrong():
     given = problem(seconds=60.0, off=0.9)
-    fit, plain = Ridge().estimate(given), WeightedLeastSquares().estimate(given)
+    fit, plain = Ridge().solve(given), WeightedLeastSquares().solve(given)
     assert (np.abs(fit.values - plain.values) < 2.0 * plain.deviation).all()
 
 
 def test_the_weight_is_told_and_who_decides():
-    said = {finding.code: finding for finding in Ridge("nominal", 1e4).estimate(weak()).findings}
+    said = {finding.code: finding for finding in Ridge("nominal", 1e4).solve(weak()).findings}
     assert "description weighs 1e+04" in said["prior-weight"].evidence and "given" in said["prior-weight"].evidence
     assert said["prior-dominated"].severity == "warning"
-    assert "folds" in next(iter(Ridge("zero").estimate(problem()).findings)).evidence
+    assert "folds" in next(iter(Ridge("zero").solve(problem()).findings)).evidence
 
 
 def test_data_that_do_not_determine_parameters_are_enough_with_a_prior():
@@ -148,18 +148,18 @@ def test_data_that_do_not_determine_parameters_are_enough_with_a_prior():
     motion, torque = recorded(arm(), 1, 20.0, NOISE, RATE)
     still = replace(motion, dq=np.zeros_like(motion.dq), ddq=np.zeros_like(motion.ddq))
     given = replace(problem(), information=accumulate_information(model, base, raw(one_run(still, torque, RATE))))
-    fit = Ridge().estimate(given)
+    fit = Ridge().solve(given)
     (finding,) = [finding for finding in fit.findings if finding.code == "prior-dominated"]
     assert all(name in finding.evidence for name in ("FV_1", "FV_2", "FV_3"))
     assert np.isfinite(estimate_covariance(fit, given).covariance).all()
     with pytest.raises(EstimationError, match="do not see"):
-        Ridge(weight=0.0).estimate(given)
+        Ridge(weight=0.0).solve(given)
 
 
 def test_intervals_know_the_prior():
     """Intervals where only the prior speaks are no shorter than it allows, however alike the blocks."""
     given = problem(off=0.0)
-    fit = Ridge("nominal", 1e8).estimate(given)
+    fit = Ridge("nominal", 1e8).solve(given)
     covered = estimate_covariance(fit, given)
     P = fit.prior_precision
     assert P is not None
@@ -169,16 +169,16 @@ def test_intervals_know_the_prior():
 
 def test_without_a_description_it_shrinks_towards_zero():
     given = replace(problem(), standard=replace(described(), nominal=None))
-    assert "towards zero" in Ridge().estimate(given).findings[0].evidence
+    assert "towards zero" in Ridge().solve(given).findings[0].evidence
     with pytest.raises(EstimationError, match="gives none"):
-        Ridge("nominal").estimate(given)
+        Ridge("nominal").solve(given)
 
 
 def test_friction_of_each_recording_has_a_prior_each():
     given = problem(recordings=2)
     own = np.array([name.startswith(("FV", "FS", "FO")) for name in given.information.names])
     apart = replace(given, information=separate_by_recording(given.information, own))
-    fit = Ridge().estimate(apart)
+    fit = Ridge().solve(apart)
     truth = dict(zip(arm()[1].names, arm()[2], strict=True))
     exact = np.array([truth[name.split("[", 1)[0]] for name in fit.names])
     assert fit.names == apart.information.names
@@ -212,8 +212,6 @@ def test_intervals_hold_truths_drawn_from_the_prior_where_noise_is_coloured(weig
         problem = EstimationProblem(
             accumulate_information(model, base, observations), described_, model, base, observations
         )
-        low, high = estimate_covariance(
-            Ridge(towards="nominal", weight=weight).estimate(problem), problem
-        ).intervals.T
+        low, high = estimate_covariance(Ridge(towards="nominal", weight=weight).solve(problem), problem).intervals.T
         held.append(float(((low <= truth) & (truth <= high)).mean()))
     assert HELD[0] < np.mean(held) < HELD[1]

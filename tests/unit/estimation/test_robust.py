@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from armid.errors import EstimationError
+from armid.estimation.estimating import estimate
 from armid.estimation.estimators import RobustLeastSquares, WeightedLeastSquares
 from armid.estimation.estimators.robust import HUBER, TUKEY
 from armid.estimation.fit import Fit
@@ -68,7 +69,7 @@ def error(fit: Fit) -> float:
 @LOSSES
 def test_on_normal_noise_it_agrees_with_least_squares_within_its_efficiency(loss: str):
     given = problem(1)
-    fit, plain = RobustLeastSquares(loss).estimate(given), WLS.estimate(given)  # pyright: ignore[reportArgumentType]
+    fit, plain = RobustLeastSquares(loss).solve(given), WLS.solve(given)  # pyright: ignore[reportArgumentType]
     # The difference of two estimates of which one is efficient has the difference of their variances.
     spread = np.sqrt(1.0 / EFFICIENCY - 1.0) * plain.deviation
     assert np.sqrt(np.mean(((fit.values - plain.values) / spread) ** 2)) < 1.5
@@ -83,16 +84,16 @@ def test_contact_hardly_moves_it_and_ruins_least_squares():
     def size(fits: list[Fit]) -> float:
         return float(np.sqrt(np.mean([error(fit) ** 2 for fit in fits])))
 
-    without = size([WLS.estimate(given) for given in clean])
-    assert size([WLS.estimate(given) for given in touched]) > 10 * without
-    assert size([RobustLeastSquares().estimate(given) for given in touched]) < 1.2 * without
-    assert size([RobustLeastSquares("huber").estimate(given) for given in touched]) < 2.5 * without
+    without = size([WLS.solve(given) for given in clean])
+    assert size([WLS.solve(given) for given in touched]) > 10 * without
+    assert size([RobustLeastSquares().solve(given) for given in touched]) < 1.2 * without
+    assert size([RobustLeastSquares("huber").solve(given) for given in touched]) < 2.5 * without
 
 
 @LOSSES
 def test_rows_in_contact_are_counted_and_named(loss: str):
     clean, touched = (
-        RobustLeastSquares(loss).estimate(problem(1, touched=share))  # pyright: ignore[reportArgumentType]
+        RobustLeastSquares(loss).solve(problem(1, touched=share))  # pyright: ignore[reportArgumentType]
         for share in (0.0, TOUCHED)
     )
     for fit, low, high in ((clean, 0, 30), (touched, 50, 90)):
@@ -110,7 +111,7 @@ def test_intervals_cover_the_truth(loss: str, share: float):
     inside: list[NDArray[np.bool_]] = []
     for seed in range(20):
         given = problem(seed, touched=share)
-        covered = estimate_covariance(RobustLeastSquares(loss).estimate(given), given)  # pyright: ignore[reportArgumentType]
+        covered = estimate(given, RobustLeastSquares(loss))  # pyright: ignore[reportArgumentType]
         ends = covered.intervals
         inside.append((ends[:, 0] <= arm()[2]) & (arm()[2] <= ends[:, 1]))
         off.append((covered.values - arm()[2]) / np.sqrt(np.diag(covered.covariance)))
@@ -122,7 +123,7 @@ def test_intervals_cover_the_truth(loss: str, share: float):
 def test_the_factors_it_hands_on_have_it_as_their_solution_and_its_slope(loss: str):
     """Rows beyond the bend answer no more to a change of torque: the normal equations are those of ψ' on the mean."""
     given = problem(2, touched=TOUCHED)
-    fit = RobustLeastSquares(loss).estimate(given)  # pyright: ignore[reportArgumentType]
+    fit = RobustLeastSquares(loss).solve(given)  # pyright: ignore[reportArgumentType]
     assert fit.information is not None and given.observations is not None
     A, y = stack(total(fit.information), fit.weights)
     own = np.linalg.lstsq(A, y, rcond=None)[0]
@@ -151,7 +152,7 @@ def test_masked_rows_stay_out():
     masked = replace(
         given, information=accumulate_information(given.model, given.base, observations), observations=observations
     )
-    fit = RobustLeastSquares().estimate(masked)
+    fit = RobustLeastSquares().solve(masked)
     assert (np.abs(fit.values - arm()[2]) < 5.0 * fit.deviation).all()
     assert fit.rows[1] == fit.rows[0] - 100
 
@@ -160,7 +161,7 @@ def test_friction_of_each_recording_is_robust_too():
     given = problem(4, touched=TOUCHED, recordings=2)
     own = np.array([name.startswith(("FV", "FS", "FO")) for name in given.information.names])
     apart = replace(given, information=separate_by_recording(given.information, own))
-    fit = RobustLeastSquares().estimate(apart)
+    fit = RobustLeastSquares().solve(apart)
     assert fit.names == apart.information.names
     truth = dict(zip(arm()[1].names, arm()[2], strict=True))
     exact = np.array([truth[name.split("[", 1)[0]] for name in fit.names])
@@ -170,13 +171,13 @@ def test_friction_of_each_recording_is_robust_too():
 
 def test_without_samples_it_says_what_it_lacks():
     with pytest.raises(EstimationError, match="second time") as caught:
-        RobustLeastSquares().estimate(EstimationProblem(problem(1).information))
+        RobustLeastSquares().solve(EstimationProblem(problem(1).information))
     assert "observations" in caught.value.remedy
 
 
 def test_too_few_iterations_are_no_estimate():
-    with pytest.raises(EstimationError, match="did not settle in 1 iterations") as caught:
-        RobustLeastSquares(iterations=1).estimate(problem(1, touched=TOUCHED))
+    with pytest.raises(EstimationError, match="did not converge in 1 iterations") as caught:
+        RobustLeastSquares(iterations=1).solve(problem(1, touched=TOUCHED))
     assert "huber" in caught.value.remedy
 
 
@@ -189,7 +190,7 @@ def test_wrong_options_are_refused(wrong: dict[str, object]):
 
 def test_with_a_large_constant_it_is_least_squares():
     given = problem(1)
-    fit = RobustLeastSquares("huber", 20.0).estimate(given)
+    fit = RobustLeastSquares("huber", 20.0).solve(given)
     plain = Solution(total(given.information), fit.weights)
     np.testing.assert_allclose(fit.values, plain.values, rtol=0, atol=1e-6)
     np.testing.assert_allclose(fit.deviation, np.sqrt(np.diag(plain.inverse)), rtol=0.03)  # scales by median and mean

@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import stdtrit
 
-from armid.estimation.fit import Fit
+from armid.estimation.estimating import estimate
+from armid.estimation.fit import POORLY_IDENTIFIED, Fit
 from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.bootstrap import bootstrap
-from armid.estimation.uncertainty.covariance import FEWEST_PERIODS, choose_covariance_kind, estimate_covariance
+from armid.estimation.uncertainty.covariance import choose_covariance_kind, estimate_covariance
 from armid.estimation.uncertainty.frequency_bands import band_edges, band_products, find_periods, residual_moments
 from armid.estimation.uncertainty.jackknife import group_blocks, periods
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel, level_basis
+from armid.estimation.uncertainty.thresholds import FEWEST_PERIODS
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, JointFactors, select, stack
 from armid.measurement.band import Band
@@ -32,7 +35,7 @@ SAME = 1e-9
 
 def test_white_residuals_keep_the_textbook_covariance_and_the_report_says_why():
     given = once(3, memory=0.0)
-    fit = WLS.estimate(given)
+    fit = WLS.solve(given)
     found = estimate_covariance(fit, given)
     assert found.covariance_kind == "white" and "uncorrelated in time" in found.report.why
     assert found.report.whiteness is not None and found.report.whiteness > 0.05
@@ -44,7 +47,19 @@ def test_coloured_residuals_of_one_motion_get_a_spectrum():
     assert found.covariance_kind == "spectral" and "residuals are correlated in time" in found.report.why
     assert found.report.whiteness is not None and found.report.whiteness < 1e-6
     assert found.report.parts > 3
-    assert np.median(np.sqrt(np.diag(found.covariance)) / found.deviation) > 1.5
+    assert np.median(np.sqrt(np.diag(found.covariance)) / found.white_deviation) > 1.5
+
+
+def test_deviations_marks_and_intervals_tell_one_size():
+    """Widened by colour and reversals, as the intervals are; the textbook's deviation stands beside it."""
+    found = covered(once(1))
+    half = 0.5 * np.diff(found.intervals, axis=1)[:, 0]
+    deviation = half / stdtrit(found.freedom, 0.975)
+    np.testing.assert_allclose(found.deviation, deviation, rtol=SAME)
+    relative = 100.0 * deviation / np.abs(found.values)
+    np.testing.assert_allclose(found.relative_deviation, relative, rtol=SAME)
+    np.testing.assert_array_equal(found.poorly_identified, relative > POORLY_IDENTIFIED)
+    np.testing.assert_array_equal(found.white_deviation, WLS.solve(once(1)).deviation)
 
 
 def test_enough_periods_are_compared_with_each_other():
@@ -64,14 +79,22 @@ def test_what_the_model_lacks_repeats_and_is_not_taken_for_precision():
     given = problem(motion, missing + noise, np.repeat(np.arange(8), motion.samples // 8))
     found = covered(given)
     assert found.covariance_kind == "spectral" and "repeats with the motion" in found.report.why
-    between = estimate_covariance(WLS.estimate(given), given.information)
+    between = estimate_covariance(WLS.solve(given), given.information)
     assert between.covariance_kind == "period"
     assert np.median(np.diag(found.covariance) / np.diag(between.covariance)) > 4.0
 
 
+def test_seconds_of_a_motion_of_unknown_period_are_no_periods():
+    """A second looks like the same second of other repetitions; a residual that repeats cannot be told there."""
+    motion = moved(8.0, 8)
+    noise = coloured(np.random.default_rng(5), motion.samples, 0.1)
+    found = covered(problem(motion, noise, seconds_of(motion)))
+    assert found.covariance_kind == "spectral" and "repeats" not in found.report.why
+
+
 def test_without_samples_the_blocks_of_the_factors_have_to_do():
     given = once(1)
-    fit = WLS.estimate(given)
+    fit = WLS.solve(given)
     found = estimate_covariance(fit, given.information)
     assert found.covariance_kind == "block" and "no samples" in found.report.why
     assert found.report.whiteness is None
@@ -95,7 +118,7 @@ def test_friction_of_each_recording_has_a_spectrum_too():
     information = accumulate_information(model, base, observations)
     own = np.array([name.startswith("FV") for name in base.names])
     given = EstimationProblem(separate_by_recording(information, own), None, model, base, observations)
-    fit = WLS.estimate(given)
+    fit = WLS.solve(given)
     found, blocks = estimate_covariance(fit, given), estimate_covariance(fit, given.information)
     assert found.covariance_kind == "spectral" and blocks.covariance_kind == "block"
     assert len(found.names) == base.count + own.sum()
@@ -122,7 +145,7 @@ def test_neighbouring_blocks_that_pull_alike_are_merged():
 
 
 def covered_by_factors(given: EstimationProblem) -> Fit:
-    return estimate_covariance(WLS.estimate(given), given.information)
+    return estimate_covariance(WLS.solve(given), given.information)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +181,7 @@ def _rows(information: Information, joint: int) -> Array:
 
 def test_products_of_all_bands_are_those_of_all_rows():
     given = once(1)
-    fit = WLS.estimate(given)
+    fit = WLS.solve(given)
     bands = band_products(given, fit.values)
     X, y = dense(given)
     residual = y - X @ fit.values
@@ -175,7 +198,7 @@ def test_products_of_all_bands_are_those_of_all_rows():
 
 def test_folded_periods_keep_all_products_and_say_what_periods_differ_by():
     given = repeated(1, 5)
-    fit = WLS.estimate(given)
+    fit = WLS.solve(given)
     bands = band_products(given, fit.values)
     X, y = dense(given)
     residual = (y - X @ fit.values).reshape(5, -1, 2)
@@ -192,7 +215,7 @@ def test_levels_are_unbiased_where_the_estimate_has_taken_much_of_the_noise():
     """The mean over many recordings of what is found of white noise is its level at every frequency, although the
     estimate takes a third of the slowest residuals away."""
     given = once(0, 6.0, memory=0.0)
-    fit = OLS.estimate(given)
+    fit = OLS.solve(given)
     bands = band_products(given, fit.values)
     X, _ = dense(given)
     A = X.reshape(-1, X.shape[2])
@@ -214,7 +237,7 @@ def test_levels_are_unbiased_where_the_estimate_has_taken_much_of_the_noise():
 def test_what_joints_have_in_common_is_seen_where_a_filter_left_noise():
     """Above the band there is nothing but rounding, and no correlation must be read from it."""
     given = once(6, 60.0, memory=0.05, band=Band("butterworth", 3.0, 4, "drop"), step=2)
-    fit = WLS.estimate(given)
+    fit = WLS.solve(given)
     bands = band_products(given, fit.values)
     levels = NoiseModel(bands, fit.weights, fit.covariance).levels(bands.moments)
     correlation = levels[:, 0, 1] / np.sqrt(levels[:, 0, 0] * levels[:, 1, 1])
@@ -222,7 +245,7 @@ def test_what_joints_have_in_common_is_seen_where_a_filter_left_noise():
 
 
 def test_hats_share_every_band_out():
-    basis = level_basis(band_products(once(1), WLS.estimate(once(1)).values))
+    basis = level_basis(band_products(once(1), WLS.solve(once(1)).values))
     np.testing.assert_allclose(basis.sum(axis=0), 1.0)
     assert (basis >= 0.0).all()
 
@@ -250,9 +273,9 @@ def test_the_bootstrap_is_a_witness_of_the_jackknife():
 def test_the_order_of_joints_does_not_matter():
     """The same factors with the joints the other way round."""
     given = once(1)
-    fit = WLS.estimate(given)
+    fit = WLS.solve(given)
     turned = replace(given.information, joints=given.information.joints[::-1], rows=given.information.rows[:, ::-1])
-    other = estimate_covariance(WLS.estimate(EstimationProblem(turned)), turned)
+    other = estimate(EstimationProblem(turned), WLS)
     assert_same(other.covariance, estimate_covariance(fit, given.information).covariance)
 
 
@@ -271,7 +294,7 @@ def test_chunks_of_one_block_merge_to_the_block():
     rows = fine.rows.reshape(8, 2, -1).sum(axis=1)
     merged = replace(fine, joints=joints, rows=rows, run=fine.run[::2], recording=fine.recording[::2])
     expected = covered_by_factors(given)
-    found = estimate_covariance(WLS.estimate(EstimationProblem(merged)), merged)
+    found = estimate(EstimationProblem(merged), WLS)
     assert found.covariance_kind == expected.covariance_kind == "period"
     assert_same(found.covariance, expected.covariance)
 
@@ -298,7 +321,7 @@ def test_units_of_torque_scale_the_covariance():
 
 def test_a_strong_prior_leaves_its_own_uncertainty_and_little_else():
     given = once(1)
-    fit = WLS.estimate(given)
+    fit = WLS.solve(given)
     precision = np.zeros_like(fit.covariance)
     precision[2, 2] = 1e8 / fit.covariance[2, 2]
     found = estimate_covariance(replace(fit, prior_precision=precision), given)
@@ -383,7 +406,7 @@ def test_intervals_cover_periods():
 def test_noise_is_that_of_the_torque_not_of_the_residual():
     """Slow noise, of which the estimate takes a part: the level found is the noise's own."""
     found = np.mean([covered(once(seed, 10.0, memory=0.3)).noise for seed in range(60)], axis=0)
-    plain = np.mean([WLS.estimate(once(seed, 10.0, memory=0.3)).residual_rms for seed in range(60)], axis=0)
+    plain = np.mean([WLS.solve(once(seed, 10.0, memory=0.3)).residual_rms for seed in range(60)], axis=0)
     assert (np.abs(found - 1.0) < 0.06).all()
     assert (plain < found - 0.02).all()
 
@@ -402,7 +425,7 @@ def test_intervals_cover_with_a_prior_that_is_right():
         run = replace(given.observations.runs[0], torque=torque)
         observations = Observations((run,), Band())
         one = EstimationProblem(accumulate_information(model, base, observations), None, model, base, observations)
-        fit = WLS.estimate(one)
+        fit = WLS.solve(one)
         # What the prior is worth beside weights that take rows for independent, ten of which say as much as one.
         weights, precision = fit.weights / np.sqrt(10.0), np.diag(1.0 / spread**2)
         A, y = (x.reshape(-1, *x.shape[2:]) for x in (X * weights[:, None], torque * weights))

@@ -20,7 +20,7 @@ RECORDINGS = 400
 def setting() -> tuple[BandProducts, NoiseModel, Array, Array]:
     """Products and equations of a recording of 12 s, and its dense rows."""
     given = once(0, 12.0, memory=0.0)
-    fit = OLS.estimate(given)
+    fit = OLS.solve(given)
     bands = band_products(given, fit.values)
     X, _ = dense(given)
     A = X.reshape(-1, X.shape[2])

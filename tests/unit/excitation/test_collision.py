@@ -395,5 +395,5 @@ def test_meshes_that_are_missing_are_what_is_missing(tmp_path):
       <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
     (tmp_path / "arm.urdf").write_text(text)
     robot = load_robot(tmp_path / "arm.urdf")
-    with pytest.raises(ArmidError, match=r"(?s)mesh package://arm/a.stl is not there.*--package NAME=DIR"):
+    with pytest.raises(ArmidError, match=r"(?s)mesh package://arm/a.stl is missing.*--package NAME=DIR"):
         make_collision_model(robot, limits_of(robot))

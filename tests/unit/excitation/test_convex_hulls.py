@@ -33,7 +33,7 @@ SOLVER = 1e-4
 """Coal iterates for cylinders and stops within so many metres."""
 
 PRISM = 0.06 * (1.0 / np.cos(np.pi / 32) - 1.0)
-"""What the corners of the prism around a cylinder of 60 mm stick out [m]."""
+"""Distance by which the corners of the prism exceed a cylinder of 60 mm [m]."""
 
 ELBOW = """<robot name="elbow"><link name="base"/>
 <joint name="turn" type="revolute"><parent link="base"/><child link="post"/><axis xyz="0 0 1"/>

@@ -24,7 +24,10 @@ def wheel(folder: Path, share: float) -> Robot:
     """Two links on one axis, two joints apart, whose bodies overlap in a share of all poses."""
     radius = 0.1 * math.sin(0.5 * math.pi * share)
     body = f'<collision><origin xyz="0.1 0 0"/><geometry><sphere radius="{radius}"/></geometry></collision>'
-    joint = '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 1"/><limit lower="-{3}" upper="{3}" velocity="1" effort="9"/></joint>'  # fmt: skip # noqa: E501
+    joint = (
+        '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-{3}" upper="{3}" velocity="1" effort="9"/></joint>'
+    )
     text = (
         f'<robot name="wheel"><link name="hub">{body}</link><link name="between"/><link name="rim">{body}</link>'
         + joint.format("one", "hub", "between", math.pi)
@@ -36,19 +39,32 @@ def wheel(folder: Path, share: float) -> Robot:
     return load_robot(path)
 
 
-@pytest.mark.parametrize(("share", "left_out"), [(0.82, True), (0.6, False)])
-def test_neighbours_whose_bodies_overlap_in_most_poses_are_left_out_with_a_finding(tmp_path, share, left_out):
+@pytest.mark.parametrize(
+    ("share", "pose", "left_out"), [(0.82, 0.0, True), (0.82, math.pi, False), (0.6, math.pi, False)]
+)
+def test_neighbours_whose_bodies_overlap_in_most_poses_and_in_the_given_one_are_left_out_with_a_finding(
+    tmp_path, share, pose, left_out
+):
     robot = wheel(tmp_path, share)
     limits = limits_of(robot)
-    cell = make_collision_model(robot, limits)
-    assert bool(cell.required.of(LEFT_OUT)[0]) == left_out
-    start = np.array([math.pi, 0.0]) - 0.05
+    start = np.array([pose, 0.0]) - 0.05
     placed = place_motion(robot, limits, DesignConstraints(clearance=0.005), start)
     findings = [each for each in placed.findings if each.code == "pairs-touching-mostly"]
     assert len(findings) == left_out
     if left_out:
         assert "hub - rim (8" in findings[0].evidence
         assert abs(placed.collision.skipped[0].share - share) < 0.1
+
+
+@pytest.mark.parametrize(("share", "left_out"), [(0.75, False), (0.94, True)])
+def test_neighbours_that_overlap_in_most_poses_are_kept_apart_where_that_leaves_a_start_with_room(
+    tmp_path, share, left_out
+):
+    """Others are left out with a finding; those that are kept apart do not overlap in the start pose."""
+    robot = wheel(tmp_path, share)
+    placed = place_motion(robot, limits_of(robot), DesignConstraints(clearance=0.005), None)
+    assert [each.code for each in placed.findings].count("pairs-touching-mostly") == left_out
+    assert left_out or abs(placed.start.sum()) > share * math.pi  # angle from which on the spheres are apart
 
 
 def test_a_start_pose_far_from_the_usual_one_is_found(tmp_path):
@@ -88,7 +104,10 @@ def test_pairs_are_left_out_by_name_or_pattern(tmp_path, given):
 def test_an_srdf_says_what_is_left_out(tmp_path):
     robot = wheel(tmp_path, 0.6)
     path = tmp_path / "wheel.srdf"
-    path.write_text('<robot name="wheel"><disable_collisions link1="rim" link2="hub"/><disable_collisions link1="x" link2="hub"/></robot>')  # fmt: skip # noqa: E501
+    path.write_text(
+        '<robot name="wheel"><disable_collisions link1="rim" link2="hub"/>'
+        '<disable_collisions link1="x" link2="hub"/></robot>'
+    )
     cell = make_collision_model(robot, limits_of(robot), ignored=ignored_of_srdf(path))
     assert cell.ignored == {0: "wheel.srdf"} and cell.required.of(LEFT_OUT).all()
     path.write_text('<robot name="wheel"/>')

@@ -13,6 +13,7 @@ import pytest
 
 from armid import accumulate_information, find_base_parameters
 from armid.errors import OutputError
+from armid.estimation.estimate import InputDigest
 from armid.estimation.estimators import PhysicallyConsistent
 from armid.estimation.problem import EstimationProblem, standard_of
 from armid.excitation.builtin_plans import builtin_plan
@@ -185,7 +186,7 @@ def smallest_bodies(folder: Path, size: float) -> tuple[Run, Path]:
     problem = EstimationProblem(
         accumulate_information(model, base, observations), standard_of(model, base), model, base
     )
-    fit = PhysicallyConsistent(prior="mass").estimate(problem).standard
+    fit = PhysicallyConsistent(prior="mass").solve(problem).standard
     assert fit is not None
     return run_with(folder / "run", path, model, fit.values), path
 
@@ -254,6 +255,25 @@ def test_the_description_is_never_written_over(tmp_path: Path):
     with pytest.raises(OutputError, match="is the description itself, or a part of it"):
         export_run(run, "urdf", out=tmp_path / "run" / ".." / "odd.urdf")
     assert source.read_text() == URDF
+
+
+@pytest.mark.parametrize("to", ["urdf", "mjcf", "sdf"])
+def test_what_another_run_or_hand_has_written_is_never_written_over(tmp_path: Path, to: str):
+    run = run_of(tmp_path / "run", write(tmp_path, URDF), locked=LOCKED)
+    out = tmp_path / "arm.out"
+    out.write_text("by hand")
+    with pytest.raises(OutputError, match="would be overwritten, and is not an export of"):
+        export_run(run, to, out)
+    assert out.read_text() == "by hand"
+    out.unlink()
+    mine = export_run(run, to, out).path.read_bytes()
+    assert export_run(run, to, out).path.read_bytes() == mine
+    other = replace(
+        run, estimate=replace(run.estimate, made_from=(*run.estimate.made_from, InputDigest("options", "others")))
+    )
+    with pytest.raises(OutputError, match="would be overwritten"):
+        export_run(other, to, out)
+    assert out.read_bytes() == mine
 
 
 def test_a_description_that_has_changed_is_no_ground_to_write_on(tmp_path: Path):

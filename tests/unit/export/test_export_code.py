@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from armid.codegen import LANGUAGES, generate, make_programs
 from armid.codegen.languages import python
 from armid.errors import OutputError
+from armid.estimation.estimate import InputDigest
 from armid.export import code
 from armid.export.code import code_record, export_code
 from armid.model.base_parameters import find_base_parameters
@@ -74,6 +76,19 @@ def test_all_files_or_none(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(OutputError):
         export_code(run, "python", tmp_path / "code")
     assert [path.name for path in (tmp_path / "code").iterdir()] == ["second.py"]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_code_of_another_run_is_never_written_over(run: Run, language: str, tmp_path: Path):
+    files = export_code(run, language, tmp_path / "code").files
+    fit = run.estimate.fit
+    changed = replace(run.estimate, fit=replace(fit, values=1.1 * fit.values))
+    other = replace(run, estimate=replace(changed, made_from=(InputDigest("options", "of another run"),)))
+    before = [path.read_bytes() for path in files]
+    with pytest.raises(OutputError, match="would be overwritten, and is not an export of"):
+        export_code(other, language, tmp_path / "code")
+    assert [path.read_bytes() for path in files] == before
+    assert export_code(replace(run, estimate=changed), language, tmp_path / "code").files == files  # the run anew
 
 
 PAGE = (Path(__file__).parents[3] / "docs" / "code.md").read_text()

@@ -73,7 +73,7 @@ def model_motion(arm, recorded) -> Motion:
 
 def test_columns_without_memory_are_refused(arm, recorded):
     model, motion = arm[0], recorded[0]
-    with pytest.raises(ModelError, match=r"'hysteresis' remembers .* in 2 states; the motion has none"):
+    with pytest.raises(ModelError, match=r"'hysteresis' needs .* with 2 states; the motion has none"):
         model.term_columns(motion)
     with pytest.raises(ModelError, match="has 1"):
         model.regressor(motion.with_memory(motion.q[:, :1]))
@@ -152,7 +152,7 @@ def test_samples_that_do_not_follow_each_other_are_refused(arm, recorded):
         lambda: compare(model, theta, loose, PAD),
         lambda: all_rows(column_source(model, base), loose, PAD),
     ):
-        with pytest.raises(ArmidError, match=r"'hysteresis'.* recording 3 do not follow"):
+        with pytest.raises(ArmidError, match=r"'hysteresis'.* recording 3 are not consecutive"):
             call()
 
 
@@ -163,7 +163,7 @@ def test_a_joint_that_does_not_move_far_enough_is_named(arm, recorded):
     model = DynamicsModel(robot, (RigidBody(), Hysteresis((0.1, 40.0), ("joint_2",))))
     run = one_run(motion, torque, RATE)
     base = find_base_parameters(model)
-    with pytest.raises(ArmidError, match=r"No row of joint_2 is left.* 80 rad"):
+    with pytest.raises(ArmidError, match=r"No row of joint_2 remains.* 80 rad"):
         accumulate_information(model, base, raw(run))
     (finding,) = memory_findings(model, raw(run))
     assert (finding.code, finding.severity, finding.channel) == ("memory-unknown", "warning", "joint_2")
@@ -202,6 +202,6 @@ def test_a_load_that_is_not_known_is_asked_for(arm, recorded):
     base = find_base_parameters(model)  # the structure needs no load
     with pytest.raises(ModelError, match="'load-coulomb' depends on the load") as caught:
         accumulate_information(model, base, raw(one_run(*recorded, RATE)))
-    assert "identify once without 'load-coulomb'" in caught.value.remedy
+    assert "identify without 'load-coulomb' first" in caught.value.remedy
     with pytest.raises(ArmidError, match="load_parameters must have shape"):
         replace(model, load_parameters=np.zeros((3, 10)))

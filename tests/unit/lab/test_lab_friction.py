@@ -11,7 +11,7 @@ from armid import kernel
 from armid.errors import LabError
 from armid.lab.friction import Friction, MaxwellSlip, StribeckEffect, ToothRipple, Warmth, friction_along
 from armid.lab.known_arms import EFFECTS, KnownArm, truth_of, with_effects
-from armid.lab.plant import Plant
+from armid.lab.plant import Instant, Plant
 from armid.model.motion import Motion
 from armid.robot import load_robot
 from labs import small_model
@@ -109,22 +109,20 @@ def test_what_cannot_be_is_refused(wrong):
         wrong()
 
 
-def held(torque: float, steps: int = 400) -> Plant:
-    """The first joint of the small arm, whose gravity does not turn it, pushed by a torque from rest."""
+def held(torque: float, steps: int = 400) -> Instant:
+    """The last instant of the first joint of the small arm, whose gravity does not turn it, pushed from rest."""
     truth, rest = small_arm(), np.zeros((1, 3))
     effort = kernel.inverse_dynamics(truth.robot.tree, truth.inertial, rest, rest, rest)[0]
     effort[0] += torque
     plant = Plant(truth, 1e-3, rest[0], effort)
-    for _ in range(steps):
-        plant.step(effort)
-    return plant
+    return [plant.step(effort) for _ in range(steps)][-1]
 
 
 def test_a_joint_sticks_until_friction_gives_way():
     """Coulomb friction of the first joint is 0.8 N·m."""
     assert held(0.79).q[0] == 0.0 and held(-0.79).q[0] == 0.0
     assert held(0.81).q[0] > 1e-5 and held(-0.81).q[0] < -1e-5
-    assert held(0.5).at_friction[0] == pytest.approx(0.5)
+    assert held(0.5).friction[0] == pytest.approx(0.5)
 
 
 def test_effects_leave_what_they_do_not_name():

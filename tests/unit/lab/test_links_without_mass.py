@@ -41,7 +41,7 @@ def test_they_are_not_simulated_and_the_key_to_add_is_said(tmp_path):
     with pytest.raises(LabError, match="J3, J4 of arm move no mass") as caught:
         truth_of(load_robot(table(tmp_path, 1, 1, 0, 0)))
     assert "[joint.inertial]" in caught.value.remedy
-    with pytest.raises(LabError, match="comes without inertial") as caught:
+    with pytest.raises(LabError, match="has no inertial") as caught:
         truth_of(load_robot(table(tmp_path, 0, 0)))
     assert "[joint.inertial]" in caught.value.remedy
     arm = load_robot(table(tmp_path, 0, 1))

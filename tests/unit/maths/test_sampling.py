@@ -53,9 +53,9 @@ def test_resampling_refuses_gaps_backward_clocks_and_grids_outside():
     x = np.sin(t)
     with pytest.raises(ArmidError, match=r"only 0\.2 s can be bridged"):
         resample(np.where(t > 0.95, t + 1.0, t), x, t[:5], longest=0.2)
-    with pytest.raises(ArmidError, match="does not from sample 3"):
+    with pytest.raises(ArmidError, match="does not after sample 3"):
         resample(np.r_[t[:4], t[2:18]], x, t[:5])
-    with pytest.raises(ArmidError, match="leaves the clock"):
+    with pytest.raises(ArmidError, match="exceeds the recorded time"):
         resample(t, x, t + 0.1)
 
 

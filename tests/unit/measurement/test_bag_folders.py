@@ -134,7 +134,9 @@ def test_bags_of_ros_1_in_a_folder_are_parts(tmp_path):
 
 def test_a_folder_without_a_bag_says_what_a_bag_has(tmp_path):
     (tmp_path / "notes.txt").write_text("nothing")
-    with pytest.raises(RecordingError, match=r"is a folder, and no bag.*metadata\.yaml; found notes\.txt") as caught:
+    with pytest.raises(
+        RecordingError, match=r"is a folder without a bag.*metadata\.yaml; found notes\.txt"
+    ) as caught:
         load_recording(tmp_path)
     assert ".db3 or .mcap" in caught.value.possible
     (tmp_path / "plan.json").write_text("{}")

@@ -10,7 +10,7 @@ import pytest
 from armid.errors import RecordingError
 from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns
 from armid.measurement.columns.names import clock_of, column_unit, named
-from armid.measurement.columns.unread import effort_possible
+from armid.measurement.columns.unread import effort_possible, pattern_of
 from armid.measurement.log_format import LogFormat
 from armid.measurement.readers import load_recording
 from armid.measurement.robot_convention import to_robot_convention, understood
@@ -195,7 +195,7 @@ def test_the_page_says_what_is_guessed(example, said):
     assert {key: list(found) for key, found in guess.columns.items()} == (
         {} if quantity is None else {quantity[1]: names}
     )
-    assert bool(guess.commanded) == ("desired" in said)
+    assert bool(guess.commanded) == ("commanded" in said)
     if "current" in said:
         assert named(names[0], ["joint_1"])[0].quantity == "current"
 
@@ -218,7 +218,7 @@ def test_two_that_are_as_good_are_a_question(names, quantity):
 def test_only_commands_are_taken_and_said():
     guess = guess_columns(each("q_cmd_{}", "tau_meas_{}"), ALL, wanted=JOINTS)
     assert isinstance(guess, Guess) and guess.commanded == ("q",)
-    assert "asked for and not measured" in "; ".join(guess.reasons)
+    assert "commanded and not measured" in "; ".join(guess.reasons)
 
 
 def test_the_torque_that_was_left_lying_is_named():
@@ -336,12 +336,26 @@ def test_degrees_and_milliseconds_of_the_header_are_followed(tmp_path):
     assert said["units"] == "deg" and said["time_unit"] == 1e-3
     np.testing.assert_allclose(read(path, **said).recording.q, Q, rtol=1e-14)
     np.testing.assert_allclose(read(path, units="deg").recording.q, Q, rtol=1e-14)
-    with pytest.raises(RecordingError, match=r"units = 'rad' was given, and the column 'q1 \[deg\]' is in deg"):
-        read(path, units="rad")
-    with pytest.raises(RecordingError, match="time_unit = 1 was given, and the column 't_ms'"):
-        read(path, time_unit=1.0)
-    with pytest.raises(RecordingError, match="units = 'deg' was given"):
-        read(write_csv(tmp_path / "rad.csv", table("q{}_rad")), units="deg")
+
+
+@pytest.mark.parametrize("units", ["rad", ["rad"] * 3])
+def test_units_that_are_given_win_over_those_of_the_header(tmp_path, units):
+    columns = table("q{} [deg]", "tau{} [Nm]", "t_ms") | {f"dq{k + 1} [deg/s]": TAU[:, k] for k in range(3)}
+    path = write_csv(tmp_path / "run.csv", columns)
+    result = read(path, units=units, time_unit=1.0)
+    np.testing.assert_array_equal(result.recording.q, Q)
+    np.testing.assert_array_equal(result.recording.dq, TAU)
+    np.testing.assert_array_equal(result.recording.time, T)
+    (finding,) = (f for f in result.findings if f.code == "units-of-header")
+    assert finding.severity == "warning" and "units" not in finding.remedy
+    assert "The units given are used, not deg as in the name 'q1 [deg]'." in finding.evidence
+    assert "The time_unit given is used, not ms as in the name 't_ms'." in finding.evidence
+    assert not any("in deg" in f.evidence for f in result.findings)
+
+
+def test_degrees_that_are_given_win_over_radians_of_the_header(tmp_path):
+    path = write_csv(tmp_path / "run.csv", table("q{}_rad", scale=np.pi / 180))
+    np.testing.assert_allclose(read(path, units="deg").recording.q, Q, rtol=1e-14)
 
 
 def test_velocities_may_have_another_unit_than_positions(tmp_path):
@@ -376,10 +390,19 @@ def test_what_cannot_be_guessed_is_asked_in_the_form_of_the_arm(tmp_path):
     path = write_csv(tmp_path / "run.csv", {"when": T} | {f"ch{k}": Q[:, k] for k in range(3)})
     with pytest.raises(RecordingError, match="No column holds positions") as caught:
         read(path)
-    assert (
-        "in the order turn, lift, Elbow" in caught.value.remedy
-        and 'q = ["when", "ch0", "ch1"]' in caught.value.remedy
-    )
+    assert "in the order turn, lift, Elbow" in caught.value.remedy
+    said = tomllib.loads(caught.value.remedy)
+    assert said["columns"] == {"q": "ch{0}"}
+    np.testing.assert_array_equal(read(path, columns={**said["columns"], "time": "when"}).recording.q, Q)
+
+
+def test_a_file_that_holds_torques_alone_is_answered_with_what_they_were_taken_for(tmp_path):
+    path = write_csv(tmp_path / "run.csv", {"t": T} | {f"tau{k + 1}": TAU[:, k] for k in range(3)})
+    with pytest.raises(
+        RecordingError, match=r"No column holds positions. By their names, time is t; effort is tau1"
+    ) as caught:
+        read(path)
+    assert caught.value.remedy.startswith("log the position of each joint")
 
 
 def test_the_reading_of_a_study_knows_what_was_guessed(tmp_path):
@@ -410,7 +433,7 @@ def test_where_effort_is_missing_the_columns_that_were_not_read_are_proposed():
     chosen = {"time": ("t",), "q": ("q1", "q2", "q3"), "effort": ()}
     names = ["t", "q1", "q2", "q3", "Elbow load", "turn load", "lift load", "mode"]
     (said,) = effort_possible(names, chosen, LogFormat(), JOINTS)
-    assert "not read: Elbow load, turn load, lift load, mode" in said.evidence
+    assert "unread columns: Elbow load, turn load, lift load, mode" in said.evidence
     assert tomllib.loads(said.remedy) == {"columns": {"effort": ["turn load", "lift load", "Elbow load"]}}
     (numbered,) = effort_possible([*names[:4], "L10", "L9", "L8"], chosen, LogFormat(), ())
     assert tomllib.loads(numbered.remedy)["columns"]["effort"] == ["L8", "L9", "L10"]
@@ -418,3 +441,11 @@ def test_where_effort_is_missing_the_columns_that_were_not_read_are_proposed():
     assert "mode" in none.evidence and none.remedy == ""
     assert effort_possible(names[:4], chosen, LogFormat(), JOINTS) == ()
     assert effort_possible(names, chosen, LogFormat(columns={"effort": ()}), JOINTS) == ()
+
+
+def test_numbered_columns_are_named_by_a_pattern_that_matches_no_others():
+    drives = each("ml_{}_drive [Nm]")
+    assert pattern_of(drives, ["t", *drives]) == "ml_{}_drive [Nm]"
+    assert pattern_of(each("m{}_i", of=ZERO), each("m{}_i", of=ZERO)) == "m{0}_i"
+    assert pattern_of(drives, [*drives, "ml_4_drive [Nm]"]) == drives
+    assert pattern_of(["a_tau", "b_tau"], ["a_tau", "b_tau"]) == ["a_tau", "b_tau"]

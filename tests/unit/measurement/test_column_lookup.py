@@ -63,7 +63,7 @@ def test_currents_are_known_by_their_names(tmp_path):
     assert not load_recording(write_csv(tmp_path / "torque.csv")).effort_is_current
     both = write_csv(tmp_path / "both.csv", TABLE | {f"i{i + 1}": DDQ[:, i] for i in range(3)})
     np.testing.assert_array_equal(load_recording(both).effort, TAU)
-    refused("drive_gain does not say which", both, drive_gain=[1.0, 2.0, 3.0])
+    refused("drive_gain applies is ambiguous", both, drive_gain=[1.0, 2.0, 3.0])
     named = load_recording(both, LogFormat(drive_gain=[1.0, 2.0, 3.0], columns={"effort": "i{}"}))
     np.testing.assert_array_equal(named.effort, DDQ)
     assert named.effort_is_current

@@ -9,8 +9,8 @@ import pytest
 
 from armid.errors import RecordingError, StudyError
 from armid.maths.signals import butterworth, zero_phase
+from armid.measurement.processing.options import THESIS
 from armid.measurement.processing.pipeline import (
-    THESIS,
     ProcessingOptions,
     process_recording,
     process_recordings,
@@ -293,6 +293,13 @@ def test_the_automatic_cutoff_is_the_widest_that_any_recording_needs():
     assert (
         resolve_options(ProcessingOptions(cutoff="auto"), [recording(clock(2.0), consecutive=False)]).family == "none"
     )
+
+
+def test_periods_are_found_where_none_are_given():
+    observations, findings = process_recordings([recording(clock(25.0))])
+    assert [run.repetition is not None for run in observations.runs] == [True]
+    assert "period-found" in {finding.code for finding in findings}
+    assert process_recordings([recording(clock(25.0))], periods=[None])[0].runs[0].repetition is None
 
 
 def test_periods_and_starts_belong_to_their_recordings():

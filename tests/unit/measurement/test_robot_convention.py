@@ -102,7 +102,7 @@ def test_missing_and_extra_joints_are_named():
     refused("extra: 3", recorded(), joints=["base", "shoulder", "finger"])
     refused("2 channels; arm has 3 joints: base, shoulder, elbow", Recording(time=TIME, q=Q[:, :2]))
     refused("twice: base", recorded(joint_names=("base", "b", "elbow")), joints={"b": "base"})
-    refused("not there: lift", recorded(joint_names=NAMES), joints={"lift": "base"})
+    refused("unknown channels: lift", recorded(joint_names=NAMES), joints={"lift": "base"})
     refused("missing: elbow", recorded(), joints=["base", "shoulder"])
 
 

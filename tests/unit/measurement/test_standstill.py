@@ -15,7 +15,7 @@ from armid.lab.options import LabOptions
 from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import Simulated, simulate
 from armid.measurement.log_format import LogFormat
-from armid.measurement.processing.pipeline import THESIS, ProcessingOptions
+from armid.measurement.processing.options import THESIS, ProcessingOptions
 from armid.measurement.processing.standstill import BESIDE, SLIDING, position_noise, standing
 from armid.measurement.robot_convention import to_robot_convention
 from armid.model.dynamics import DynamicsModel
@@ -166,7 +166,7 @@ def test_a_joint_that_mostly_stands_keeps_its_rows_with_a_warning():
     log = recording(clock(24.0, RATE), q=both(24.0, 0.9))
     run, findings = one(log, ProcessingOptions())  # at 5 Hz standstill reaches 0.4 s to each side
     assert np.array_equal(run.mask[:, 0], run.mask[:, 1])
-    assert [(f.code, f.severity) for f in findings] == [("sticking", "warning")]
+    assert [(f.code, f.severity, f.channel) for f in findings] == [("sticking", "warning", log.channels[0])]
 
 
 def test_the_preset_of_the_thesis_leaves_nothing_out():

@@ -203,10 +203,10 @@ def test_one_term_with_other_shapes_on_other_joints(robot):
         (lambda: PowerViscous(width=0.0), "width .* positive"),
         (lambda: Sigmoid(slope=0.0), "slope .* positive"),
         (lambda: Sigmoid(shift=float("nan")), "shift .* number"),
-        (lambda: PiecewiseViscous((1.0, 0.5)), "rising"),
-        (lambda: PiecewiseViscous(()), "rising"),
-        (lambda: PiecewiseViscous(0.5), "rising"),  # pyright: ignore[reportArgumentType]
-        (lambda: Hysteresis((0.1, 0.1)), "rising"),
+        (lambda: PiecewiseViscous((1.0, 0.5)), "ascending"),
+        (lambda: PiecewiseViscous(()), "ascending"),
+        (lambda: PiecewiseViscous(0.5), "ascending"),  # pyright: ignore[reportArgumentType]
+        (lambda: Hysteresis((0.1, 0.1)), "ascending"),
         (lambda: Hysteresis((0.0,)), "positive numbers"),
         (lambda: Ripple(()), "at least one harmonic"),
         (lambda: Ripple((-1.0,)), "positive numbers"),

@@ -17,16 +17,16 @@ import pytest
 from armid.errors import ArmidError, Finding, MissingExtraError
 from armid.report import rendering
 from armid.report.comparison import changes, pair_of
-from armid.report.data import recording_data
-from armid.report.data.page_data import PageData, gather, records_of
+from armid.report.data.page_data import PageData, gather, stored
 from armid.report.data.recording_data import evaluate_recording
 from armid.report.page import render, write_comparison, write_report
 from armid.report.sections.provenance import show_provenance
 from armid.runs.run import Run, load_run, save_run
 from armid.study.config import Study, load_study
-from armid.study.identify import identify, read_recording
+from armid.study.identify import identify, read_choice
 from armid.study.processed import process_each
 from armid.study.records import to_json
+from armid.validation import prediction
 from armid.validation.prediction import score
 from labs import (
     STUDY,
@@ -224,13 +224,13 @@ def test_names_cannot_inject(material: PageData):
 
 
 def test_prediction_and_bands_are_those_of_the_validation(material: PageData, run: Run):
-    record = material.validation["recordings"][0]
+    record = material.validation.recordings[0]
     (unseen,) = material.of_role("validate")
     known = np.isfinite(unseen.residual)
     rms = np.sqrt(np.nanmean(unseen.residual**2, axis=0))
-    np.testing.assert_allclose(rms, record["rms"], rtol=1e-9)
+    np.testing.assert_allclose(rms, record.rms, rtol=1e-9)
     inside = np.sum(np.abs(unseen.residual) <= unseen.half_band, axis=0, where=known) / known.sum(axis=0)
-    np.testing.assert_allclose(inside, record["coverage95"], atol=2 / len(unseen.time))
+    np.testing.assert_allclose(inside, record.coverage95, atol=2 / len(unseen.time))
     (train,) = material.of_role("train")
     # The stream decimates before its sharp filter, the comparison filters at full rate.
     rms = np.sqrt(np.nanmean(train.residual**2, axis=0))
@@ -330,13 +330,13 @@ def test_the_band_that_is_drawn_is_the_one_that_is_judged_by(
     train = tuple(replace(each, role="train") for each in study.recordings)
     study = replace(study, recordings=train, estimation=replace(study.estimation, friction_per_recording=own))
     made = load_run(save_run(identify(study), tmp_path / "run"))
-    recording, _ = read_recording(train[1], study.folder, made.robot)
+    recording, _ = read_choice(train[1], study.folder, made.robot)
     (processed,) = process_each([(train[1], recording)], made.processing, made.robot)
     drawn = evaluate_recording(made, processed)
     judged = score(made.model, made.estimate, processed.observations)
     inside = np.mean(np.abs(drawn.residual) <= drawn.half_band, axis=0, where=np.isfinite(drawn.residual))
     np.testing.assert_allclose(inside, judged.coverage95, atol=1e-12)  # the same rows
-    monkeypatch.setattr(recording_data, "INTERVAL_ROWS", len(drawn.time) // 4)
+    monkeypatch.setattr(prediction, "COVERED_ROWS", len(drawn.time) // 4)
     between = evaluate_recording(made, processed).half_band
     np.testing.assert_allclose(between, drawn.half_band, rtol=0.2)  # it changes as slowly as the motion
 
@@ -366,11 +366,11 @@ def changed_run(run: Run, name: str, by: float) -> Run:
 
 
 def test_only_changes_beyond_the_intervals_count(run: Run):
-    pair = pair_of(records_of(run), records_of(changed_run(run, "FS_2", 3.0)))
+    pair = pair_of(stored(run), stored(changed_run(run, "FS_2", 3.0)))
     found = changes(pair)
     assert found[0].name == "FS_2" and found[0].size == pytest.approx(3.0 / np.sqrt(2.0))
     assert [each.size for each in found[1:]] == [0.0] * (len(run.estimate.fit.names) - 1)
-    small = changes(pair_of(records_of(run), records_of(changed_run(run, "FS_2", 1.3))))
+    small = changes(pair_of(stored(run), stored(changed_run(run, "FS_2", 1.3))))
     assert small[0].size < 1.0  # beyond either interval alone, not beyond that of the difference
 
 
@@ -386,4 +386,4 @@ def test_runs_of_different_arms_are_not_compared(run: Run):
     joints = tuple(replace(joint, name=f"other_{joint.name}") for joint in run.robot.joints)
     other = replace(run, robot=replace(run.robot, joints=joints))
     with pytest.raises(ArmidError, match="other_joint_1"):
-        pair_of(records_of(run), records_of(other))
+        pair_of(stored(run), stored(other))

@@ -16,10 +16,11 @@ import pytest
 from armid.estimation.link_properties import QUANTITIES, link_table
 from armid.excitation.collision.closest_approach import ClosestApproach
 from armid.model.dynamics import DynamicsModel
+from armid.model.parameter_name import parameter_names
 from armid.model.terms import Coulomb, Hysteresis, Ripple, Viscous
 from armid.report.data.friction_laws import law_text
-from armid.report.data.joint_names import by_joint, heading_of, label_of, number_of
-from armid.report.data.page_data import PageData, gather, records_of
+from armid.report.data.joint_names import by_joint, heading_of, label_of
+from armid.report.data.page_data import PageData, gather, stored
 from armid.report.heading import commands_of
 from armid.report.page import render
 from armid.report.plots.arm_picture import skeleton
@@ -52,7 +53,7 @@ def material(tmp_path_factory: pytest.TempPathFactory) -> PageData:
 @pytest.fixture(scope="module")
 def bodies(tmp_path_factory: pytest.TempPathFactory) -> PageData:
     """A run that has standard parameters, most of them not identifiable."""
-    return records_of(make_run(tmp_path_factory.mktemp("physical"), "physical"))
+    return stored(make_run(tmp_path_factory.mktemp("physical"), "physical"))
 
 
 @pytest.fixture(scope="module")
@@ -109,8 +110,7 @@ def test_labels_of_joints(material: PageData):
     assert (heading_of(joints, 2), label_of(joints, 2)) == ("joint 3 · elbow", "3 · elbow")
     numbered = tuple(replace(joint, name=name) for joint, name in zip(joints, ("A1", "joint_0", "j3"), strict=True))
     assert [label_of(numbered, j) for j in range(3)] == ["A1", "2 · joint_0", "j3"]
-    assert [number_of(each) for each in ("FV_3", "ZZR_12", "FS_2[4]", "load")] == [3, 12, 2, 0]
-    said = by_joint(["FV_1", "FS_1", "XX_3"], joints)
+    said = by_joint(parameter_names(["FV_1", "FS_1", "XX_3"]), joints)
     assert said == "FV_1, FS_1 (base_yaw); XX_3 (elbow)"
 
 
@@ -121,7 +121,7 @@ def test_parameters_stand_below_the_names_of_their_joints(material: PageData, ht
     assert [table.groups[k] for k in starts] == [f"joint {j + 1} · {name}" for j, name in enumerate(NAMES)]
     for k, begin in enumerate(starts):
         end = (*starts, len(names))[k + 1]
-        assert {number_of(name) for name in names[begin:end]} == {k + 1}
+        assert {name.number for name in parameter_names(names[begin:end])} == {k + 1}
     assert sorted(names) == sorted(material.run.estimate.fit.names)
     page = html.split('id="table-parameters"')[1]
     assert page.index("joint 3 · elbow") < page.index("FV_3") and page.index("joint 2 ·") < page.index("FV_2")
@@ -240,7 +240,7 @@ def test_a_run_keeps_when_and_where_it_was_made_and_older_ones_are_read(material
     (old / "model.json").write_text(json.dumps(kept))
     run = load_run(old)
     assert run.made == RunOrigin()
-    assert "date not recorded" in render(records_of(run))
+    assert "date not recorded" in render(stored(run))
 
 
 def test_the_next_commands_have_the_path_of_the_run(material: PageData, tmp_path: Path):

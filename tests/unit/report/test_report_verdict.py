@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from armid.errors import Finding
+from armid.measurement.remedy import lines
 from armid.report.data import trust
 from armid.report.data.page_data import PageData, gather
 from armid.report.data.residual_analysis import ResidualShares
@@ -19,6 +20,7 @@ from armid.report.sections.verdict import FIRST
 from armid.runs.run import load_run, save_run
 from armid.study.config import load_study
 from armid.study.identify import identify
+from armid.validation.prediction import Score
 from labs import STUDY, write_recordings, write_study
 from reports import Page, make_run
 
@@ -31,10 +33,14 @@ def material(tmp_path_factory: pytest.TempPathFactory) -> PageData:
     return gather(make_run(tmp_path_factory.mktemp("small")))
 
 
+def scored(material: PageData, scores: tuple[Score, ...], **changes: str) -> PageData:
+    """The same with other scores on held-out motion."""
+    validation = replace(material.validation, recordings=scores, **changes)
+    return replace(material, records=replace(material.records, validation=validation))
+
+
 def test_a_run_without_validation_asks_for_it(material: PageData):
-    words = judge_trust(
-        replace(material, validation={**material.validation, "recordings": [], "verdict": "not judged"})
-    )
+    words = judge_trust(scored(material, (), verdict="not judged"))
     assert any("held-out motion" in each for each in words.doubted) and any(
         "--validate" in each for each in words.wanted
     )
@@ -42,10 +48,27 @@ def test_a_run_without_validation_asks_for_it(material: PageData):
 
 
 def test_bands_that_do_not_hold_are_doubted(material: PageData):
-    record = {**material.validation["recordings"][0], "coverage95": [0.5, 0.96, None]}
-    words = judge_trust(replace(material, validation={**material.validation, "recordings": [record]}))
+    changed = replace(material.validation.recordings[0], coverage95=np.array([0.5, 0.96, np.nan]))
+    words = judge_trust(scored(material, (changed,)))
     (narrow,) = [each for each in words.doubted if "too narrow" in each]
     assert "joint_1 (50\u00a0%)" in narrow and "joint_2" not in narrow
+
+
+@pytest.mark.parametrize(
+    ("kind", "parts", "longer"),
+    [("spectral", 5, False), ("period", 9, False), ("white", 0, False), ("block", 6, True)],
+)
+def test_more_recording_is_asked_for_only_where_blocks_are_few(
+    material: PageData, kind: str, parts: int, longer: bool
+):
+    narrow = replace(material.validation.recordings[0], coverage95=np.array([0.5, 0.96, np.nan]))
+    estimate = material.run.estimate
+    report = replace(estimate.fit.report, parts=parts)
+    fit = replace(estimate.fit, covariance_kind=kind, report=report)
+    run = replace(material.run, estimate=replace(estimate, fit=fit))
+    wanted = " ".join(judge_trust(scored(replace(material, run=run), (narrow,))).wanted)
+    assert ("record longer" in wanted) is longer
+    assert ("more recordings of the same motion do not cure" in wanted) is not longer
 
 
 def test_an_error_where_joints_stand_asks_for_no_more_motions(material: PageData):
@@ -59,13 +82,9 @@ def test_an_error_where_joints_stand_asks_for_no_more_motions(material: PageData
         error = np.zeros_like(unseen.predicted)
         error[: 3 if standing else 50] = wrong
         predicted = unseen.measured + error
-        record = {**material.validation["recordings"][0], "rms": np.sqrt(np.nanmean(error**2, axis=0)).tolist()}
-        changed = replace(
-            material,
-            recordings=(*others, replace(unseen, dq=speed, predicted=predicted)),
-            validation={**material.validation, "recordings": [record]},
-        )
-        words = judge_trust(changed)
+        worse = replace(material.validation.recordings[0], rms=np.sqrt(np.nanmean(error**2, axis=0)))
+        recordings = (*others, replace(unseen, dq=speed, predicted=predicted))
+        words = judge_trust(scored(replace(material, recordings=recordings), (worse,)))
         doubted[standing] = " ".join(words.doubted)
         assert any("More and other motions" in each for each in words.wanted) is not standing
     assert "where joints stand" in doubted[True] and "times the training error" not in doubted[True]
@@ -97,10 +116,10 @@ def test_a_line_of_a_study_stays_one(material: PageData):
     """Remedies for a study are code, with the table that it belongs to, and no sentence."""
     findings = (
         Finding(
-            "a", "warning", "", "Light.", 'physical = { prior = "log-det" }  # in [estimation]: near the description'
+            "a", "warning", "", "Light.", lines("near the description", "estimation", physical={"prior": "log-det"})
         ),
-        Finding("b", "error", "q", "Turned.", "position_sign = [1, -1]"),
-        Finding("c", "warning", "", "Rests.", "exclude = [[1.0, 2.0]]  # nothing moves there"),
+        Finding("b", "error", "q", "Turned.", lines(position_sign=[1, -1])),
+        Finding("c", "warning", "", "Rests.", lines("nothing moves there", exclude=[[1.0, 2.0]])),
     )
     changed = replace(material, run=replace(material.run, estimate=replace(material.run.estimate, findings=findings)))
     wanted = judge_trust(changed).wanted
@@ -165,3 +184,8 @@ def test_sticking_is_not_taken_for_memory(material: PageData, monkeypatch: pytes
     sticking, memory = (each for each in judge_trust(replace(stuck, run=findings)).wanted if "reversals" in each)
     assert "reversals of joint_2 is due to sticking" in sticking and "passes rest quickly" in sticking
     assert "with hysteresis rather" in memory and "joint_2" not in memory
+    rests = Finding("sticking", "warning", "joint_1", "a.csv: The joint mostly stands still.")
+    resting = replace(material.run, estimate=replace(estimate, findings=(*estimate.findings, rests)))
+    sticking, memory = (each for each in judge_trust(replace(material, run=resting)).wanted if "reversals" in each)
+    assert "reversals of joint_1 is due to sticking" in sticking  # although its rows count
+    assert "with hysteresis rather" in memory and "joint_1" not in memory

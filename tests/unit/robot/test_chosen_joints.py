@@ -102,7 +102,11 @@ def test_what_was_held_is_said(two):
     found = {finding.code: finding for finding in load_robot(two, only=["left_[12]"]).findings}
     assert found["joints-held"].severity == "info"
     assert "torso at 0.1" in found["joints-held"].evidence and "right_2 at 0.5" in found["joints-held"].evidence
+    assert "joints are locked, 2 of which follow others; at zero" in found["joints-held"].evidence
+    assert not found["joints-held"].remedy
     assert "left_other at 0.02" in found["joint-follows"].evidence
+    by_tip = {finding.code: finding for finding in load_robot(two, tip="left_fore").findings}
+    assert "--lock" in by_tip["joints-held"].remedy  # the torso is on the way
     assert not {"joints-held"} & {finding.code for finding in load_robot(two, lock=["root"]).findings}
 
 
@@ -111,8 +115,8 @@ def test_joints_that_were_locked_by_name_count_among_those_that_are_held(two):
     (said,) = (finding.evidence for finding in robot.findings if finding.code == "joints-held")
     every = load_robot(two, lock=["root"])
     joints = len({*every.described_joints, "root"} | {held.name for held in every.held})
-    assert said.startswith(f"{joints - 2} of {joints} joints are held still"), said
-    assert "root, right_2 as asked; as others were chosen, " in said and said.count("right_2") == 1
+    assert said.startswith(f"{joints - 2} of {joints} joints are locked"), said
+    assert "root, right_2 by name; since others were selected, " in said and said.count("right_2") == 1
 
 
 def test_a_follower_of_a_joint_that_moves_is_held_and_said(two):
@@ -171,7 +175,7 @@ def test_all_joints_to_lock_are_named_at_once(tmp_path):
     path = mjcf(tmp_path, TIED)
     box = f'<body name="box"><freejoint name="loose"/>{BODY}</body>'
     path.write_text(path.read_text().replace("</worldbody>", f"{box}</worldbody>"))
-    with pytest.raises(RobotError, match="'free', 'loose' have other than one") as caught:
+    with pytest.raises(RobotError, match="'free', 'loose' do not have exactly one") as caught:
         load_robot(path)
     assert "--lock free,loose" in caught.value.remedy
     assert load_robot(path, lock=["free", "loose"]).n == load_robot(path, only=["turn", "bend", "l"]).n == 3
@@ -225,9 +229,9 @@ def test_a_tendon_couples_only_joints_that_move(tmp_path):
         ({"lock": ["root", "lefty_*"]}, r"no joint that fits 'lefty_\*' to lock(.|\n)*Possible: root"),
         ({"lock": ["root", "tosro"]}, r"no joint 'tosro' to lock(.|\n)*did you mean 'torso'"),
         ({"tip": "left_for"}, r"no frame 'left_for' for the tip(.|\n)*did you mean 'left_fore'"),
-        ({"tip": "base"}, r"none is left that moves"),
-        ({"lock": ["*"]}, r"none is left that moves"),
-        ({"lock": ["torso=low"]}, r"'low' is no number"),
+        ({"tip": "base"}, r"none of its .* joints moves"),
+        ({"lock": ["*"]}, r"none of its .* joints moves"),
+        ({"lock": ["torso=low"]}, r"'low' is not a number"),
     ],
     ids=str,
 )

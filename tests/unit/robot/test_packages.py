@@ -57,7 +57,7 @@ def test_a_package_that_is_given(alone: Path, package: Path):
     robot = load_robot(alone, packages={"arm_description": str(package)})
     assert "mesh-missing" not in codes(robot) and Path(robot.shapes[0].path) == package / "meshes" / "a.stl"
     assert "mesh-missing" in codes(load_robot(alone))  # for that one description
-    with pytest.raises(RobotError, match="which is no folder"):
+    with pytest.raises(RobotError, match="of the package arm_description does not exist"):
         load_robot(alone, packages={"arm_description": "nowhere"})
 
 

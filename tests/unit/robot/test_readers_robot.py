@@ -221,7 +221,7 @@ def test_unexpanded_xacro_is_noticed():
 
 
 def test_everything_locked_is_refused():
-    with pytest.raises(RobotError, match="nothing moves"):
+    with pytest.raises(RobotError, match="All joints are locked"):
         read_urdf(urdf_xml(joint_xml()), locked=["j"])
 
 
@@ -571,8 +571,8 @@ def test_a_mass_without_inertia_is_a_point_and_said_so():
         (ROW.replace("1.0", "inf"), "joint 1: d must be a finite number; found inf"),
         (ROW.replace("1.0", "true"), "joint 1: d must be a finite number; found True"),
         (ROW + "position = [1.0]\n", "position must be a list of 2"),
-        (ROW + "position = [1.0, -1.0]\n", "leave no room"),
-        (ROW + 'kind = "continuous"\nposition = [-1.0, 1.0]\n', "continuous and has position limits"),
+        (ROW + "position = [1.0, -1.0]\n", "are not ascending"),
+        (ROW + 'kind = "continuous"\nposition = [-1.0, 1.0]\n', "continuous but has position limits"),
         (ROW + "velocity = 0\n", "velocity must be positive"),
         (ROW + "[joint.inertial]\nmass = 2\n", "joint 1, inertial: com is missing"),
         (ROW + "inertial = 2\n", "joint 1, inertial: the entry must be a table"),

@@ -25,7 +25,7 @@ from reports import make_run
 from trees import random_states
 
 MICROSECONDS = 10.0
-"""What one call may take, with friction, on the iiwa."""
+"""Longest time of one call, with friction, on the iiwa [µs]."""
 
 
 def plain() -> tuple[CallableModel, tuple[np.ndarray, ...]]:

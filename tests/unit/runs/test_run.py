@@ -16,7 +16,7 @@ from armid.excitation.fourier import save_plan
 from armid.measurement.log_format import LogFormat
 from armid.runs import run as run_module
 from armid.runs.prediction import motion_of, predict, validate_run, write_torque
-from armid.runs.run import load_run, refuse_folder, save_run
+from armid.runs.run import FORMAT, load_run, refuse_folder, save_run
 from armid.study.config import ModelChoice, load_study
 from armid.study.identify import Result, identify
 from labs import small_plan, small_recording, write_recording, write_recordings, write_study
@@ -94,7 +94,7 @@ def test_everything_of_a_reading_survives(result: Result, tmp_path: Path):
         exclude=[[1.0, 2.0]], period=8.0, start=0.5, consecutive=True, units=["deg", "rad", "deg"], preset="ur-rtde",
     )  # fmt: skip
     choices = (replace(result.study.recordings[0], reading=reading), *result.study.recordings[1:])
-    changed = replace(result, study=replace(result.study, recordings=choices), asked=None)
+    changed = replace(result, study=replace(result.study, recordings=choices), given_format=None)
     found = load_run(save_run(changed, tmp_path / "run")).reading
     for name, value in asdict(reading).items():
         np.testing.assert_array_equal(getattr(found, name), value, err_msg=name)
@@ -256,6 +256,15 @@ def test_a_run_of_a_version_with_other_fields_is_refused(result: Result, tmp_pat
         load_run(tmp_path / "run")
 
 
+def test_a_run_of_a_later_format_is_refused(result: Result, tmp_path: Path):
+    path = save_run(result, tmp_path / "run") / "model.json"
+    kept = json.loads(path.read_text())
+    assert kept["format"] == FORMAT
+    path.write_text(json.dumps({**kept, "format": FORMAT + 1}))
+    with pytest.raises(ArmidError, match=f"has format {FORMAT + 1}; this version of armid reads format {FORMAT}"):
+        load_run(tmp_path / "run")
+
+
 def test_what_is_no_run_is_refused(tmp_path: Path):
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(ArmidError, match="is no run of armid"):
@@ -288,7 +297,7 @@ def test_the_doctor_looks_at_what_a_run_is_judged_by(saved: Path, folder: Path):
 
 def test_a_run_does_not_judge_by_what_trained_it(saved: Path, folder: Path, tmp_path: Path):
     copy = shutil.copy(folder / "run1.csv", tmp_path / "another.csv")
-    with pytest.raises(StudyError, match=r"another\.csv is to validate, but the same data trained"):
+    with pytest.raises(StudyError, match=r"another\.csv cannot validate .*: the same data trained"):
         validate_run(load_run(saved), [str(copy)], {})
 
 

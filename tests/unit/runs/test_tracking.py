@@ -17,7 +17,7 @@ from armid.lab.simulation import Simulated, simulate
 from armid.maths.inertia import com_inertia_to_vector
 from armid.measurement.recording import Recording
 from armid.runs.run import Run, load_run, save_run
-from armid.runs.tracking import SURPRISE, track, track_record, track_table
+from armid.runs.tracking import THRESHOLD, track, track_record, track_table
 from armid.study.config import ModelChoice, RecordingChoice, RobotChoice, Study
 from armid.study.identify import identify
 from labs import write_arm, write_recording
@@ -26,7 +26,7 @@ from plants import short_plan, small_arm
 SENSORS = Sensing(100.0, SensorChannel(noise=1e-6), SensorChannel(noise=0.05))
 LOAD = com_inertia_to_vector(0.8, np.array([0.05, 0.02, 0.1]), np.diag([0.004, 0.005, 0.003]))
 PICKED = 32.0
-"""When the load is picked up [s]: the end of the fourth repetition."""
+"""Time at which the load is picked up [s]: the end of the fourth repetition."""
 
 
 def moved(truth: KnownArm, seed: int, repetitions: int, period: float = 8.0) -> Simulated:
@@ -102,7 +102,7 @@ def test_a_load_that_is_picked_up_is_found(run: Run, tmp_path: Path):
     before, after = found.time < PICKED - 1.0, found.time > PICKED + 4.0
     assert found.events and PICKED - 1.0 <= found.events[0].time <= PICKED + 1.0
     assert len(found.events) <= 4 and found.events[-1].time <= PICKED + 3.0
-    assert (found.surprise[before] < SURPRISE).all()
+    assert (found.normalized_innovation[before] < THRESHOLD).all()
     settled = before & (found.time > 4.0)
     assert np.abs(found.values[settled, mass]).max() < 0.01
     assert np.abs(found.values[after, mass] - LOAD[0]).max() < 0.01 * LOAD[0]

@@ -68,7 +68,7 @@ def test_every_method_has_a_row_with_numbers():
         assert not score.failure, score.failure
         assert score.training.shape == score.unseen.shape == (3,)
         assert np.isfinite([*score.training, *score.unseen, score.seconds]).all()
-        assert score.certificate is not None and score.certificate.distance >= 0.0
+        assert score.consistent is not None and score.distance >= 0.0
 
 
 def test_a_row_is_what_the_run_says():
@@ -88,7 +88,7 @@ def test_without_validation_every_fold_is_left_out_once():
     squares = np.zeros(3)
     for k in np.unique(fold):
         trains = (fold != k) & ~training_information(information, fold == k)
-        values = WeightedLeastSquares().estimate(EstimationProblem(select(information, trains))).values
+        values = WeightedLeastSquares().solve(EstimationProblem(select(information, trains))).values
         for j, joint in enumerate(information.joints):
             R = joint.R[fold == k]
             squares[j] += np.sum((R[:, :, -1] - R[:, :, :-1] @ values[joint.parameters]) ** 2)
@@ -114,13 +114,13 @@ def test_folds_use_the_weight_of_the_prior_found_on_all(
     given = prepared(validated=False)
     study = replace(given.study, estimation=replace(given.study.estimation, options={method: option}))
     kind, weights = ESTIMATORS[method], []
-    estimate = kind.estimate
+    estimate = kind.solve
 
     def told(self: Any, problem: EstimationProblem) -> Fit:
         weights.append(self.weight)
         return estimate(self, problem)
 
-    monkeypatch.setattr(kind, "estimate", told)
+    monkeypatch.setattr(kind, "solve", told)
     (row,) = compare_methods(replace(given, study=study), (method,)).scores
     assert np.isfinite(row.unseen).all()
     assert weights[0] == "auto" and len(weights) > 2 and len(set(weights[1:])) == 1 and weights[1] > 0.0
@@ -131,12 +131,12 @@ def test_friction_chosen_on_all_training_data_leaves_nothing_unseen():
     ones = np.ones(3)
     trial = SelectionEvidence("joint_1", "ripple", "ripple 2", 1.0, 0.1, False)
     ladder = FrictionSelection(given.model, (), (trial,), ones, 0.0 * ones, 1.0)
-    table = compare_methods(replace(given, ladder=ladder), ("wls",))
+    table = compare_methods(replace(given, friction_selection=ladder), ("wls",))
     assert table.unseen == "none" and "keep a recording for validation" in table.note
     assert np.isnan(table.scores[0].unseen).all() and not table.scores[0].failure
-    unjudged = compare_methods(replace(given, ladder=replace(ladder, evidence=())), ("wls",))
+    unjudged = compare_methods(replace(given, friction_selection=replace(ladder, evidence=())), ("wls",))
     assert unjudged.unseen == "cross-validation"
-    seen = compare_methods(replace(prepared(), ladder=ladder), ("wls",))
+    seen = compare_methods(replace(prepared(), friction_selection=ladder), ("wls",))
     assert seen.unseen == "validation" and np.isfinite(seen.scores[0].unseen).all()
 
 
@@ -172,12 +172,12 @@ class Broken:
     name: ClassVar[str] = "broken"
     quick: ClassVar[bool] = True
 
-    def estimate(self, problem: EstimationProblem) -> Fit:
+    def solve(self, problem: EstimationProblem) -> Fit:
         """Never an estimate of parts of the data, and of all of it only on request."""
         if self.kind == "breaks":
             raise np.linalg.LinAlgError("Singular matrix")
         if self.kind == "needs all" and problem.information.blocks == prepared(False).problem.information.blocks:
-            return WeightedLeastSquares().estimate(problem)
+            return WeightedLeastSquares().solve(problem)
         raise EstimationError("There is no answer.")
 
 
@@ -186,7 +186,7 @@ def test_a_method_that_fails_is_a_row_with_its_reason(monkeypatch: pytest.Monkey
     monkeypatch.setitem(ESTIMATORS, "broken", Broken)
     table = compare_methods(with_options({"broken": {"kind": kind}}), ("broken", "ols"))
     broken, ols = table.scores
-    assert broken.failure == reason and not np.isfinite(broken.training).any() and broken.certificate is None
+    assert broken.failure == reason and not np.isfinite(broken.training).any() and broken.consistent is None
     assert not ols.failure and np.isfinite(ols.unseen).all()
     record = json.loads(to_json(compare_record(table)))
     assert record["methods"][0]["training_rms"] == [None] * 3 and record["methods"][0]["failure"] == reason
@@ -198,7 +198,7 @@ def test_a_method_that_fails_without_a_fold_keeps_its_row(monkeypatch: pytest.Mo
     given = prepared(validated=False)
     estimation = replace(given.study.estimation, options={"broken": {"kind": "needs all"}})
     (row,) = compare_methods(replace(given, study=replace(given.study, estimation=estimation)), ("broken",)).scores
-    assert row.failure == "There is no answer." and row.certificate is not None
+    assert row.failure == "There is no answer." and row.consistent is not None
     assert np.isfinite(row.training).all() and not np.isfinite(row.unseen).any()
 
 

@@ -66,7 +66,7 @@ def weak(
         accumulate_information(model, base, observations), standard_of(model, base), model, base
     )
     method = WeightedLeastSquares() if prior is None else PhysicallyConsistent(prior=prior, weight=weight)
-    fit = method.estimate(problem)
+    fit = method.solve(problem)
     return weak_finding(problem.information, observations, fit, chosen=chosen)
 
 
@@ -113,10 +113,10 @@ def test_masses_that_nothing_says_are_named_with_the_prior_that_keeps_them():
     problem = EstimationProblem(
         accumulate_information(model, base, observations), standard_of(model, base), model, base
     )
-    light = far_finding(problem.standard, PhysicallyConsistent(prior="mass").estimate(problem))
+    light = far_finding(problem.standard, PhysicallyConsistent(prior="mass").solve(problem))
     assert light is not None and "M_1" in light.evidence and 'prior = "log-det"' in light.remedy
-    assert far_finding(problem.standard, PhysicallyConsistent(prior="log-det").estimate(problem)) is None
-    assert far_finding(problem.standard, WeightedLeastSquares().estimate(problem)) is None
+    assert far_finding(problem.standard, PhysicallyConsistent(prior="log-det").solve(problem)) is None
+    assert far_finding(problem.standard, WeightedLeastSquares().solve(problem)) is None
 
 
 def test_masses_are_looked_up_by_name_where_friction_has_copies():
@@ -127,7 +127,7 @@ def test_masses_are_looked_up_by_name_where_friction_has_copies():
     problem = EstimationProblem(
         accumulate_information(model, base, observations), standard_of(model, base), model, base
     )
-    fit = PhysicallyConsistent(prior="mass").estimate(problem)
+    fit = PhysicallyConsistent(prior="mass").solve(problem)
     alone, kept = far_finding(problem.standard, fit), fit.standard
     assert alone is not None and kept is not None
     twice = replace(

@@ -14,7 +14,7 @@ from armid.errors import ArmidError, ModelError, RecordingError, StudyError
 from armid.estimation.estimate import Estimate, standard_parameters
 from armid.estimation.estimators import PhysicallyConsistent, Ridge, WeightedLeastSquares
 from armid.measurement.processing.options import ProcessingOptions
-from armid.model.terms import TERMS, Coulomb, Stribeck, Viscous
+from armid.model.terms import DEFAULT_TERMS, TERMS, Coulomb, Stribeck, Viscous
 from armid.study.config import (
     EstimationChoice,
     ModelChoice,
@@ -292,10 +292,18 @@ def test_named_terms_have_the_shapes_of_their_own_defaults():
     assert names_and_width(ModelChoice(("rigid-body", "coulomb"))) == (("rigid-body", "coulomb"), 0.0)
 
 
+def test_terms_can_be_added_to_the_default_ones():
+    """The shapes of the default terms stay: a bare `coulomb` in a list has another width."""
+    added = build_model(small_model().robot, ModelChoice(("default", "rotor-inertia"))).terms
+    assert added == (*DEFAULT_TERMS, TERMS["rotor-inertia"]())
+    wider = ModelChoice(("default", "coulomb"), {"coulomb": {"width": 0.1}})
+    assert set(build_model(small_model().robot, wider).terms) == {*DEFAULT_TERMS, Coulomb(0.1)} - {Coulomb(0.02)}
+
+
 def test_terms_that_are_not_there_are_refused():
     with pytest.raises(StudyError, match="Unknown torque term 'viscouss'") as caught:
         names_and_width(ModelChoice(("rigid-body", "viscouss")))
-    assert caught.value.possible == ", ".join(TERMS) and "'viscous'" in caught.value.remedy
+    assert caught.value.possible == ", ".join((*TERMS, "default")) and "'viscous'" in caught.value.remedy
     with pytest.raises(StudyError, match="options of 'coulomb', which is not among its terms"):
         names_and_width(ModelChoice(("rigid-body",), {"coulomb": {"width": 0.1}}))
 
@@ -375,7 +383,7 @@ stribeck = [{ velocity = 0.1, joints = ["joint_1"] }, { velocity = 0.3, joints =
     )
     again = ModelChoice(("stribeck", "viscous", "stribeck"), study.model.shapes)
     assert [term.name for term in build_model(model.robot, again).terms] == list(again.terms)
-    with pytest.raises(ModelError, match="bring the same parameters: FT_1"):
+    with pytest.raises(ModelError, match="have the same parameters: FT_1"):
         build_model(model.robot, ModelChoice(("stribeck", "stribeck"), {"stribeck": {"velocity": 0.1}}))
     with pytest.raises(StudyError, match=r"\[model\] stribeck must be a table of options, or a list of such"):
         plain(model={"terms": ["rigid-body"], "stribeck": [0.1]})
@@ -485,7 +493,7 @@ def test_friction_that_is_chosen_gives_each_recording_its_offset(tmp_path: Path)
     write_recordings(tmp_path)
     text = STUDY.replace('role = "validate"\n', "")
     result = identify(load_study(write_study(tmp_path, text + '[model]\nterms = "auto"\n')))
-    assert result.ladder is not None and result.ladder.offset_per_recording
+    assert result.friction_selection is not None and result.friction_selection.offset_per_recording
     assert result.study.estimation.offset_per_recording and "FO_1[2]" in result.estimate.fit.names
 
 

@@ -67,7 +67,7 @@ def test_what_is_wrong_is_told_even_where_no_estimate_follows():
     choice = RecordingChoice("run.csv", reading=LogFormat(units="deg"))
     never = EstimationChoice("wls", options={"wls": {"iterations": 1}})
     study = Study(RobotChoice("iiwa14-r820"), ModelChoice(), (choice,), estimation=never)
-    with pytest.raises(EstimationError, match=r"not settle.*\[degrees\] Read as degrees") as stopped:
+    with pytest.raises(EstimationError, match=r"not converge.*\[degrees\] Read as degrees") as stopped:
         identify(study, given={"run.csv": described().recording})
     assert stopped.value.remedy == 'units = "rad"'
 

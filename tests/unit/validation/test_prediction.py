@@ -51,7 +51,7 @@ def estimate_from(*runs: ObservedRun, band: Band | None = None, own_friction: bo
     if own_friction:
         kinds = np.array([small_model().parameters[k].kind != RigidBody.name for k in base.kept])
         information = separate_by_recording(information, kinds)
-    return Estimate("small", "ols", (), base, OrdinaryLeastSquares().estimate(EstimationProblem(information)))
+    return Estimate("small", "ols", (), base, OrdinaryLeastSquares().solve(EstimationProblem(information)))
 
 
 @cache

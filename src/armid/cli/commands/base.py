@@ -26,8 +26,6 @@ from armid.cli.options import (
 if TYPE_CHECKING:
     from armid.model.base_parameters import BaseParameters
 
-__all__ = ["base"]
-
 
 class Style(StrEnum):
     """Notation of formulas."""

@@ -9,8 +9,6 @@ import typer
 
 from armid.cli.options import Json
 
-__all__ = ["bench"]
-
 
 def bench(
     samples: Annotated[int, typer.Option(min=2000, help="Samples of the least-squares problem.")] = 216_000,

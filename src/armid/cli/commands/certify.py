@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from armid.runs.certification import Verdict
     from armid.values import Array
 
-__all__ = ["certify"]
-
 RULES = {
     "(3.52c)": "mass above zero",
     "(3.52d)": "smallest principal moment of inertia above zero",

@@ -12,8 +12,6 @@ from armid.cli.commands.identify import LogPreset
 from armid.cli.commands.report import NoReport, write_page
 from armid.cli.options import Json, Out, Threads, Verbose
 
-__all__ = ["demo"]
-
 
 def demo(
     preset: Annotated[
@@ -41,7 +39,7 @@ def demo(
     from armid.cli.identification_result import print_next, print_result
     from armid.estimation.link_properties import link_record, link_table
     from armid.measurement.processing.options import ProcessingOptions
-    from armid.runs.run import refuse_folder, save_run
+    from armid.runs.run import refuse_folder, saved_run
     from armid.study.demo import RECORD, demo_study, run_demo, thesis_processing
     from armid.study.records import estimate_record, to_json, validation_record
 
@@ -51,7 +49,7 @@ def demo(
     study = demo_study(default) if preset is None else demo_study(thesis_processing(edges), "ols")
     with progress(quiet=json) as tell:
         done = run_demo(study, seed=seed, threads=threads, progress=tell)
-    save_run(done.result, folder, further_records={RECORD: {"seed": seed}})
+    run = saved_run(done.result, folder, further_records={RECORD: {"seed": seed}})
     if json:
         record = estimate_record(done.result.estimate)
         record["run"] = str(folder)
@@ -69,7 +67,7 @@ def demo(
             f"against the truth: base parameters off by {100 * done.relative_error:.3f} %, "
             f"torque on Table A.2 by {done.torque_error:.4f} N·m RMS"
         )
-    page = not no_report and write_page(folder, done.recordings)
+    page = not no_report and write_page(run, done.result, done.recordings)
     if not json:
         print_next(done.result, folder, page=page)
     if done.result.validation.verdict == "fail":

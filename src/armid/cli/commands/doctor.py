@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from armid.study.config import Study
     from armid.study.diagnosis import Diagnosis
 
-__all__ = ["doctor"]
-
 
 def doctor(
     subject: Annotated[

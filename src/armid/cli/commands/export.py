@@ -15,8 +15,6 @@ from armid.cli.reading import Data
 if TYPE_CHECKING:
     from armid.export.write import Exported
 
-__all__ = ["export"]
-
 Moved = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot description, if it was moved.")]
 Limit = Annotated[
     list[str] | None,

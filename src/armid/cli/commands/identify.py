@@ -33,12 +33,10 @@ from armid.cli.reading import Columns, Rate, TimeUnit, TorqueSign, Units, given
 
 if TYPE_CHECKING:
     from armid.errors import Finding
+    from armid.runs.run import Run
     from armid.study.compare import MethodTable
     from armid.study.config import Study
     from armid.study.identify import Prepared, Result
-
-__all__ = ["identify"]
-
 
 PERIOD_HELP = "Period of the motion, s; by default found from the positions."
 
@@ -138,11 +136,11 @@ def identify(
     study = _overridden(study, preset, processing, method)
     prepared, result, table = _identified(study, threads, compare=compare, quiet=json)
     print_findings(_shared_format_finding(study, validate or []))
-    folder, replaced = _save(result, table, out)
-    _print(result, table, folder, verbose=verbose, json=json)
-    page = not no_report and write_page(folder, prepared.recordings)
+    run, replaced = _save(result, table, out)
+    _print(result, table, Path(run.folder), verbose=verbose, json=json)
+    page = not no_report and write_page(run, result, prepared.recordings, table)
     if not json:
-        print_next(result, folder, page=page, replaced=replaced, inputs=inputs)
+        print_next(result, Path(run.folder), page=page, replaced=replaced, inputs=inputs)
     if result.validation.verdict == "fail":
         raise typer.Exit(1)
 
@@ -179,15 +177,15 @@ def _identified(
         return prepared, result, compare_methods(prepared, progress=tell) if compare else None
 
 
-def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[Path, bool]:
-    """Write the run; return its folder, and true if it replaced an earlier run."""
-    from armid.runs.run import save_run
+def _save(result: Result, table: MethodTable | None, out: Path | None) -> tuple[Run, bool]:
+    """Write the run; return it, and true if it replaced an earlier one."""
+    from armid.runs.run import saved_run
     from armid.study.compare import compare_record
 
     folder = run_folder(out, result.estimate.robot)
     replaced = folder.exists()
-    save_run(result, folder, further_records={} if table is None else {"compare.json": compare_record(table)})
-    return folder, replaced
+    further = {} if table is None else {"compare.json": compare_record(table)}
+    return saved_run(result, folder, further_records=further), replaced
 
 
 def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: bool, json: bool) -> None:
@@ -205,8 +203,8 @@ def _print(result: Result, table: MethodTable | None, folder: Path, *, verbose: 
         record["links"] = link_record(link_table(result.model, result.estimate))
         if table is not None:
             record["compare"] = compare_record(table)
-        if result.ladder is not None:
-            record["friction"] = friction_selection_record(result.ladder, result.robot.joint_names)
+        if result.friction_selection is not None:
+            record["friction"] = friction_selection_record(result.friction_selection, result.robot.joint_names)
         sys.stdout.write(to_json(record) + "\n")
     else:
         print_result(result, verbose=verbose)

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from armid.runs.payload import Payload
     from armid.values import Array
 
-__all__ = ["payload"]
-
 
 def payload(
     run: Annotated[str, typer.Argument(help="Run of the arm without the payload.")],

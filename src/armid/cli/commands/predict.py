@@ -12,8 +12,6 @@ from armid.cli.options import Json
 from armid.cli.reading import Columns, TorqueSign, changed_reading
 from armid.errors import ArmidError
 
-__all__ = ["predict"]
-
 
 def predict(
     run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],

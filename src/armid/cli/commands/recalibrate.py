@@ -15,8 +15,6 @@ from armid.errors import OutputError, StudyError
 if TYPE_CHECKING:
     from armid.runs.recalibration import Changed, Recalibration
 
-__all__ = ["recalibrate"]
-
 
 def recalibrate(
     run: Annotated[str, typer.Argument(help="Earlier run.")],
@@ -83,7 +81,7 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
 
     console, result = output_console(), recalibration.result
     base = result.estimate.base
-    units = dict(zip(base.names, base.units, strict=True))
+    units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
     beyond = sorted((each for each in recalibration.changes if each.beyond), key=lambda each: -each.ratio)
     table = Table(
         title=f"{escape(result.robot.name)}: changed beyond their 95 % intervals since {recalibration.earlier}"

@@ -13,9 +13,10 @@ from armid.cli.options import Json
 from armid.cli.reading import Data
 
 if TYPE_CHECKING:
+    from armid.runs.run import Run
+    from armid.study.compare import MethodTable
+    from armid.study.identify import Result
     from armid.study.processed import ProcessedRecording
-
-__all__ = ["NoReport", "attempt", "report", "write_page"]
 
 PAGE = "report.html"
 
@@ -68,22 +69,34 @@ def report(
     print_findings([Finding("recording-missing", "warning", "", text, MISSING_REMEDY) for text in missing])
 
 
-def write_page(folder: Path, recordings: Sequence[ProcessedRecording]) -> bool:
-    """Write the page of a run that has just been saved; if this fails, print the reason on standard error.
+def write_page(
+    run: Run, result: Result, recordings: Sequence[ProcessedRecording], methods: MethodTable | None = None
+) -> bool:
+    """Write the page of a run into its folder; if this fails, print the reason on standard error.
 
     It is called after the results are printed, so that they do not wait for the page.
 
     Args:
-        folder: The run's folder.
+        run: The run, as it has just been saved.
+        result: What it holds.
         recordings: Processed recordings that the run was identified from.
+        methods: Comparison of methods, if there was one.
 
     Returns:
         True if the page was written.
     """
-    from armid.report.page import write_report
-    from armid.runs.run import load_run
+    from armid.report.data.page_data import gather
+    from armid.report.page import write_page as write_one
+    from armid.report.rendering import require_extra
+    from armid.runs.records import records_of
 
-    return attempt(PAGE, lambda: write_report(load_run(folder), folder / PAGE, recordings=recordings))
+    predicted = list(zip(recordings, result.predictions, strict=True))
+
+    def write() -> None:
+        require_extra()
+        write_one(gather(run, records=records_of(result, methods), recordings=predicted), Path(run.folder) / PAGE)
+
+    return attempt(PAGE, write)
 
 
 def attempt(page: str, write: Callable[[], object]) -> bool:

@@ -12,8 +12,6 @@ from armid.cli.options import Json, Out, run_folder
 if TYPE_CHECKING:
     from armid.thesis.retell import Thesis
 
-__all__ = ["thesis"]
-
 
 def thesis(
     quick: Annotated[

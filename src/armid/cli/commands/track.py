@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from armid.runs.run import Run
     from armid.runs.tracking import TrackedRun
 
-__all__ = ["track"]
-
 MAX_TABLE_ROWS = 20
 """Largest number of rows of the table over time."""
 
@@ -93,11 +91,11 @@ def _report(run: Run, tracked: TrackedRun, *, tool: bool) -> None:
     for k in np.unique(np.linspace(0, len(tracked.time) - 1, MAX_TABLE_ROWS).round().astype(int)):
         numbers = [f"{tracked.values[k, i]:.3f} ± {1.96 * tracked.deviation[k, i]:.3f}" for i in at]
         errors = [f"{np.linalg.norm(each[k]):.3f}" for each in (tracked.before, tracked.error)]
-        table.add_row(f"{tracked.time[k]:.2f}", *errors, f"{tracked.surprise[k].max():.1f}", *numbers)
+        table.add_row(f"{tracked.time[k]:.2f}", *errors, f"{tracked.normalized_innovation[k].max():.1f}", *numbers)
     console.print(table)
     for event in tracked.events[:MAX_TABLE_ROWS]:
         console.print(
-            f"{event.time:.2f} s: {escape(event.joint)} has {event.surprise:.1f} times its usual torque error"
+            f"{event.time:.2f} s: {escape(event.joint)} has {event.normalized_innovation:.1f} times the usual error"
         )
     names = _most_changed(run, tracked, MAX_CHANGED)
     last = Table(title="changed most by the end")

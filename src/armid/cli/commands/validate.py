@@ -11,8 +11,6 @@ import typer
 from armid.cli.options import Json
 from armid.cli.reading import Columns, Rate, TorqueSign, changed_reading
 
-__all__ = ["validate"]
-
 
 def validate(
     run: Annotated[str, typer.Argument(help="Folder that armid identify made.")],

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from armid.runs.run import Run
     from armid.validation.rollout_score import MotionScore
 
-__all__ = ["motion_table", "roll_out"]
-
 
 def roll_out(
     run: Run,

@@ -35,9 +35,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from armid.excitation.design.multistart import Progress, SearchCandidate
-    from armid.model.dynamics import DynamicsModel
-
-__all__ = ["excite"]
+    from armid.study.plans.design import Stage
 
 
 def _option(
@@ -122,7 +120,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "repetitions": _option(int, 1, "Number of periods that will be recorded."),
     "after": _option(SEVERAL, None, "Run or plan.json that already gives information; repeatable."),
     "predict": _option(SEVERAL, None, "Plan whose torque the model shall predict well; repeatable."),
-    "budget": _option(float, 30.0, "Wall time of the search, s; Ctrl-C keeps the best so far."),
+    "budget": _option(float, 30.0, "Wall time of the search alone, s; Ctrl-C keeps the best so far."),
     "seed": _option(int, 1, "Seed of the random starts; the same seed gives the same search."),
     "workers": _option(int, 2, "Number of processes; 0 searches in the main process."),
     "formats": _option(SEVERAL, None, "csv, ros2, fri, urscript, mat; repeatable, all by default.", "--format"),
@@ -136,8 +134,8 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
 
 
 @contextmanager
-def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progress]]:
-    """Process pool for the search, and a line on standard error with the best value so far.
+def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progress, Stage]]:
+    """Process pool for the search, and callbacks for a line on standard error: the best value so far, and stages.
 
     The pool is made first: before other threads run, processes can be forked, which takes no time.
     """
@@ -145,7 +143,7 @@ def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None,
     from armid.excitation.design.multistart import single_threaded_pool
     from armid.notebook import plural
 
-    workers = options["workers"]
+    workers = options["workers"] if options["experiment"] == "series" else 0
     budget = max(float(options["budget"]), 1e-3)
     criterion = options["criterion"] or "criterion"
     with (
@@ -153,12 +151,18 @@ def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None,
         progress(quiet=options["json"]) as tell,
         print_missing_meshes(quiet=options["json"]),
     ):
+        share = 0.0
 
         def report(best: SearchCandidate, seconds: float, descents: int) -> None:
             value = math.exp(best.value) if "condition" in criterion else best.value
-            tell(f"{criterion} {value:.4g}, {plural(descents, 'descent')}", min(seconds / budget, 1.0))
+            nonlocal share
+            share = min(seconds / budget, 1.0)
+            tell(f"{criterion} {value:.4g}, {plural(descents, 'descent')}", share)
 
-        yield pool, report
+        def report_stage(name: str) -> None:
+            tell(name, share)
+
+        yield pool, report, report_stage
 
 
 def excite(robot: str, **options: Any) -> None:
@@ -177,12 +181,13 @@ def excite(robot: str, **options: Any) -> None:
         armid excite panda --after runs/monday --duration 10
     """
     from armid.cli.console import output_console, print_findings
-    from armid.cli.motion.excite_request import run_request
+    from armid.cli.motion.excite_request import run_experiment, run_request
     from armid.report.preflight_page import write_preflight
     from armid.report.preview.page import write_preview
     from armid.report.preview.sources import preview_of_design
     from armid.study.config import build_model, load_choice
-    from armid.study.plans.design_files import choose_formats, design_record, refuse_plan_folder, save_design
+    from armid.study.plans.design import Designed
+    from armid.study.plans.design_files import choose_formats, plan_record, refuse_plan_folder, save_design
     from armid.study.plans.preflight_text import report_text
     from armid.study.records import to_json
 
@@ -192,52 +197,29 @@ def excite(robot: str, **options: Any) -> None:
     folder = options["out"] or run_default.with_name(f"{run_default.name}-plan")
     refuse_plan_folder(folder)
     model = build_model(arm, model_choice(options["terms"], default=BASE_TERMS))
-    if options["experiment"] != "series":
-        _experiment(model, options, folder, formats)
-        return
-    with _search_context(options) as (pool, tell):
-        designed = run_request(model, options, executor=pool, progress=tell)
-    save_design(designed, folder, formats=formats, rate=options["format_rate"], rehearsal=options["rehearsal"])
-    if not options["no_report"]:
-        attempt(PREFLIGHT, lambda: write_preflight(designed, folder / PREFLIGHT))
-        attempt(PREVIEW, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
+    rate, rehearsal = options["format_rate"], options["rehearsal"]
+    with _search_context(options) as (pool, tell, stage):
+        designed = (
+            run_request(model, options, executor=pool, progress=tell, stage=stage)
+            if options["experiment"] == "series" else run_experiment(model, options)
+        )  # fmt: skip
+        stage("files")
+        save_design(designed, folder, formats=formats, rate=rate, rehearsal=rehearsal)
+        if not options["no_report"]:
+            attempt(PREFLIGHT, lambda: write_preflight(designed, folder / PREFLIGHT))
+            stage("preview")
+            attempt(PREVIEW, lambda: write_preview(preview_of_design(designed), folder / PREVIEW))
     if options["json"]:
-        sys.stdout.write(to_json({**design_record(designed), "folder": str(folder)}) + "\n")
+        sys.stdout.write(to_json({**plan_record(designed), "folder": str(folder)}) + "\n")
     else:
         sys.stdout.write(report_text(designed, findings=False))
         output_console().print(f"written to [bold]{folder}[/]")
     print_findings((*arm.findings, *designed.findings), shapes=True)
-    if designed.search.interrupted:
+    if isinstance(designed, Designed) and designed.search.interrupted:
         sys.stderr.write("interrupted; this is the best plan so far\n")
     if designed.preflight.verdict == "fail":
         sys.stderr.write(f"verdict: fail. {designed.preflight.sentence}; no motion was written for a controller\n")
         raise typer.Exit(1)
-
-
-def _experiment(model: DynamicsModel, options: dict[str, Any], folder: Path, formats: tuple[str, ...]) -> None:
-    """Plan and write static poses or sweeps; they need no search and no preflight report."""
-    from armid.cli.console import print_missing_meshes
-    from armid.cli.motion.excite_request import run_experiment
-    from armid.report.preview.page import write_preview
-    from armid.report.preview.sources import preview_of_moves
-    from armid.study.plans.design_files import save_moves
-    from armid.study.plans.surroundings import surroundings_of
-    from armid.study.records import to_json
-
-    with print_missing_meshes(quiet=options["json"]):
-        moves, unchecked = run_experiment(model, options)
-    rate, rehearsal = options["format_rate"], options["rehearsal"]
-    record = save_moves(moves, model.robot, folder, formats=formats, rate=rate, rehearsal=rehearsal)
-    if not options["no_report"]:
-        around = surroundings_of(options, model.robot)
-        attempt(PREVIEW, lambda: write_preview(preview_of_moves(moves, model.robot, around), folder / PREVIEW))
-    if unchecked:
-        sys.stderr.write(f"warning collisions not checked: {unchecked}; look at the preview and run the rehearsal\n")
-    if options["json"]:
-        sys.stdout.write(to_json({**record, "folder": str(folder)}) + "\n")
-        return
-    counts = ", ".join(f"{moves.kinds.count(kind)} {kind}s" for kind in dict.fromkeys(moves.kinds))
-    sys.stdout.write(f"{model.robot.name}: {counts} in {moves.duration:.0f} s, written to {folder}\n")
 
 
 def _signature() -> inspect.Signature:

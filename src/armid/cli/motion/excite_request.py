@@ -9,16 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.excitation.collision.ignored_pairs import ignored_of_srdf, parse_ignored
 from armid.excitation.design.multistart import Progress
 from armid.excitation.design.objective import CriterionGoal, information_along, known_sizes
 from armid.excitation.fourier import Excitation
-from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.limits.workspace import Workspace, box_workspace
-from armid.excitation.point_to_point import Moves, choose_poses, free_ranges, poses_plan, straight_way, sweeps_plan
 from armid.information.information import Information
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
@@ -30,27 +27,14 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.runs.run import MARKER, load_run
 from armid.study.config import RecordingChoice
-from armid.study.identify import read_recording
-from armid.study.plans.design import DesignConstraints, Designed, DesignGoal, SearchBudget, design_plan
-from armid.study.plans.placement import place_motion
+from armid.study.identify import read_choice
+from armid.study.plans.design import DesignConstraints, Designed, DesignGoal, SearchBudget, Stage, design_plan
+from armid.study.plans.moves import DesignedMoves, MovesGoal, design_moves
 from armid.study.plans.plan_files import is_plan, motion_of_plan, series_of
 from armid.study.plans.surroundings import assumed_floor, meshes_are_missing, surroundings_of
 from armid.values import Array, load
 
-__all__ = [
-    "design_constraints",
-    "motion_of_file",
-    "numbers",
-    "parse_limits",
-    "prior_of_run",
-    "run_experiment",
-    "run_request",
-]
-
 Limit = float | tuple[float, float]
-
-COLLISION_CHECK_RATE = 50.0
-"""Rate of the collision checks along the way between poses [Hz]."""
 
 TORQUE_MARGIN = 0.1
 """Default share of the torque limits that is kept free, because the masses of a description are rough."""
@@ -62,6 +46,7 @@ def run_request(
     *,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    stage: Stage = lambda name: None,
 ) -> Designed:
     """Design the motion that the options of `armid excite` ask for.
 
@@ -70,6 +55,7 @@ def run_request(
         options: Values of the command line's options, by name.
         executor: Runs the search; without one the search runs in this process.
         progress: Called after every descent.
+        stage: Called with the name of each stage before and after the search.
     """
     goal = _goal(model, options)
     design_goal = DesignGoal(
@@ -86,7 +72,7 @@ def run_request(
     constraints = replace(
         design_constraints(options, model.robot), parameters=_identified(options["after"] or (), goal)
     )
-    return design_plan(design_goal, constraints, budget, progress=progress, executor=executor)
+    return design_plan(design_goal, constraints, budget, progress=progress, executor=executor, stage=stage)
 
 
 def design_constraints(options: Mapping[str, Any], robot: Robot) -> DesignConstraints:
@@ -128,46 +114,16 @@ def _clearance(options: Mapping[str, Any], robot: Robot, surroundings: Sequence[
     return options["clearance"] if requested is not False and (requested or surroundings or has_bodies) else None
 
 
-def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> tuple[Moves, str]:
-    """Plan static poses or constant velocities, by the options of `armid excite`.
-
-    Returns:
-        The moves, and the reason if collisions were not checked, else an empty text.
+def run_experiment(model: DynamicsModel, options: Mapping[str, Any]) -> DesignedMoves:
+    """Design static poses or constant velocities, by the options of `armid excite`.
 
     Raises:
         ArmidError: The experiment is unknown, or bodies come too close to each other during it.
     """
-    robot, kind = model.robot, options["experiment"]
-    constraints = design_constraints(options, robot)
-    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
-    placed = place_motion(robot, limits, constraints, _pose(options, "start", robot))
-    start, collision = placed.start, placed.collision
-
-    def collision_free(q: Array) -> NDArray[np.bool_]:
-        if collision is None:
-            return np.ones(len(q), dtype=np.bool_)
-        return collision.clear(robot, q)
-
-    def reachable(q: Array) -> NDArray[np.bool_]:
-        paths = np.concatenate([straight_way(start, pose) for pose in q])
-        return np.asarray(collision_free(paths).reshape(len(q), -1).all(axis=1), dtype=np.bool_)
-
-    if kind == "poses":
-        base = find_base_parameters(model)
-        poses = choose_poses(model, base, limits, options["poses"], seed=options["seed"], allowed=reachable)
-        moves = poses_plan(poses, limits, rest=options["rest"], via=start, free=collision_free)
-    elif kind == "sweeps":
-        moves = sweeps_plan(start, free_ranges(start, limits, collision_free))
-    else:
-        raise ArmidError(f"There is no experiment {kind!r}.", possible="series, poses, sweeps")
-    motion = moves.sample(COLLISION_CHECK_RATE)
-    colliding = np.flatnonzero(~collision_free(motion.q))
-    if len(colliding):
-        raise ArmidError(
-            f"Bodies come too close {motion.time[colliding[0]]:.1f} s into the {kind}.",
-            remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
-        )
-    return moves, placed.unchecked
+    kind, start = options["experiment"], _pose(options, "start", model.robot)
+    goal = MovesGoal(kind, options["poses"], options["rest"], start, options["seed"])
+    parameters = _identified(options["after"], _goal(model, options)) if options["after"] else None
+    return design_moves(model, goal, replace(design_constraints(options, model.robot), parameters=parameters))
 
 
 def _pose(options: Mapping[str, Any], name: str, robot: Robot) -> Array | None:
@@ -319,7 +275,7 @@ def motion_of_file(path: str, robot: Robot) -> Motion:
     else:
         motion = motion_of_plan(path, robot, 1000.0)
     if motion is None:
-        recording, _ = read_recording(RecordingChoice(path, reading=LogFormat()), ".", robot)
+        recording, _ = read_choice(RecordingChoice(path, reading=LogFormat()), ".", robot)
         observations, _ = process_recordings([recording], ProcessingOptions(standstill="keep"))
         runs = [run.motion for run in observations.runs]
         motion = Motion(*(np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "q", "dq", "ddq")))

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from armid.robot.shapes import Shape
     from armid.runs.run import Run
 
-__all__ = ["PAGE", "preview"]
-
 PAGE = "preview.html"
 
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from armid.lab.options import LabOptions
     from armid.study.plans.simulation import WrittenSimulation
 
-__all__ = ["simulate"]
-
 
 def simulate(
     robot: RobotName,

@@ -6,8 +6,6 @@ from armid.codegen.languages import c
 from armid.codegen.program import Program
 from armid.codegen.source import FunctionSource
 
-__all__ = ["write"]
-
 
 def write(source: FunctionSource) -> dict[str, str]:
     """Files `NAME.hpp`, `NAME.h` and `NAME.c`."""

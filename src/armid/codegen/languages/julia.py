@@ -6,8 +6,6 @@ from armid.codegen.program import Program
 from armid.codegen.source import FunctionSource
 from armid.codegen.writing import Notation, body
 
-__all__ = ["write"]
-
 FUNCTIONS = {
     "sin": "sin({})",
     "cos": "cos({})",

@@ -9,8 +9,6 @@ from armid.codegen.reference_functions import thesis_programs
 from armid.codegen.source import FunctionSource
 from armid.codegen.writing import Notation, body
 
-__all__ = ["write"]
-
 FUNCTIONS = {
     "sin": "sin({})",
     "cos": "cos({})",

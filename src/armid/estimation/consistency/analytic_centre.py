@@ -22,8 +22,6 @@ from armid.maths.barrier_method import minimise
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 
-__all__ = ["AnalyticCentre", "find_centre"]
-
 AIM = 1e-6
 """Target gap: the Hessian needs the centre to a few hundredths of a standard deviation."""
 
@@ -34,7 +32,7 @@ class AnalyticCentre:
 
     Attributes:
         values: Standard parameters, shape (p,).
-        precision: Curvature of prior and cone there, in units of the weighted normal equations, shape (p, p).
+        precision: Hessian of prior and barrier there, in units of the weighted normal equations, shape (p, p).
     """
 
     values: Array
@@ -49,13 +47,13 @@ def find_centre(
     values: Array,
     basis: Array,
 ) -> AnalyticCentre | None:
-    """Computes the analytic centre around an estimate; `None` where no start in the cone or no centre is found.
+    """Computes the analytic centre around an estimate; `None` where no start in the cone, or no centre, is found.
 
     Args:
         standard: The standard parameters.
-        weighted: The data.
+        weighted: The whitened data.
         belief: The prior for weight 1.
-        prior: What was used of it.
+        prior: Kind and weight of the prior in the estimate.
         values: The estimate, shape (p,).
         basis: Parameters (p,) that each unknown moves, shape (p, x).
     """
@@ -85,12 +83,12 @@ def find_centre(
 
 
 def _weight(prior: PriorUse) -> float:
-    """Weight of the links' prior; where there was none, what is known of any arm."""
+    """Weight of the links' prior; 1 where the estimate had none."""
     return prior.weight if prior.weight > 0.0 else 1.0
 
 
 def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple[Array, Array]:
-    """Precision (p,) and mean (p,) of what is believed apart from log-det terms."""
+    """Precision (p,) and mean (p,) of the prior without its log-det terms."""
     precision = np.diag(belief.precision).copy()
     precision[standard.inertial] *= _weight(prior) if prior.kind == "euclidean" else 0.0
     return precision, belief.mean
@@ -99,7 +97,7 @@ def _rows(standard: StandardParameters, belief: Prior, prior: PriorUse) -> tuple
 def _terms(
     standard: StandardParameters, belief: Prior, prior: PriorUse, correlation: float, values: Array, basis: Array
 ) -> tuple[LogDet, ...]:
-    """Terms that keep links and values inside, about the estimate."""
+    """Barriers that keep pseudo-inertias definite and nonnegative parameters positive, in steps from the estimate."""
     terms: list[LogDet] = []
     if prior.kind == "log-det":
         terms.extend(belief.log_det(standard, values, basis, correlation * _weight(prior)))
@@ -118,7 +116,7 @@ def _terms(
 
 
 def _curvature(standard: StandardParameters, belief: Prior, prior: PriorUse, values: Array, basis: Array) -> Array:
-    """Second derivative (p, p) of prior and cone at the centre, for one row a sample."""
+    """Hessian (p, p) of prior and barrier at the centre, where each row is an independent sample."""
     result = belief.curvature(standard, values, _weight(prior))
     if prior.kind != "log-det":
         relative = relative_precision(pseudo_inertia(values[standard.inertial]))

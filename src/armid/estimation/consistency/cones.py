@@ -13,16 +13,14 @@ from armid.maths.cones import Cone, upper_triangle
 from armid.maths.inertia import PSEUDO_INERTIA_OF, pseudo_inertia
 from armid.values import Array
 
-__all__ = ["EPSILON", "consistency_cones", "smallest_eigenvalues"]
-
 EPSILON = 1e-6
-"""Smallest eigenvalue asked of a pseudo-inertia [kg and kg·m²]: a speck of dust, so that no mass is zero."""
+"""Smallest eigenvalue required of a pseudo-inertia [kg and kg·m²]: a milligram, so that no mass is zero."""
 
 
 def consistency_cones(
     standard: StandardParameters, variables: int, *, epsilon: float = EPSILON, heaviest: float | None = None
 ) -> list[Cone]:
-    """Cones that hold standard parameters of real bodies; they are the first of the variables.
+    """Cones of standard parameters of real bodies; the standard parameters are the first of the variables.
 
     Args:
         standard: The standard parameters.

@@ -17,35 +17,33 @@ from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
 from armid.maths.linalg import orthonormal
 from armid.values import Array
 
-__all__ = ["GOOD", "NearestPoint", "interior_point", "nearest"]
-
 GOOD = 2e-7
-"""Gap at which no better answer is looked for, over the size of the objective: a fifth of the largest accepted."""
+"""Relative gap at which the search ends: a fifth of the largest accepted gap."""
 
 TRIES = 4
-"""Most programs from one start; one is usual."""
+"""Largest number of programs from one start; usually one is enough."""
 
 UNIT = 1e3
-"""Size that columns are scaled down to where noise is so small that they are larger."""
+"""Limit of the median column length; where small noise makes columns longer, they are scaled down to it."""
 
 THIN = 1e-4
-"""Smallest diagonal entry of a matrix over its largest that rows are scaled by; what is thinner counts as so thin."""
+"""Smallest ratio of a diagonal entry to the largest one that scales rows; smaller entries count as this ratio."""
 
 ROOM = 0.1
-"""Most slack that a start of the search is given in each cone; any positive one does."""
+"""Largest slack of a start in each cone; any positive slack is enough."""
 
 FURTHEST = 1e3
-"""Size of the unknowns of a start, which without a limit would go anywhere where nothing bounds them."""
+"""Limit of the norm of a start, for unknowns that no constraint bounds."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NearestPoint:
-    """Unknowns in the cones.
+    """Solution of a program.
 
     Attributes:
-        x: Shape (unknowns,).
-        objective: Half the squared residual and the cost.
-        gap: By how much the minimum may lie below, over the objective, at least one.
+        x: Unknowns, which lie in the cones, shape (unknowns,).
+        objective: Half the squared residual plus the linear cost.
+        gap: Upper bound of objective less minimum, over the larger of the objective and 1.
     """
 
     x: Array
@@ -54,18 +52,17 @@ class NearestPoint:
 
 
 def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Array) -> NearestPoint:
-    """The unknowns x that minimise ½ |A x - y|² + costᵀ x, with the best gap that is reached.
+    """Minimises ½ |A x - y|² + costᵀ x over the cones; of all attempts the one with the smallest gap.
 
     Args:
-        feasible: What is allowed.
-        A: Shape (rows, unknowns).
-        y: Shape (rows,).
-        cost: Shape (unknowns,).
-        precision: What is believed of the size of the unknowns before the data, for the first guess, shape
-            (unknowns,).
+        feasible: Feasible set.
+        A: Matrix of the least-squares problem, shape (rows, unknowns).
+        y: Right-hand side, shape (rows,).
+        cost: Linear cost, shape (unknowns,).
+        precision: Prior precision of the unknowns, for the first guess, shape (unknowns,).
 
     Raises:
-        UnsolvedError: No program had an answer.
+        UnsolvedError: The solver failed on every program.
     """
     best, trouble = (
         None,
@@ -79,7 +76,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
         for _ in range(TRIES):
             unit = units.pop(0)
             try:
-                change, doubt = _change(feasible, A / unit, (y - A @ near) / unit, cost / unit**2, near, size)
+                change, bound = _change(feasible, A / unit, (y - A @ near) / unit, cost / unit**2, near, size)
             except UnsolvedError as error:
                 trouble = error
                 if not units:
@@ -88,7 +85,7 @@ def nearest(feasible: Feasible, A: Array, y: Array, cost: Array, precision: Arra
             near = near + change
             residual = float(np.linalg.norm(A @ near - y))
             objective = 0.5 * residual**2 + float(cost @ near)
-            found = NearestPoint(near, objective, doubt * unit**2 / max(1.0, abs(objective)))
+            found = NearestPoint(near, objective, bound * unit**2 / max(1.0, abs(objective)))
             if found.gap <= GOOD:
                 return found
             best = found if best is None or found.gap < best.gap else best
@@ -122,10 +119,10 @@ def interior_point(feasible: Feasible) -> Array | None:
 
 
 def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[float]]]:
-    """Places to start from, each with the units that are tried first.
+    """Starts of the search, each with the units that are tried first.
 
-    The first is the best without cones, where most data lead to. But what data hardly show may be anything there, up
-    to sizes that leave no digits; the other is nothing at all.
+    The first start is the minimum without cones, close to the solution for most data. But it may be very large along
+    directions that the data hardly determine, so that rounding errors dominate; hence the second start is zero.
     """
     length = np.sqrt(np.sum(A**2, axis=0) + precision)
     whole = np.concatenate([A / length, np.diag(np.sqrt(precision) / length)])
@@ -143,7 +140,7 @@ def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[floa
 def _change(
     feasible: Feasible, A: Array, y: Array, cost: Array, near: Array, size: Array | None
 ) -> tuple[Array, float]:
-    """The change d (x,) of the unknowns that minimises ½ |A d - y|² + costᵀ d, and by how much more may be won."""
+    """Minimises ½ |A d - y|² + costᵀ d; returns the change d (x,) and a bound of objective less minimum."""
     x = A.shape[1]
     cones = tuple(replace(c, offset=c.offset + c.matrix @ near) for c in feasible.cones)
     cones = cones if size is None else tuple(_scaled(cone, size) for cone in cones)
@@ -156,12 +153,12 @@ def _change(
         np.append(np.zeros(x), 1.0),
     )
     change = found.x[:x] * size
-    # The slope that is left matters where nothing else holds unknowns: tons that no torque tells of.
+    # The dual residual counts times the size of the unknowns: an unidentified mass may be tons.
     return change, found.doubt(np.append(np.abs(near + change) / size, 0.0))
 
 
 def _scaled(cone: Cone, size: Array) -> Cone:
-    """The same cone with unknowns in units of their size and rows of about one: S X S is positive where X is."""
+    """Equivalent cone with unknowns in units of `size` and rows scaled to about one: S X S is positive where X is."""
     if cone.kind == "semidefinite":
         diagonal = np.diag(symmetric(cone.offset))
         half = 1.0 / np.sqrt(np.maximum(diagonal, max(THIN * float(diagonal.max()), np.finfo(np.float64).tiny)))
@@ -173,5 +170,5 @@ def _scaled(cone: Cone, size: Array) -> Cone:
 
 
 def _widened(cones: tuple[Cone, ...], more: int) -> list[Cone]:
-    """The same cones with further variables that do not touch them."""
+    """The same cones with `more` further variables that do not enter them."""
     return [replace(c, matrix=np.concatenate([c.matrix, np.zeros((len(c.matrix), more))], axis=1)) for c in cones]

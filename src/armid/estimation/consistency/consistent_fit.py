@@ -2,7 +2,7 @@
 
     minimise |A (L θ) - y|    so that θ lies in the cone of real bodies
 
-The prior is added to half the square; `none` is a mass prior too weak to be felt. The residual enters as a
+The prior is added to half the square; `none` is a mass prior with a negligible weight. The residual enters as a
 second-order cone or by its rows, never as AᵀA, which would lose half of the digits.
 """
 
@@ -25,29 +25,27 @@ from armid.maths.barrier_method import GAP, SmoothSolution, minimise
 from armid.maths.cones import ACCEPTED
 from armid.values import Array
 
-__all__ = ["BodyConstraints", "ConsistentProgram"]
-
 UNFELT = (1e-6, 1e-4, 1e-2)
-"""Weights of a mass prior that stands for none, of which the first that leaves enough digits is taken: without any
-there need be no smallest residual, since bodies of infinite mass can come ever nearer to it. The last moves what is
-known to a deviation of s kg by a thousandth of s of that deviation."""
+"""Negligible weights of a mass prior, used where no prior is asked for; the first that the solver can resolve is
+used. Without any prior the residual may have no minimum, since it may fall for ever as masses grow. The largest
+weight moves a parameter of standard deviation s kg by s/1000 standard deviations."""
 
 SHORT = 60
-"""Newton steps from the prior's mean after which another start is looked for; twenty to forty are usual."""
+"""Largest number of Newton steps from the prior's mean before another start is tried; 20 to 40 are usual."""
 
 MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
-"""Added to the eigenvalues asked for, until what the solver's last digits leave is no less than asked."""
+"""Margins added to the required eigenvalues, in turn, until the rounded solution meets the requirement."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BodyConstraints:
-    """A solution that was checked.
+    """Solution that has passed its checks.
 
     Attributes:
         values: Standard parameters (p,).
         basis: Parameters (p,) that each unknown moves, shape (p, x).
-        objective: Half the squared residual beyond the best, and the prior.
-        gap: By how much the minimum may lie below, relative.
+        objective: Half the squared residual above its least-squares minimum, plus the prior's cost.
+        gap: Upper bound of objective less minimum, relative.
     """
 
     values: Array
@@ -58,14 +56,14 @@ class BodyConstraints:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ConsistentProgram:
-    """Demands on the parameters, whatever the data.
+    """Constraints and prior of the parameters, independent of the data.
 
     Attributes:
         standard: The standard parameters.
         asked: Constraints.
-        kind: `mass`, `log-det`, `euclidean` or `none`.
+        kind: Kind of prior: `mass`, `log-det`, `euclidean` or `none`.
         belief: The prior.
-        correlation: Rows that count as one independent sample.
+        correlation: Number of rows that count as one independent sample.
     """
 
     standard: StandardParameters
@@ -75,17 +73,17 @@ class ConsistentProgram:
     correlation: float = 1.0
 
     def solve(self, rows: Array, side: Array, weight: float, *, aim: float = GAP) -> BodyConstraints:
-        """The best parameters.
+        """Solves for the parameters of least cost.
 
         Args:
             rows: Whitened rows, shape (k, b).
-            side: Shape (k,).
-            weight: Of the prior of the links, in independent samples.
-            aim: Gap aimed at, where the method can choose.
+            side: Right-hand side, shape (k,).
+            weight: Weight of the links' prior, in independent samples.
+            aim: Target gap of Newton's method.
 
         Raises:
             EstimationError: The constraints contradict each other.
-        UnsolvedError: No checked solution was found.
+            UnsolvedError: No solution passed its checks.
         """
         for margin in MARGINS:
             try:
@@ -94,7 +92,7 @@ class ConsistentProgram:
                 raise self._contradiction() from error
             if not feasible.basis.shape[1]:
                 raise EstimationError(
-                    "Every parameter is given; there is nothing to estimate.",
+                    "Every parameter is given; no parameter is left to estimate.",
                     remedy="leave links out of known, or names out of fixed.",
                 )
             found = self._solve(feasible, rows, side, weight, aim)
@@ -102,8 +100,8 @@ class ConsistentProgram:
             if self._holds(found.values, feasible):
                 return found
         raise UnsolvedError(
-            "The solver's answer is not physical within its last digits.",
-            remedy="ask for a smaller epsilon, or look at constraints that contradict each other.",
+            "The solution is not physical after rounding.",
+            remedy="choose a smaller epsilon, or remove constraints that contradict each other.",
         )
 
     def _solve(self, feasible: Feasible, rows: Array, side: Array, weight: float, aim: float) -> BodyConstraints:
@@ -117,12 +115,13 @@ class ConsistentProgram:
         for unfelt in UNFELT:
             with contextlib.suppress(UnsolvedError):
                 return self._conic(feasible, A, y, unfelt, None)
-        # What is not felt beside noise may be lost beside a residual that is far larger.
+        # A weight that is negligible for the noise may vanish by rounding where the residual is far larger than the
+        # noise.
         least = self._conic(feasible, A, y, 1.0, aim).objective
         return self._conic(feasible, A, y, max(UNFELT[-1], UNFELT[0] * least / len(y)), aim)
 
     def _conic(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float | None) -> BodyConstraints:
-        """With a prior that is linear or quadratic: by the conic solver, or else by Newton's method for some aim."""
+        """Solution with a linear or quadratic prior: by the conic solver, or with an aim by Newton's method."""
         believed = np.diag(self.belief.precision)
         is_link = np.isin(np.arange(len(believed)), self.standard.inertial)
         cost = np.zeros(A.shape[1])
@@ -143,7 +142,7 @@ class ConsistentProgram:
     def _otherwise(
         self, feasible: Feasible, problem: Smooth, rough: NearestPoint | None, aim: float | None
     ) -> NearestPoint | SmoothSolution:
-        """Refine where the conic solver had no digits: by Newton's method if there is an aim, else what it found."""
+        """Solution where the conic one is inaccurate: by Newton's method if an aim is given, else the conic one."""
         trouble = UnsolvedError(
             "The conic solver left too large a gap.", remedy="give a prior, or identify with --method log-cholesky."
         )
@@ -160,7 +159,7 @@ class ConsistentProgram:
         return nearest(feasible, A, y, cost, np.diag(self.belief.precision) @ feasible.basis**2)
 
     def _log_det(self, feasible: Feasible, A: Array, y: Array, weight: float, aim: float) -> BodyConstraints:
-        """By Newton's method, first without the smallest eigenvalue, which the prior nearly always gives."""
+        """Solution with a log-det prior by Newton's method, first without the eigenvalue bound: it seldom binds."""
         others = np.setdiff1d(np.arange(len(self.standard.names)), self.standard.inertial)
         root = np.sqrt(self.correlation * np.diag(self.belief.precision)[others])[:, None]
         A = np.concatenate([A, root * feasible.basis[others]])
@@ -176,10 +175,10 @@ class ConsistentProgram:
         return BodyConstraints(values, feasible.basis, found.objective, found.gap)
 
     def _smooth(self, feasible: Feasible, problem: Smooth, aim: float) -> SmoothSolution:
-        """The minimum with log-det terms: from the prior's mean, or from where it is without the logarithms.
+        """Minimum with log-det terms by Newton's method: from the prior's mean, else from the conic minimum.
 
-        Without them the program is conic. To solve that costs as much as fifty Newton steps, and pays where the path
-        from the mean is longer: mostly where no body explains the data.
+        Without the logarithms the program is conic and costs as much as fifty Newton steps. This pays where the path
+        from the mean is longer, mostly where no body explains the data.
         """
         mean = feasible.unknowns(self.belief.inside(self.standard))
         with contextlib.suppress(EstimationError):
@@ -196,7 +195,7 @@ class ConsistentProgram:
             return minimise(problem, self._start(feasible), aim=aim)
 
     def _start(self, feasible: Feasible) -> Array:
-        """Unknowns strictly inside: bodies and some friction, or else what a conic program finds."""
+        """Strictly feasible start: the prior's bodies with some friction, or else the solution of a conic program."""
         start = feasible.unknowns(self.belief.inside(self.standard))
         if all(cone.leaves(start) < 0.0 for cone in feasible.cones):
             return start
@@ -217,12 +216,12 @@ class ConsistentProgram:
 
         together = "; ".join(conflicting(self.asked, empty))
         return ContradictionError(
-            f"No body can have what is required: {together or 'an epsilon'} contradict each other or physics.",
-            remedy="take one of these back.",
+            f"No body meets all requirements: {together or 'an epsilon'} contradict each other or physics.",
+            remedy="remove one of these.",
         )
 
     def _cleared(self, values: Array) -> Array:
-        """Values that the solver left a rounding below zero are zero."""
+        """Sets nonnegative parameters that rounding has left just below zero to zero."""
         bounded = self.standard.nonnegative & (values < 0.0) & (values > -ACCEPTED)
         return np.where(bounded, 0.0, values)
 

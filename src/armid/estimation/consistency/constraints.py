@@ -1,6 +1,6 @@
-"""Requirements on standard parameters beside physical consistency: cones, and a smaller set of unknowns.
+"""Requirements on standard parameters beside physical consistency, as cones and as a smaller set of unknowns.
 
-θ = origin + basis · x        fixed parameters stand in the origin, equal ones share an unknown
+θ = origin + basis · x        the origin holds the fixed parameters; equal parameters share an unknown
 """
 
 from __future__ import annotations
@@ -19,14 +19,12 @@ from armid.estimation.problem import StandardParameters
 from armid.maths.cones import Cone
 from armid.values import Array
 
-__all__ = ["ContradictionError", "Feasible", "Requirements", "at_mass_limit", "feasible_set"]
-
 ROUNDED = 1e-9
-"""Size of a negative eigenvalue of a given link that counts as rounding of its description."""
+"""Largest negative eigenvalue, as absolute value, of a given link that counts as rounding of its description."""
 
 
 class ContradictionError(EstimationError):
-    """Requirements that leave no body."""
+    """Requirements that no body meets."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,7 +39,7 @@ class Requirements:
         com: Points around a link's centre of mass [m], by its number: two corners of a box, or a hull.
         equal: Sets of parameters that have one value.
         fixed: Parameters that are known.
-        known: Numbers of links that are as the description says.
+        known: Numbers of links whose parameters the description gives.
     """
 
     epsilon: float
@@ -56,12 +54,12 @@ class Requirements:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Feasible:
-    """The set of parameters that are allowed.
+    """Feasible set of the standard parameters: origin + basis · x with x in the cones.
 
     Attributes:
-        origin: Shape (p,).
-        basis: Shape (p, x), each parameter moved by one unknown at most.
-        cones: In the unknowns x.
+        origin: Fixed part of the parameters, shape (p,).
+        basis: Parameters that each unknown moves, shape (p, x); each parameter depends on one unknown at most.
+        cones: Cones of the unknowns x.
     """
 
     origin: Array
@@ -73,21 +71,21 @@ class Feasible:
         return self.origin + self.basis @ x
 
     def unknowns(self, values: Array) -> Array:
-        """Unknowns (x,) of standard parameters, the nearest where these do not lie in the set's plane."""
+        """Unknowns (x,) of standard parameters, or of the nearest point that has the form origin + basis · x."""
         return np.asarray(self.basis.T @ (values - self.origin), dtype=np.float64) / np.sum(self.basis**2, axis=0)
 
 
 def feasible_set(standard: StandardParameters, asked: Requirements, margin: float = 0.0) -> Feasible:
-    """The set that requirements leave.
+    """Feasible set of the requirements.
 
     Args:
         standard: The standard parameters.
-        asked: What is required.
-        margin: By how much more than asked the eigenvalues must be, so that a solver's last digits do not matter.
+        asked: The requirements.
+        margin: Addition to the smallest eigenvalue, which covers the rounding of a solver.
 
     Raises:
-        EstimationError: A requirement that names nothing, or is of the wrong form.
-        ContradictionError: What is given contradicts a bound.
+        EstimationError: A requirement names an unknown parameter or link, or has a wrong form.
+        ContradictionError: A given value contradicts a bound.
     """
     origin, basis = _affine(standard, asked)
     p = len(standard.names)
@@ -100,30 +98,30 @@ def feasible_set(standard: StandardParameters, asked: Requirements, margin: floa
             and smallest_eigenvalues(standard, origin)[list(standard.inertial[:, 0]).index(own[0])] < -ROUNDED
         ):
             raise EstimationError(
-                f"The link of {standard.names[own[0]]} is given, and no body has its values.",
-                remedy="leave it to be estimated.",
+                f"The link of {standard.names[own[0]]} is given, but no real body has its values.",
+                remedy="let it be estimated.",
             )
     return Feasible(origin, basis, tuple(part for cone in moved if (part := _felt(cone)) is not None))
 
 
 def _felt(cone: Cone) -> Cone | None:
-    """A cone without the rows that no unknown moves, where rows stand alone; `None` where none is left."""
+    """Cone without rows that no unknown moves, which single bounds may have; `None` where no row remains."""
     moves = cone.matrix.any(axis=1)
     if cone.kind == "semidefinite":
         return cone if moves.any() else None
     if (cone.offset[~moves] < -ROUNDED).any():
-        raise ContradictionError("Parameters that are given contradict a bound.", remedy="look at fixed and known.")
+        raise ContradictionError("Given parameters contradict a bound.", remedy="correct fixed or known.")
     return Cone(cone.kind, cone.matrix[moves], cone.offset[moves]) if moves.any() else None
 
 
 def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, Array]:
-    position = {name: k for k, name in enumerate(standard.names)}
+    position: dict[str, int] = {name: k for k, name in enumerate(standard.names)}
     origin = np.zeros(len(standard.names))
     given = np.zeros(len(standard.names), dtype=bool)
     for number in asked.known:
         own = standard.inertial[_link(standard, str(number), "known")]
         if standard.nominal is None:
-            raise EstimationError("known needs a description with inertial parameters.", remedy="use fixed.")
+            raise EstimationError("known needs a description with inertial parameters.", remedy="use fixed instead.")
         origin[own], given[own] = standard.nominal[own], True
     for name, value in (asked.fixed or {}).items():
         k = _position(position, name, "fixed")
@@ -134,7 +132,7 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
             )
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise EstimationError(
-                f"fixed gives {name} = {value!r}, which is no number.", remedy="give a number in SI units."
+                f"fixed gives {name} = {value!r}, which is not a number.", remedy="give a number in SI units."
             )
         origin[k], given[k] = value, True
     leader = np.arange(len(origin))
@@ -142,12 +140,12 @@ def _affine(standard: StandardParameters, asked: Requirements) -> tuple[Array, A
         where = [_position(position, name, "equal") for name in group]
         if len(where) < 2 or given[where].any():
             raise EstimationError(
-                f"equal must name two or more parameters that are not given otherwise; found {list(group)}."
+                f"equal must name two or more parameters without another requirement; found {list(group)}."
             )
         if len(units := dict.fromkeys(standard.units[k] for k in where)) > 1:
             raise EstimationError(
                 f"equal must name parameters of one unit; found {list(group)} in {', '.join(units)}.",
-                remedy="give a list for each unit.",
+                remedy="give one list for each unit.",
             )
         joined = np.isin(leader, leader[where])
         leader[joined] = leader[joined].min()
@@ -163,9 +161,9 @@ def at_mass_limit(standard: StandardParameters, asked: Requirements, values: Arr
 
     Args:
         standard: The standard parameters.
-        asked: What is required.
+        asked: The requirements.
         values: The estimate, shape (p,).
-        near: Distance from a limit at which a parameter stands at it, shape (p,).
+        near: Largest distance from a limit at which a parameter counts as being at it, shape (p,).
     """
     low, high = np.full(len(values), -np.inf), np.full(len(values), np.inf)
     masses = standard.inertial[:, 0]
@@ -190,7 +188,7 @@ def _mass_cones(standard: StandardParameters, asked: Requirements) -> list[Cone]
     for where, value, name in bounds:
         good = isinstance(value, list | tuple) and len(value) == 2 and 0.0 <= value[0] < value[1]
         if not good:
-            raise EstimationError(f"{name} must give a least and a larger largest mass [kg]; found {value!r}.")
+            raise EstimationError(f"{name} must give a lower and an upper bound of the mass [kg]; found {value!r}.")
         row = np.zeros(p)
         row[where] = 1.0
         rows += [row, -row]
@@ -224,33 +222,33 @@ def _half_spaces(link: str, points: Any) -> tuple[Array, Array]:
         or not np.isfinite(given).all()
     ):
         raise EstimationError(
-            f"com of link {link} must be two corners of a box or four and more points of a hull, each [x, y, z] [m]; "
+            f"com of link {link} must be two corners of a box or at least four points of a hull, each [x, y, z] [m]; "
             f"found {points!r:.80}."
         )
     if len(given) == 2:
         low, high = given.min(axis=0), given.max(axis=0)
         if (low >= high).any():
             raise EstimationError(
-                f"com of link {link}: the box has no inside.",
+                f"com of link {link}: the box has no volume.",
                 remedy="give a corner that is larger in x, y and z than the other.",
             )
         return np.vstack([np.eye(3), -np.eye(3)]), np.concatenate([high, -low])
-    from scipy.spatial import ConvexHull, QhullError  # a fifth of a second to import
+    from scipy.spatial import ConvexHull, QhullError  # the import takes 0.2 s
 
     try:
         equations = ConvexHull(given).equations
     except QhullError as error:
         raise EstimationError(
-            f"com of link {link}: the points lie in a plane.", remedy="give points that have a volume between them."
+            f"com of link {link}: the points lie in a plane.", remedy="give points that enclose a volume."
         ) from error
     return equations[:, :3], -equations[:, 3]
 
 
 def _link(standard: StandardParameters, key: str, option: str) -> int:
-    """Row of a link of that number among the inertial parameters."""
-    numbers = [standard.names[own[0]].rsplit("_", 1)[1] for own in standard.inertial]
+    """Row of a link, given by its number, among the inertial parameters."""
+    numbers = [str(standard.names[own[0]].number) for own in standard.inertial]
     if str(key) not in numbers:
-        raise EstimationError(f"{option} names a link {key!r} that is not there.", possible=", ".join(numbers))
+        raise EstimationError(f"{option} names an unknown link {key!r}.", possible=", ".join(numbers))
     return numbers.index(str(key))
 
 

@@ -12,15 +12,13 @@ from typing import Any
 
 from armid.estimation.consistency.constraints import Requirements
 
-__all__ = ["conflicting"]
-
 
 def conflicting(asked: Requirements, empty: Callable[[Requirements], bool]) -> list[str]:
-    """Requirements, in words, that leave no body together and would without any one of them.
+    """Irreducible set of contradicting requirements, in words: without any one of them the others can be met.
 
     Args:
-        asked: Requirements that leave no body.
-        empty: Whether requirements leave none.
+        asked: Requirements that no body meets.
+        empty: Predicate: no body meets the requirements.
     """
     kept = _single(asked)
     none = Requirements(asked.epsilon)
@@ -32,7 +30,7 @@ def conflicting(asked: Requirements, empty: Callable[[Requirements], bool]) -> l
 
 
 def _single(asked: Requirements) -> list[tuple[str, Any]]:
-    """Each requirement by itself, as the option that asks for it and nothing else."""
+    """Single requirements, each as its option and value."""
     found: list[tuple[str, Any]] = []
     for name in ("heaviest", "total_mass"):
         if getattr(asked, name) is not None:
@@ -45,7 +43,7 @@ def _single(asked: Requirements) -> list[tuple[str, Any]]:
 
 
 def _joined(none: Requirements, parts: list[tuple[str, Any]]) -> Requirements:
-    """Requirements together."""
+    """Combines single requirements."""
     options: dict[str, Any] = {}
     for name, value in parts:
         before = options.get(name)
@@ -59,7 +57,7 @@ def _joined(none: Requirements, parts: list[tuple[str, Any]]) -> Requirements:
 
 
 def _said(value: Any) -> str:
-    """A value as a study would have it."""
+    """Formats a value as in a study."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_said(each)}" for key, each in value.items()) + " }"
     if isinstance(value, list | tuple):

@@ -32,14 +32,14 @@ class Estimator(Protocol):
 
     Attributes:
         name: Name of the method in a study.
-        quick: Whether an estimate takes well under a second, so that it can be made again with parts left out.
+        quick: Whether it takes well under a second, so that it can be repeated with parts of the data left out.
     """
 
     name: ClassVar[str]
     quick: ClassVar[bool]
 
-    def estimate(self, problem: EstimationProblem) -> Fit:
-        """Estimate the base parameters."""
+    def solve(self, problem: EstimationProblem) -> Fit:
+        """Solve for the base parameters, with deviations under white residuals."""
         ...
 
 

@@ -1,18 +1,18 @@
-"""Essential parameters: those left when one after another is dropped that the data hardly need.
+"""Essential parameters by backward elimination: parameters that the data hardly need are held at zero, one by one.
 
-Dropping parameter k of a least-squares estimate π with inverse normal matrix G, that is holding it at zero, gives
+Holding parameter k of a least-squares estimate π with inverse normal matrix G at zero gives
 
     π - G_k π_k / G_kk,        G - G_k G_kᵀ / G_kk,        cost + π_k² / G_kk,
 
-so that a whole elimination is some b small updates of what one factorisation gave. Two rules say which and how long:
+so that the whole elimination is at most b small updates after one factorisation. Two rules choose the parameters:
 
 - `pham-gautier` drops the parameter with the largest relative deviation until that is less than `ratio` times the
   smallest [Pham1991];
-- `bic` drops the parameter that costs least while that is less than the logarithm of the number of rows
-  [Schwarz1978]. Residuals are correlated, and rows count as many as their scatter between blocks says.
+- `bic` drops the parameter of least cost while this cost is below the logarithm of the number of rows [Schwarz1978].
+  Residuals are correlated; the scatter between blocks gives the number of independent rows.
 
-A parameter chosen by the same data is no surer than it was before the choice: deviations and covariance stay those of
-the estimate with all parameters, so that a parameter held at zero has an interval about zero.
+A choice by the same data makes no parameter more certain. So deviations and covariance stay those of the estimate
+with all parameters, and a parameter held at zero has an interval about zero.
 """
 
 from __future__ import annotations
@@ -37,18 +37,17 @@ from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["EssentialParameters"]
-
 
 @dataclass(frozen=True, slots=True)
 class EssentialParameters:
-    """Weighted least squares with the parameters held at zero that the data hardly need.
+    """Weighted least squares in which parameters that the data hardly need are held at zero.
 
     Attributes:
         criterion: `pham-gautier` or `bic`.
         ratio: Largest over smallest relative deviation at which the elimination ends, usually 10 to 30.
-        price: Most that all dropped parameters together may add to the weighted residual, relative. The relative
-            deviation of a small parameter is large however sure it is, and the ratio alone would drop it.
+        price: Largest relative increase of the weighted residual by all dropped parameters together. Without this
+            limit the ratio alone would drop small parameters however well they are determined, since their relative
+            deviation is large.
     """
 
     criterion: Literal["pham-gautier", "bic"] = "pham-gautier"
@@ -66,13 +65,13 @@ class EssentialParameters:
             raise EstimationError(f"price must be at least 0; found {self.price!r}.", possible="0.003, inf")
 
     @one_blas_thread
-    def estimate(self, problem: EstimationProblem) -> Fit:
-        """Estimate the base parameters.
+    def solve(self, problem: EstimationProblem) -> Fit:
+        """Solve for the base parameters, with deviations under white residuals.
 
         Raises:
-            EstimationError: The data do not determine all of them, from which the elimination sets out.
+            EstimationError: The data do not determine all base parameters, with which the elimination begins.
         """
-        full = WeightedLeastSquares().estimate(problem)
+        full = WeightedLeastSquares().solve(problem)
         whole = total(problem.information)
         weights = full.weights
         cost = float(weights**2 @ held_out_squares(whole, full.values))
@@ -89,42 +88,42 @@ class EssentialParameters:
 
 
 Choose = Callable[[Array, Array], int | None]
-"""Parameter to drop, from the estimates and their variances of those left, or `None` to end."""
+"""Parameter to drop, from the values and variances of the remaining ones, or `None` to end."""
 
 
 def _eliminate(values: Array, inverse: Array, choose: Choose) -> NDArray[np.intp]:
-    """Parameters that are left, shape (k,)."""
-    left = np.arange(len(values))
+    """Parameters that remain, shape (k,)."""
+    remaining = np.arange(len(values))
     scale = np.sqrt(np.diag(inverse))
     pi, G = values / scale, inverse / np.outer(scale, scale)
-    while len(left) > 1:
+    while len(remaining) > 1:
         k = choose(pi, np.diag(G))
         if k is None:
             break
-        stay = np.arange(len(left)) != k
+        stay = np.arange(len(remaining)) != k
         column = G[stay, k] / G[k, k]
         pi = pi[stay] - column * pi[k]
         G = G[np.ix_(stay, stay)] - column[:, None] * G[k, stay]
-        left = left[stay]
-    return left
+        remaining = remaining[stay]
+    return remaining
 
 
 def _least_sure(ratio: float, most: float) -> Choose:
-    """The rule of relative deviations, as long as the sum of squares has not risen by more than `most`."""
-    spent = 0.0
+    """Rule of relative deviations, which ends when the sum of squares has risen by more than `most`."""
+    total = 0.0
 
     def choose(pi: Array, variance: Array) -> int | None:
-        nonlocal spent
+        nonlocal total
         sure = np.abs(pi) / np.sqrt(variance)  # one over the relative deviation
         k = int(np.argmin(sure))
-        spent += sure[k] ** 2
-        return k if sure.max() > ratio * sure[k] and spent <= most else None
+        total += sure[k] ** 2
+        return k if sure.max() > ratio * sure[k] and total <= most else None
 
     return choose
 
 
 def _cheapest(most: float) -> Choose:
-    """The parameter that costs least, if that is less than `most`."""
+    """Rule of least cost, which ends when the cost is not below `most`."""
 
     def choose(pi: Array, variance: Array) -> int | None:
         rise = pi**2 / variance
@@ -135,7 +134,7 @@ def _cheapest(most: float) -> Choose:
 
 
 def _correlation(information: Information, full: Fit, inverse: Array) -> float:
-    """Tell how many rows say as much as one: variance by the scatter between blocks over that of white residuals."""
+    """Number of rows that equal one independent row: variance from the scatter between blocks over the white one."""
     found = block_covariance(information, full.values, full.weights, inverse)
     if found is None:
         return 1.0
@@ -143,7 +142,7 @@ def _correlation(information: Information, full: Fit, inverse: Array) -> float:
 
 
 def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> Fit:
-    """The estimate of the parameters left, the others zero."""
+    """Estimate of the remaining parameters, the others zero."""
     reduced = restrict(whole, kept)
     solution = Solution(reduced, full.weights)
     values = np.zeros(whole.count)

@@ -1,8 +1,8 @@
-"""Least squares in parameters that cannot be unphysical: the witness of the convex estimate.
+"""Least squares in parameters that are physical by construction: an independent check of the convex estimate.
 
 Each link's pseudo-inertia is J = T Tᵀ with T upper triangular and the logarithms of its diagonal as unknowns
-[Rucker2022]; friction and rotor inertia are squares. The problem has no constraints left and is no longer convex: it
-starts from several places, and where it ends is compared with the convex estimate's objective, which is the same.
+[Rucker2022]; friction and rotor inertia are squares. The problem then has no constraints but is not convex, so the
+search has several starts. Its objective is that of the convex estimate, so the two minima can be compared.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from armid.errors import EstimationError, Finding
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import standard_per_recording
-from armid.estimation.physical_fit import PhysicalFit
+from armid.estimation.physical_fit import PhysicalEstimate, fit_of
 from armid.estimation.prior import LENGTH, MASS, Prior, make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_fit import PriorUse
@@ -24,28 +24,26 @@ from armid.maths.inertia import pseudo_inertia, vector_from_pseudo_inertia
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["LogCholesky"]
-
 RESOLUTION = 1e-5
 """Smallest residual over torque that counts as noise, as in `physical`."""
 
 TOLERANCE = 1e-7
-"""Relative fall of the objective over the last steps that ends the search."""
+"""Relative decrease of the objective over the last steps below which the search ends."""
 
 PATIENCE = 10
-"""Steps that this fall is counted over: in a curved valley a single one is small."""
+"""Number of steps over which this decrease is taken: in a curved valley that of a single step is small."""
 
 SMALLEST = 1e-7
-"""Least diagonal entry of a factor: without it, where a body has no thickness, the search would go on for ever."""
+"""Smallest diagonal entry of a factor: without it the search would not end where a body has no thickness."""
 
 FARTHEST = 4.0
-"""Longest step, in logarithms of all lengths together."""
+"""Longest step, as the norm of the changes of all logarithms."""
 
 DAMPING = 1e-3
-"""First damping over the objective, steps being measured in logarithms."""
+"""Initial damping over the objective, for steps in logarithms."""
 
 SPREAD = 0.5
-"""Standard deviation of the logarithms in which a further start differs."""
+"""Standard deviation of the random change of the logarithms in further starts."""
 
 UPPER = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 """Rows and columns of a factor's entries, the diagonal first."""
@@ -66,9 +64,9 @@ class LogCholesky:
 
     Attributes:
         prior: `mass`, as in `physical`, or `none`.
-        starts: Searches, the first from the description's bodies or plain ones, the others from near there.
-        seed: Of the other starts.
-        evaluations: Most evaluations of a search.
+        starts: Number of searches: the first begins at the description's bodies or plain ones, the others near there.
+        seed: Seed of the other starts.
+        evaluations: Largest number of evaluations of a search.
     """
 
     prior: Literal["mass", "none"] = "mass"
@@ -86,11 +84,11 @@ class LogCholesky:
                 raise EstimationError(f"{option} must be a positive number; found {getattr(self, option)!r}.")
 
     @one_blas_thread
-    def estimate(self, problem: EstimationProblem) -> Fit:
+    def solve(self, problem: EstimationProblem) -> Fit:
         """Estimate standard and base parameters.
 
         Raises:
-            EstimationError: No row counts.
+            EstimationError: No row is in use.
         """
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, problem.information)
         weighted = whiten(problem.information, resolution=RESOLUTION)
@@ -107,21 +105,21 @@ class LogCholesky:
         prior = PriorUse(self.prior, weight, "that of one sample", weighted.correlation)
         values = search.values(best.point)
         costs = ", ".join(f"{each.cost:.8g}" for each in found)
-        said = f"{self.starts} searches ended at objectives {costs}; the convex estimate's is the same function."
-        findings = [Finding("local-search", "info", "", said)]
+        message = f"{self.starts} searches ended at objectives {costs}; the convex estimate has the same objective."
+        findings = [Finding("local-search", "info", "", message)]
         if not best.settled:
-            said = f"The best search was stopped after {self.evaluations} evaluations."
-            findings.append(Finding("not-converged", "warning", "", said, "allow more evaluations."))
-        return PhysicalFit(standard, weighted, belief, prior, values, float("nan")).fit(findings)
+            message = f"The best search was stopped after {self.evaluations} evaluations."
+            findings.append(Finding("not-converged", "warning", "", message, "allow more evaluations."))
+        return fit_of(PhysicalEstimate(standard, weighted, belief, prior, values), findings)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Point:
-    """Place of a search.
+    """Point of a search.
 
     Attributes:
         T: Factors of the pseudo-inertias, shape (links, 4, 4).
-        others: What is not inertial, shape (o,).
+        others: Parameters that are not inertial, shape (o,).
     """
 
     T: Array
@@ -130,7 +128,7 @@ class _Point:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _End:
-    """End of a search: its point, objective, and whether it stood still."""
+    """End of a search: its point, its objective, and whether it converged."""
 
     point: _Point
     cost: float
@@ -138,7 +136,7 @@ class _End:
 
 
 def _descend(search: _Search, point: _Point, evaluations: int) -> _End:
-    """Damped Gauss-Newton steps [Marquardt1963], none longer than the farthest."""
+    """Minimises by damped Gauss-Newton steps [Marquardt1963], none longer than `FARTHEST`."""
     residual = search.residual(point)
     cost, history = 0.5 * float(residual @ residual), [np.inf]
     damping = DAMPING * cost
@@ -168,8 +166,9 @@ def _descend(search: _Search, point: _Point, evaluations: int) -> _End:
 class _Search:
     """Residuals and their derivatives.
 
-    A step changes a factor to T U with U upper triangular and the logarithms of its diagonal as unknowns, which are
-    zero at every point: lengths of steps then mean the same for all bodies, in all frames and units.
+    A step multiplies a factor T by an upper triangular U, whose unknowns are the off-diagonal entries and the
+    logarithms of the diagonal. They are zero at every point, so that the length of a step means the same for all
+    bodies, frames and units.
     """
 
     def __init__(self, standard: StandardParameters, weighted: WhitenedSystem, belief: Prior, light: bool) -> None:
@@ -186,7 +185,7 @@ class _Search:
         self.size = size * np.sqrt(2.0 * weighted.correlation / MASS) * (1.0 if light else 0.0)
 
     def start(self) -> _Point:
-        """The description's bodies where they are ones, plain ones otherwise, and some friction."""
+        """First start: the description's bodies where they are physical, else plain ones, and some friction."""
         factors: list[Array] = []
         for own in self.standard.inertial:
             J = PLAIN if self.standard.nominal is None else pseudo_inertia(self.standard.nominal[own])
@@ -221,7 +220,7 @@ class _Search:
         return result
 
     def residual(self, point: _Point) -> Array:
-        """Residuals of data and prior; half their squared length is the objective."""
+        """Residuals of data and prior; the objective is half of their sum of squares."""
         small = self.size[:, None] * point.T
         return np.concatenate([self.rows @ self.values(point) - self.side, small.ravel(), self.root * point.others])
 

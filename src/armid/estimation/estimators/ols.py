@@ -1,4 +1,4 @@
-"""Ordinary least squares, (3.50) and (3.51): every joint's rows count alike.
+"""Ordinary least squares, (3.50) and (3.51): the rows of all joints have equal weight.
 
 σ² = |ρ - W π|² / (m - b),    cov = σ² (WᵀW)⁻¹        (2.44) to (2.46), with the square that (2.44) lacks
 """
@@ -15,19 +15,17 @@ from armid.estimation.least_squares import fit_of, solve
 from armid.estimation.problem import EstimationProblem
 from armid.threads import one_blas_thread
 
-__all__ = ["OrdinaryLeastSquares"]
-
 
 @dataclass(frozen=True, slots=True)
 class OrdinaryLeastSquares:
-    """The estimate that minimises the sum of all squared residuals."""
+    """Estimate that minimises the sum of all squared residuals."""
 
     name: ClassVar[str] = "ols"
     quick: ClassVar[bool] = True
 
     @one_blas_thread
-    def estimate(self, problem: EstimationProblem) -> Fit:
-        """Estimate the base parameters.
+    def solve(self, problem: EstimationProblem) -> Fit:
+        """Solve for the base parameters, with deviations under white residuals.
 
         Raises:
             EstimationError: The data do not determine them.

@@ -1,8 +1,9 @@
-"""Physically consistent standard parameters: what a real arm can have, and nothing else.
+"""Physically consistent standard parameters by convex optimisation.
 
-Every link's pseudo-inertia at least epsilon, rotor inertia, viscous and Coulomb friction not negative, and what else
-is known of masses and centres of mass; under these the smallest weighted residual, with a prior for what data leave
-open. The problem is convex and small: it is solved on the compressed factors, whatever the length of the recordings.
+The estimate minimises the weighted residual plus a prior, which decides where the data do not. The constraints: the
+eigenvalues of each link's pseudo-inertia are at least epsilon; rotor inertia, viscous and Coulomb friction are not
+negative; and further bounds on masses and centres of mass. The program is solved on the triangular factors, so that
+its size does not depend on the length of the recordings.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from armid.estimation.consistency.constraints import Requirements
 from armid.estimation.crossvalidation import folds, held_out_squares, one_standard_error, split
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import standard_per_recording
-from armid.estimation.physical_fit import PhysicalFit
+from armid.estimation.physical_fit import PhysicalEstimate, fit_of
 from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_fit import PriorTrial, PriorUse
@@ -30,24 +31,22 @@ from armid.information.information import Information
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["NOT_JUDGED", "PhysicallyConsistent"]
-
 RESOLUTIONS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-"""Smallest residual over torque that counts as noise. No model of an arm is right to more digits than the first says.
-Data that no body explains may be wrong by so many deviations of it that a solver has no digits left for the
-constraints; then the next counts, and a finding says so."""
+"""Lower bounds of the noise over the torque, tried in order. The first is the accuracy of the best models of arms.
+Where no body explains the data, the misfit may be so many standard deviations of the noise that the solver loses the
+constraints by rounding; then the next bound is used, and a finding records it."""
 
 FAR = 10.0
-"""Deviations of noise by which bodies must miss a joint's torque for it to be said that none explains it."""
+"""RMS residual of a joint, in standard deviations of its noise, above which no body explains its torque."""
 
 WEIGHTS = np.logspace(4.0, -1.0, 11)
-"""Weights of a prior that are tried, strongest first: from links known to a hundredth to hardly known at all."""
+"""Weights of a prior that are tried, strongest first: from links known to 1 % to hardly known links."""
 
 TRIED = 1e-4
-"""Gap at which a weight is tried."""
+"""Target gap of the trial of a weight."""
 
 LEAST_ERROR = 1e-4
-"""Held-out variance over that of the residual below which no difference counts."""
+"""Lower bound of the held-out variance over that of the residual: smaller ratios count as equal."""
 
 REMEDY = "look for a wrong sign of torque or gravity, a wrong unit, or a description of another arm."
 """Remedy for torques that no consistent body explains."""
@@ -55,8 +54,8 @@ REMEDY = "look for a wrong sign of torque or gravity, a wrong unit, or a descrip
 PRIORS = ("auto", "mass", "log-det", "euclidean", "none")
 
 
-NOT_JUDGED = "that of one sample, for want of blocks to leave out"
-"""Origin of a prior weight that held-out blocks were to judge."""
+NOT_JUDGED = "that of one sample, since there are too few blocks to leave out"
+"""Origin of a prior weight that could not be chosen on held-out blocks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +63,11 @@ class PhysicallyConsistent:
     """Standard parameters of bodies that can exist, by convex optimisation.
 
     Attributes:
-        prior: What decides where the data do not: `mass`, the smallest bodies; `log-det` or `euclidean`, the
-            description's; `none`, nothing, and such parameters are any that fit; `auto`, `log-det` where the
+        prior: Kind of prior, which decides where the data do not: `mass` prefers small bodies; `log-det` and
+            `euclidean` prefer the description's bodies; `none` prefers no values; `auto` is `log-det` where the
             description gives every link a mass, else `mass`.
-        weight: Of the prior, in independent samples a joint; `auto` is by blocked cross-validation where `log-det` or
-            `euclidean` is asked for by name, else one.
+        weight: Weight of the prior, in independent samples of each joint; `auto` is 1, or found by blocked
+            cross-validation where `log-det` or `euclidean` is given by name.
         epsilon: Smallest eigenvalue of a pseudo-inertia.
         heaviest: Largest mass of any link [kg].
         total_mass: Least and largest mass of all links [kg].
@@ -76,7 +75,7 @@ class PhysicallyConsistent:
         com: Points around centres of mass in link frames [m]: two corners of a box, or more points of a hull.
         equal: Sets of parameters that have one value, such as `[["XX_7", "YY_7"]]`.
         fixed: Parameters that are known, `{ XY_7 = 0.0 }`.
-        known: Numbers of links that are as the description says.
+        known: Numbers of links whose parameters the description gives.
     """
 
     prior: Literal["auto", "mass", "log-det", "euclidean", "none"] = "auto"
@@ -109,11 +108,11 @@ class PhysicallyConsistent:
         object.__setattr__(self, "equal", tuple(tuple(group) for group in self.equal))
 
     @one_blas_thread
-    def estimate(self, problem: EstimationProblem) -> Fit:
+    def solve(self, problem: EstimationProblem) -> Fit:
         """Estimate standard and base parameters.
 
         Raises:
-            EstimationError: The description gives no prior that was asked for, or constraints contradict each other.
+            EstimationError: The description does not give the chosen prior, or constraints contradict each other.
             UnsolvedError: No solution passed its checks.
         """
         trouble = UnsolvedError(
@@ -134,12 +133,12 @@ class PhysicallyConsistent:
                 fit = replace(fit, findings=(_raised(resolution, far), *fit.findings))
             return fit
         raise UnsolvedError(
-            f"{trouble.problem} Nor did any search with residuals up to {RESOLUTIONS[-1]:g} of the torque as noise.",
+            f"{trouble.problem} Larger noise levels, up to {RESOLUTIONS[-1]:g} of the torque, did not help.",
             remedy=trouble.remedy or REMEDY,
         )
 
     def _estimate(self, problem: EstimationProblem, weighted: WhitenedSystem) -> Fit:
-        """The estimate from data that were given weights."""
+        """Estimate from whitened data."""
         information = problem.information
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, information)
         kind = self._kind(standard)
@@ -150,10 +149,12 @@ class PhysicallyConsistent:
         program = ConsistentProgram(standard, asked, kind, belief, weighted.correlation)
         prior = self._weigh_prior(information, program, weighted)
         bodies = program.solve(weighted.rows, weighted.rows @ weighted.values, prior.weight)
-        return PhysicalFit(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis, asked).fit()
+        return fit_of(
+            PhysicalEstimate(standard, weighted, belief, prior, bodies.values, bodies.gap, bodies.basis, asked)
+        )
 
     def _kind(self, standard: StandardParameters) -> str:
-        """The prior that it is."""
+        """Kind of prior that is used."""
         if self.prior != "auto":
             return self.prior
         return "log-det" if standard.described else "mass"
@@ -161,7 +162,7 @@ class PhysicallyConsistent:
     def _weigh_prior(
         self, information: Information, program: ConsistentProgram, weighted: WhitenedSystem
     ) -> PriorUse:
-        """The prior with its weight and why it has it."""
+        """Prior with its weight and the reason for the weight."""
         kind, correlation = program.kind, weighted.correlation
         if kind == "none":
             return PriorUse(kind, 0.0, "of this kind has none", correlation)
@@ -173,7 +174,7 @@ class PhysicallyConsistent:
         if not parts:
             return PriorUse(kind, 1.0, NOT_JUDGED, correlation)
         samples = float(weighted.whole.rows.max()) / correlation
-        weights = WEIGHTS[WEIGHTS <= max(samples, WEIGHTS[-1])]  # no opinion outweighs all that was seen
+        weights = WEIGHTS[WEIGHTS <= max(samples, WEIGHTS[-1])]  # no prior may outweigh all data
         errors = np.full((len(weights), len(parts)), np.inf)
         for f, part in enumerate(parts):
             rows, side = rows_of(part.training, weighted.weights)
@@ -181,28 +182,28 @@ class PhysicallyConsistent:
                 values = program.solve(rows, side, float(weight), aim=TRIED).values
                 errors[k, f] = _error(part.held_out, program.standard.regrouping @ values, weighted.weights)
         chosen = one_standard_error(errors)
-        how = f"the strongest within a standard error of the best of {len(weights)} on {len(parts)} folds left out"
+        how = f"the strongest of {len(weights)} within a standard error of the best on {len(parts)} held-out folds"
         trials = tuple(PriorTrial(float(w), float(e)) for w, e in zip(weights, errors.mean(axis=1), strict=True))
         return PriorUse(kind, float(weights[chosen]), how, correlation, trials)
 
 
 def _raised(resolution: float, far: Array) -> Finding:
-    """Return what is said where noise had to be taken as larger than it is.
+    """Finding that the noise level was raised above the estimated one.
 
     Args:
-        resolution: Residual over torque that was taken as noise.
-        far: Residual of each joint over the noise that it seems to have, shape (n,).
+        resolution: Ratio of residual to torque that was counted as noise.
+        far: RMS residual of each joint over its estimated noise, shape (n,).
     """
     counted = f"residuals up to {resolution:g} of the torque were counted as noise"
     joint = int(np.argmax(far))
     if far[joint] <= FAR:
-        said = f"The search had no digits for noise as small as that of these torques: {counted}."
-        return Finding("noise-raised", "info", "", said)
-    said = (
-        "No body explains these torques to within their noise, and by so far that a search has no digits for it. "
-        f"Joint {joint + 1} is off by {far[joint]:.2g} of its deviations; {counted}."
+        message = f"The noise of these torques is too small for the solver's accuracy: {counted}."
+        return Finding("noise-raised", "info", "", message)
+    message = (
+        "No body explains these torques to within their noise, and the misfit exceeds the solver's accuracy. "
+        f"The residual of joint {joint + 1} is {far[joint]:.2g} standard deviations of its noise; {counted}."
     )
-    return Finding("noise-raised", "warning", "", said, REMEDY)
+    return Finding("noise-raised", "warning", "", message, REMEDY)
 
 
 def _number(value: Any) -> bool:
@@ -212,7 +213,7 @@ def _number(value: Any) -> bool:
 def _error(held_out: Information, values: Array, weights: Array) -> float:
     """Mean over joints of the logarithm of the held-out variance over that of the residual.
 
-    A joint whose torque is heavy, and whose noise rises with it, would otherwise decide alone.
+    Without the logarithm a joint with large torque, and so large noise, would decide alone.
     """
     rows = held_out.rows.sum(axis=0)
     counted = rows > 0

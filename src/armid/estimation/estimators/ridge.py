@@ -2,13 +2,13 @@
 
     minimise |W (y - A π)|² + λ (π - π₀)ᵀ P (π - π₀)
 
-π₀ is what the description's bodies give, or zero; P comes from what is believed of the standard parameters behind
-the base (`armid.estimation.prior`): for each link the second-order form of the log-det divergence, in which a change
-of a whole link by 100 % counts the same for a big and a small one. With P = CᵀC and U S Vᵀ = W A C⁻¹, every λ costs
-one product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), and blocked cross-validation of λ a few milliseconds.
+π₀ is that of the description's bodies, or zero. P follows from the prior of the standard parameters
+(`armid.estimation.prior`): for each link the second-order form of the log-det divergence, in which a change of a
+whole link by 100 % costs the same for large and small links. With P = CᵀC and U S Vᵀ = W A C⁻¹, every λ costs one
+product, π = π₀ + C⁻¹ V S (S² + λ)⁻¹ Uᵀ W (y - A π₀), and blocked cross-validation of λ takes a few milliseconds.
 
-The prior keeps estimates from poor data near the description as far as the data do not say otherwise. It does not
-keep bodies physical; `physical` does.
+The prior keeps the estimate near the description where the data are poor. Unlike `physical`, it does not make bodies
+physical.
 """
 
 from __future__ import annotations
@@ -32,23 +32,21 @@ from armid.maths.linalg import condition, scaled_condition
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["Ridge"]
-
 STRENGTHS = np.concatenate([np.logspace(6.0, -4.0, 31), [0.0]])
-"""Weights of the prior that are tried, strongest first: from links known to a thousandth to known to a factor of 100,
-in independent samples."""
+"""Weights of the prior that are tried, in independent samples, strongest first: from links known to 0.1 % to links
+known to a factor of 100."""
 
 DOMINATED = 0.5
-"""Share of a parameter's value from which on it is the prior's."""
+"""Share of the prior in a parameter's value above which a finding names the parameter."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ridge:
-    """Weighted least squares that keeps near the description as far as the data allow it.
+    """Weighted least squares with a prior that keeps the estimate near the description where the data are poor.
 
     Attributes:
         towards: `nominal`, the description's inertial parameters; `zero`; or `auto`, nominal where there are any.
-        weight: How many independent samples the prior counts as; `auto` finds it by blocked cross-validation.
+        weight: Number of independent samples that the prior counts as; `auto` finds it by blocked cross-validation.
     """
 
     towards: Literal["auto", "nominal", "zero"] = "auto"
@@ -63,12 +61,12 @@ class Ridge:
             raise EstimationError(f"weight must be at least 0; found {self.weight!r}.", possible="auto, a number")
 
     @one_blas_thread
-    def estimate(self, problem: EstimationProblem) -> Fit:
-        """Estimate the base parameters.
+    def solve(self, problem: EstimationProblem) -> Fit:
+        """Solve for the base parameters, with deviations under white residuals.
 
         Raises:
-            EstimationError: A weight of zero with data that do not determine the parameters, or no description to
-                keep near to.
+            EstimationError: The weight is zero and the data do not determine the parameters, or the prior needs a
+                description and there is none.
         """
         weighted = whiten(problem.information)
         prior = self._prior(problem, weighted)
@@ -77,11 +75,11 @@ class Ridge:
         else:
             weight, how = float(self.weight), "given"
         if weight == 0.0:
-            solve(problem.information, weighted.weights)  # refuses what the data do not determine
+            solve(problem.information, weighted.weights)  # raises where the data do not determine the parameters
         return _fit(weighted, prior, weight, how)
 
     def settled(self, problem: EstimationProblem) -> Ridge:
-        """The method with the weight of the prior that it finds on a problem."""
+        """Same method with its weight fixed to the one that is found on a problem."""
         if self.weight != "auto":
             return self
         weighted = whiten(problem.information)
@@ -97,13 +95,13 @@ class Ridge:
         L = standard.regrouping[at]
         belief = make_prior("log-det" if towards == "nominal" else "mass", replace(standard, regrouping=L), weighted)
         covariance = project_covariance(belief.precision, L)
-        covariance *= copy[:, None] == copy[None, :]  # friction of each recording is believed the same by itself
+        covariance *= copy[:, None] == copy[None, :]  # recordings have independent friction
         return _Prior(towards, L @ belief.mean, covariance / weighted.correlation, belief.findings)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Prior:
-    """Belief about the b base parameters: mean (b,), covariance (b, b) in the unit of the data's weights."""
+    """Prior of the b base parameters: mean (b,), covariance (b, b) in the unit of the data's weights."""
 
     towards: str
     mean: Array
@@ -112,30 +110,30 @@ class _Prior:
 
 
 def _places(problem: EstimationProblem) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Tell which base parameter each of the information's is, and its recording: 2 for `FV_1[2]`, 0 if shared."""
-    names = [name.rstrip("]").split("[") for name in problem.information.names]
-    copy = np.array([int(parts[1]) if len(parts) > 1 else 0 for parts in names], dtype=np.intp)
+    """Base parameter of each parameter of the information, and its recording: 2 for `FV_1[2]`, 0 if shared."""
+    names = problem.information.names
+    copy = np.array([name.recording or 0 for name in names], dtype=np.intp)
     if problem.base is None:
         return np.arange(len(names)), copy
     index = {name: k for k, name in enumerate(problem.base.names)}
-    return np.array([index[parts[0]] for parts in names], dtype=np.intp), copy
+    return np.array([index[name.of_all] for name in names], dtype=np.intp), copy
 
 
 class _Path:
-    """The estimates for all weights of the prior, from whitened rows."""
+    """Estimates for all weights of the prior, from whitened rows."""
 
     def __init__(self, rows: Array, side: Array, prior: _Prior) -> None:
         self.mean = prior.mean
-        self.root = np.linalg.cholesky(prior.covariance)  # C⁻¹, up to a rotation that changes nothing
+        self.root = np.linalg.cholesky(prior.covariance)  # C⁻¹ up to a rotation, which has no effect
         U, self.sizes, Vt = np.linalg.svd(rows @ self.root, full_matrices=True)
         self.turned = self.root @ Vt.T
         self.sizes = np.concatenate([self.sizes, np.zeros(Vt.shape[0] - len(self.sizes))])
-        seen = (U.T @ (side - rows @ prior.mean))[: len(self.sizes)]
-        self.seen = np.concatenate([seen, np.zeros(len(self.sizes) - len(seen))])
+        projection = (U.T @ (side - rows @ prior.mean))[: len(self.sizes)]
+        self.projection = np.concatenate([projection, np.zeros(len(self.sizes) - len(projection))])
 
     def values(self, weight: float) -> Array:
         """The estimate (b,)."""
-        return self.mean + self.turned @ (self.sizes * self.seen / (self.sizes**2 + weight))
+        return self.mean + self.turned @ (self.sizes * self.projection / (self.sizes**2 + weight))
 
     def covariance(self, weight: float) -> Array:
         """(H + λ P)⁻¹, shape (b, b)."""
@@ -143,18 +141,18 @@ class _Path:
 
 
 def _chosen(information: Information, weighted: WhitenedSystem, prior: _Prior) -> tuple[float, str]:
-    """The weight that errs least on folds left out, and how it was found."""
+    """Weight with the least error on held-out folds, and how it was found."""
     candidates = STRENGTHS[:-1] if len(weighted.unseen) else STRENGTHS
     parts = split(information, folds(information))
     if not parts:
-        return 1.0, "of one sample, for want of blocks to validate on"
+        return 1.0, "of one sample, since there are too few blocks to validate on"
     errors = np.full((len(candidates), len(parts)), np.inf)
     for f, part in enumerate(parts):
         path = _Path(*rows_of(part.training, weighted.weights), prior)
         for k, weight in enumerate(candidates):
             if weight > 0.0 or path.sizes.min() > 0.0:
                 errors[k, f] = held_out_error(part.held_out, path.values(float(weight)), weighted.weights)
-    return float(candidates[int(np.argmin(errors.mean(axis=1)))]), f"chosen on {len(parts)} folds of blocks left out"
+    return float(candidates[int(np.argmin(errors.mean(axis=1)))]), f"chosen on {len(parts)} held-out folds of blocks"
 
 
 def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fit:
@@ -186,11 +184,14 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
 
 
 def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, share: Array) -> list[Finding]:
-    """Return what the prior weighs, and what it decides."""
-    said = f"The prior towards {'the description' if towards == 'nominal' else 'zero'} weighs {weight:.3g} "
-    found = [Finding("prior-weight", "info", "", f"{said}independent samples, {how}.")]
-    decided = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]
-    if decided:
-        said = f"The prior determines these more than the data do: {', '.join(decided)}."
-        found.append(Finding("prior-dominated", "warning", "", said, "record a motion that shows them."))
-    return found
+    """Findings about the prior's weight and the parameters that it determines."""
+    mean = "the description" if towards == "nominal" else "zero"
+    message = f"The prior towards {mean} weighs {weight:.3g} independent samples, {how}."
+    findings = [Finding("prior-weight", "info", "", message)]
+    dominated = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]
+    if dominated:
+        message = f"The prior determines these parameters more than the data do: {', '.join(dominated)}."
+        findings.append(
+            Finding("prior-dominated", "warning", "", message, "record a motion that excites these parameters.")
+        )
+    return findings

@@ -1,18 +1,20 @@
-"""Robust estimate: rows that fit badly count for less, joint by joint and row by row.
+"""Robust M-estimate: rows with large residuals get smaller weights.
 
     minimise Σ_j Σ_m ϱ(r_jm / s_j),        r_jm = τ_jm - x_jm π,        ψ = ϱ'
 
-by weighted least squares with weights ψ(u) / u that follow from the residuals u = r / s before [Holland1977], in a
-second pass over the rows. The scale s_j is the median of |r_j|, made that of a normal distribution. `huber` is convex
-and has one answer; `tukey` gives rows far off no say at all, has several, and starts from Huber's.
+by iteratively reweighted least squares [Holland1977]: each pass over the rows computes weights ψ(u) / u from the
+residuals u = r / s of the pass before. The scale s_j is the median of |r_j| over that of a standard normal variable.
+`huber` is convex and has one minimum. `tukey` gives rows with very large residuals zero weight; it may have several
+minima and starts from Huber's.
 
-The covariance is not that of least squares with these weights. The estimate answers to its rows by the slope ψ' and
-not by the weight [Huber1981, section 7.6]. Both averaged over a joint's rows, κ = mean ψ' / mean weight, it moves by
+The covariance is not that of least squares with these weights, since the sensitivity of the estimate to a row is
+given by the slope ψ', not by the weight [Huber1981, section 7.6]. With both averaged over a joint's rows, κ = mean ψ'
+/ mean weight, the estimate changes by
 
     H⁻¹ Σ_j Σ_m x_jmᵀ ψ_jm / s_j,        H = Σ_j κ_j Σ_m (ψ_jm / u_jm) x_jmᵀ x_jm / s_j².
 
-Rows of weight κ ψ / u and torque x π + r / κ have this very H, these scores and the same estimate, so that whatever
-makes covariances from blocks, a sandwich or a jackknife of scores in ψ, works on their factors unchanged.
+Rows of weight κ ψ / u and torque x π + r / κ have the same H, the same scores and the same estimate. So a covariance
+from blocks, by a sandwich or a jackknife, can be computed from their factors unchanged.
 """
 
 from __future__ import annotations
@@ -34,44 +36,43 @@ from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.information.column_source import column_source
 from armid.information.information import Information, JointFactors, stack, total
 from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
+from armid.remedy import Remedy, setting
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = ["RobustLeastSquares"]
-
 HUBER, TUKEY = 1.345, 4.685
-"""Constants at which the estimate is as sure as least squares on 95 % of the rows, on normal noise [Holland1977]."""
+"""Constants that give an efficiency of 95 % under normal noise [Holland1977]."""
 
 NORMAL_MEDIAN = 0.6744897501960817
-"""Median of the size of a standard normal number."""
+"""Median of the absolute value of a standard normal variable."""
 
 SETTLED = 1e-3
-"""Change of a parameter over its deviation that ends the iteration. Changes shrink by a twentieth or more each time,
-which leaves the estimate within a few hundredths of a deviation of its end."""
+"""Change of a parameter over its standard deviation that ends the iteration. Changes shrink by a twentieth or more in
+each iteration, so that the estimate is within a few hundredths of a standard deviation of its limit."""
 
 ROUNDING = 1e-10
-"""The same over the largest parameter, for data without noise, whose deviations are those of arithmetic."""
+"""The same over the largest parameter, for data without noise, where deviations are rounding errors."""
 
 SCALED = 20
-"""Iterations after which the scales stand still. A median jumps from one row to the next and could do so for ever;
-with fixed scales every iteration lowers the sum."""
+"""Iterations after which the scales are fixed. A median may jump between two rows for ever; with fixed scales every
+iteration decreases the objective."""
 
 SLIGHT = 0.5
-"""Rows of a smaller weight are counted in the finding. On normal noise these are 1 in 100, or with Huber 1 in 140."""
+"""Weight below which the finding counts a row. Under normal noise these are 1 in 100 rows, with Huber 1 in 140."""
 
 FLATTEST = 0.1
-"""Smallest share κ that is used: below it half the rows lie beyond the bend and no covariance means anything."""
+"""Smallest κ that is used: below it so many rows lie beyond the constant that no covariance is meaningful."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobustLeastSquares:
-    """The estimate that rows far off, as from contact, hardly move.
+    """Estimate that is insensitive to rows with large residuals, as from contact.
 
     Attributes:
-        loss: `tukey`, which leaves out what is far off, or `huber`, which counts it less.
-        constant: Residual over scale at which rows begin to count less (`huber`) or have no say (`tukey`); the usual
-            one where not given.
-        iterations: Most passes over the rows with one loss.
+        loss: `tukey` gives large residuals zero weight; `huber` gives them a small weight.
+        constant: Residual over scale above which weights fall below one (`huber`) or are zero (`tukey`); the usual
+            constant where not given.
+        iterations: Largest number of passes over the rows with one loss.
     """
 
     loss: Literal["huber", "tukey"] = "tukey"
@@ -87,14 +88,15 @@ class RobustLeastSquares:
             raise EstimationError(f"constant must be above 0; found {self.constant!r}.", possible="1.345, 4.685")
 
     @one_blas_thread
-    def estimate(self, problem: EstimationProblem) -> Fit:
-        """Estimate the base parameters.
+    def solve(self, problem: EstimationProblem) -> Fit:
+        """Solve for the base parameters, with deviations under white residuals.
 
         Raises:
-            EstimationError: The data do not determine them, the weights do not settle, or there are no samples.
+            EstimationError: The data do not determine the parameters, weights do not converge, or there are no
+                samples.
         """
         model, base, observations = problem.require_samples(self.name)
-        start = WeightedLeastSquares().estimate(problem)
+        start = WeightedLeastSquares().solve(problem)
         passes = _Passes(problem, WeightedRows(column_source(model, base), observations))
         huber = _Loss("huber", self.constant if self.loss == "huber" and self.constant else HUBER)
         found = self._settle(passes, huber, _State(start.values, passes.scale(start.values)), moving=True)
@@ -103,7 +105,7 @@ class RobustLeastSquares:
         return passes.fit(start, found, model.robot.joint_names)
 
     def _settle(self, passes: _Passes, loss: _Loss, state: _State, *, moving: bool) -> _State:
-        """Iterate until the parameters stand still."""
+        """Iterates until the parameters converge."""
         for k in range(self.iterations):
             updated = passes.improve(state, loss, moving=moving and k < SCALED)
             change = np.abs(updated.values - state.values)
@@ -113,15 +115,17 @@ class RobustLeastSquares:
             if settled:
                 return state
         raise EstimationError(
-            f"The weights of the rows did not settle in {self.iterations} iterations.",
+            f"The weights of the rows did not converge in {self.iterations} iterations.",
             possible="wls, huber, or more iterations",
-            remedy='use loss = "huber", or method = "wls" and look at the residual of each joint.',
+            remedy=Remedy(
+                'use loss = "huber", or ', setting("method", "wls"), " and inspect the residual of each joint."
+            ),
         )
 
 
 @dataclass(frozen=True, slots=True)
 class _Loss:
-    """ϱ by its weight ψ(u) / u and its slope ψ'(u)."""
+    """Loss function ϱ, given by its weight ψ(u) / u and its slope ψ'(u)."""
 
     kind: str
     constant: float
@@ -140,7 +144,7 @@ class _Loss:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _State:
-    """State of the iteration: parameters (b,), scales (n,), and what it was that made them."""
+    """State of the iteration: parameters (b,), scales (n,), and the loss and factors that they come from."""
 
     values: Array
     scale: Array
@@ -160,7 +164,7 @@ class _Passes:
         whole = total(problem.information)
         torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
         self.floor = RESOLUTION * torque / np.sqrt(np.maximum(rows, 1))
-        self.floor[torque == 0.0] = 1.0  # a joint of which no row counts; any scale will do
+        self.floor[torque == 0.0] = 1.0  # a joint without rows in use may have any scale
         self.free = 1.0 - problem.information.count / max(float(rows.sum()), problem.information.count + 1.0)
 
     def residual(self, segment: Segment, j: int, values: Array) -> Array:
@@ -171,15 +175,17 @@ class _Passes:
         return segment.x[b - 1] - values[numbers] @ segment.x[a : b - 1]
 
     def _numbers(self, recording: int) -> NDArray[np.intp]:
-        """Tell where each base parameter stands among the information's, which may have copies for each recording."""
+        """Position of each base parameter among the information's, which may have copies for each recording."""
         if not self.own.any():
             return np.arange(len(self.names))
         index = {name: k for k, name in enumerate(self.information.names)}
-        copies = [f"{name}[{recording + 1}]" if own else name for name, own in zip(self.names, self.own, strict=True)]
+        copies = [
+            name.of_recording(recording + 1) if own else name for name, own in zip(self.names, self.own, strict=True)
+        ]
         return np.array([index[name] for name in copies], dtype=np.intp)
 
     def scale(self, values: Array) -> Array:
-        """Scale (n,) of each joint's residuals from their median, the parameters' share paid."""
+        """Scale (n,) of each joint's residuals from their median, corrected for the degrees of freedom."""
         sizes: list[list[Array]] = [[] for _ in self.floor]
         for segment in self.every:
             for j, own in enumerate(sizes):
@@ -189,7 +195,7 @@ class _Passes:
         return np.maximum(median / (NORMAL_MEDIAN * np.sqrt(self.free)), self.floor)
 
     def improve(self, state: _State, loss: _Loss, *, moving: bool) -> _State:
-        """One iteration: weights from the residuals, parameters from the weighted rows, scales from these."""
+        """One iteration: weights from the residuals, then parameters from the weighted rows, then scales."""
         solution = solve(self.weighted(state, loss, blocks=False), 1.0 / state.scale)
         scale = self.scale(solution.values) if moving else state.scale
         return _State(solution.values, scale, loss, np.sqrt(np.diag(solution.inverse)))
@@ -203,15 +209,15 @@ class _Passes:
         return separate_by_recording(weighted_information(self.every, weigh, blocks=blocks), self.own)
 
     def fit(self, start: Fit, state: _State, joints: tuple[str, ...]) -> Fit:
-        """The estimate with what its covariance is made of.
+        """Fit with the factors and scales that its covariance is computed from.
 
         Args:
-            start: The fit by weighted least squares, for what does not change.
-            state: Where the iteration ended.
+            start: Fit by weighted least squares, for the entries that do not change.
+            state: Last state of the iteration.
             joints: Names of the joints.
         """
         loss = state.loss
-        assert loss is not None  # the iteration has run
+        assert loss is not None  # at least one iteration has run
         kappa, squares, slight = self._means(state, loss)
         working = _working(self.weighted(state, loss, blocks=True), state.values, kappa)
         working = replace(working, scale_deviation=self.information.scale_deviation)
@@ -223,7 +229,7 @@ class _Passes:
         return replace(
             start,
             values=state.values,
-            deviation=np.sqrt(np.diag(white)),
+            white_deviation=np.sqrt(np.diag(white)),
             covariance=white + scale_covariance(whole, weights, solution.inverse),
             residual_rms=np.sqrt(held_out_squares(once, state.values) / np.maximum(once.rows[0], 1)),
             weights=weights,
@@ -232,7 +238,7 @@ class _Passes:
         )
 
     def _means(self, state: _State, loss: _Loss) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Of each joint: κ, mean ψ² over mean weight with the parameters' share paid, rows with a slight weight."""
+        """Each joint's κ, mean ψ² over mean weight by degrees of freedom, and number of rows with small weights."""
         sums = np.zeros((len(self.floor), 4))
         for segment in self.every:
             for j, row in enumerate(sums):
@@ -259,4 +265,4 @@ def _finding(slight: NDArray[np.int64], rows: NDArray[np.int64], joints: tuple[s
     shares = ", ".join(
         f"{name} {count} of {of}" for name, count, of in zip(joints, slight.tolist(), rows.tolist(), strict=True)
     )
-    return Finding("rows-down-weighted", "info", "", f"Rows that count less than half: {shares}.")
+    return Finding("rows-down-weighted", "info", "", f"Rows with a weight below one half: {shares}.")

@@ -2,9 +2,9 @@
 
     minimise |ρ - W π(μ)|²    over μ = (m, r, I about the centre of mass, friction)    with bounds and inequalities
 
-The inequalities are heuristics: they neither imply nor follow from a body's existence, so that the result is usually
-not physical, and says so. IPOPT solves it with exact first and second derivatives, from several starts, since the
-problem is not convex.
+The inequalities are heuristics: they neither imply nor follow from physical consistency. So the result is usually not
+physical, and a finding says so. IPOPT solves the problem with exact first and second derivatives, from several
+starts, since it is not convex.
 """
 
 from __future__ import annotations
@@ -20,15 +20,13 @@ from numpy.typing import NDArray
 from armid.errors import EstimationError, Finding, MissingExtraError
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import standard_per_recording
-from armid.estimation.physical_fit import PhysicalFit
+from armid.estimation.physical_fit import PhysicalEstimate, fit_of
 from armid.estimation.prior import make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_fit import PriorUse
 from armid.estimation.whitening import WhitenedSystem, whiten
 from armid.threads import one_blas_thread
 from armid.values import Array
-
-__all__ = ["ThesisNLP"]
 
 CONSTRAINTS = ("3.52d", "3.53a", "3.53b", "3.53c", "3.53d", "3.53e", "3.53f")
 """All inequalities beside the bounds; (3.52c), positive masses, is the lower bound of the masses."""
@@ -50,16 +48,16 @@ class ThesisNLP:
     """The thesis's nonlinear program.
 
     Attributes:
-        constraints: Inequalities that are kept, of `3.52d` and `3.53a` to `3.53f`.
+        constraints: Inequalities in use, of `3.52d` and `3.53a` to `3.53f`.
         mass: Bounds of a mass [kg].
         com: Largest coordinate of a centre of mass, either way [m].
         moment: Bounds of a moment of inertia about the centre of mass [kg·m²].
         product: Largest product of inertia, either way [kg·m²].
         friction: Largest friction parameter, either way where it has a sign.
         long: Numbers of the links that are long along z, (3.53e), and along y, (3.53f).
-        starts: Searches from random places, the first from the middle of the bounds.
-        seed: Of the other starts.
-        iterations: Most iterations of a search.
+        starts: Number of searches: the first begins in the middle of the bounds, the others at random points.
+        seed: Seed of the other starts.
+        iterations: Largest number of iterations of a search.
     """
 
     constraints: tuple[str, ...] = CONSTRAINTS
@@ -83,7 +81,7 @@ class ThesisNLP:
         for option in ("mass", "moment"):
             bounds = getattr(self, option)
             if len(bounds) != 2 or not 0.0 < bounds[0] < bounds[1]:
-                raise EstimationError(f"{option} must be a least and a larger largest value; found {bounds!r}.")
+                raise EstimationError(f"{option} must be a lower and a larger upper bound; found {bounds!r}.")
         for option in ("com", "product", "friction", "starts", "iterations"):
             if not getattr(self, option) > 0:
                 raise EstimationError(f"{option} must be positive; found {getattr(self, option)!r}.")
@@ -92,12 +90,12 @@ class ThesisNLP:
         object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
 
     @one_blas_thread
-    def estimate(self, problem: EstimationProblem) -> Fit:
-        """Estimate physical, standard and base parameters; every joint's rows count alike.
+    def solve(self, problem: EstimationProblem) -> Fit:
+        """Estimate physical, standard and base parameters; the rows of all joints have equal weight.
 
         Raises:
             MissingExtraError: casadi is not installed.
-            EstimationError: No search ended at a point that keeps the constraints.
+            EstimationError: No search ended at a point that meets the constraints.
         """
         standard = standard_per_recording(problem.require_standard(self.name), problem.base, problem.information)
         weighted = whiten(problem.information, plain=True, resolution=RESOLUTION)
@@ -109,14 +107,14 @@ class ThesisNLP:
         if not good:
             raise EstimationError(
                 f"IPOPT found no solution from {self.starts} starts ({', '.join(sorted({e[2] for e in ends}))}).",
-                remedy="wider bounds, fewer constraints or more starts.",
+                remedy="choose wider bounds, fewer constraints or more starts.",
             )
         values = min(good, key=lambda each: each[0])[1]
         costs = ", ".join(f"{each[0]:.8g}" if each[2] in SOLVED else each[2] for each in ends)
         findings = [Finding("local-search", "info", "", f"{self.starts} searches ended at objectives {costs}.")]
         belief = make_prior("none", standard, weighted)
         prior = PriorUse("none", 0.0, "bounds and inequalities only", weighted.correlation)
-        return PhysicalFit(standard, weighted, belief, prior, values, float("nan")).fit(findings)
+        return fit_of(PhysicalEstimate(standard, weighted, belief, prior, values), findings)
 
 
 class _Program:
@@ -132,7 +130,7 @@ class _Program:
         self.low, self.high = _bounds(options, standard, self.others)
         unknowns = casadi.MX.sym("mu", len(self.low))
         values = self._standard(unknowns)
-        # Scaled by the torque, so that the solver's tolerances mean the same for every arm.
+        # The scale by the torque makes the solver's tolerances relative.
         self.scale = 1.0 / max(float(np.sum((weighted.rows @ weighted.values) ** 2)), 1e-300)
         residual = casadi.mtimes(casadi.DM(weighted.rows @ standard.regrouping), values)
         residual = residual - casadi.DM(weighted.rows @ weighted.values)
@@ -148,7 +146,7 @@ class _Program:
         self.limits = len(limits)
 
     def solve(self, start: Array) -> tuple[float, Array, str]:
-        """Objective, standard parameters and IPOPT's word from one start."""
+        """Objective, standard parameters and IPOPT's status from one start."""
         found = self.solver(
             x0=start, lbx=self.low, ubx=self.high, lbg=np.zeros(self.limits), ubg=np.full(self.limits, np.inf)
         )
@@ -174,7 +172,7 @@ class _Program:
         """Left-hand sides that must not be negative."""
         limits: list[Any] = []
         for k, own in enumerate(self.standard.inertial):
-            link = int(self.standard.names[own[0]].rsplit("_", 1)[1])
+            link = self.standard.names[own[0]].number
             xx, xy, yy, xz, yz, zz = (unknowns[10 * k + e] for e in range(4, 10))
             axes, products = (xx, yy, zz), (xy, xz, yz)
             if "3.52d" in options.constraints:

@@ -1,7 +1,7 @@
-"""Weighted least squares with one weight a joint, found by iteration.
+"""Weighted least squares with one weight for each joint, found by iteration.
 
-Each joint's rows are divided by the standard deviation of its own residual, which the next solution sharpens, until
-the deviations stand still [Gautier1997]. It is the maximum-likelihood estimate where joints differ in noise.
+Each joint's rows are divided by the standard deviation of its residual. This is repeated with the new residuals until
+the deviations converge [Gautier1997]. It is the maximum-likelihood estimate for joints with different noise.
 """
 
 from __future__ import annotations
@@ -16,24 +16,23 @@ from armid.estimation.fit import Fit
 from armid.estimation.least_squares import fit_of, residual_deviation, solve
 from armid.estimation.problem import EstimationProblem
 from armid.information.information import total
+from armid.remedy import Remedy, setting
 from armid.threads import one_blas_thread
-
-__all__ = ["WeightedLeastSquares"]
 
 STANDSTILL = 1e-9
 """Largest relative change of a deviation that ends the iteration: far below any effect on the estimate."""
 
 RESOLUTION = 1e-13
-"""Smallest residual over torque that arithmetic resolves. Without it noise-free data would get infinite weights, and
-weights of data that were only rounded would change for ever."""
+"""Smallest ratio of residual to torque that double precision resolves. Without it noise-free data would get infinite
+weights, and the weights of data with rounding errors only would never converge."""
 
 
 @dataclass(frozen=True, slots=True)
 class WeightedLeastSquares:
-    """The estimate that minimises each joint's squared residual over its own variance.
+    """Estimate that minimises the sum of each joint's squared residual over its variance.
 
     Attributes:
-        iterations: Most solutions before giving up.
+        iterations: Largest number of iterations.
     """
 
     iterations: int = 1000
@@ -41,16 +40,16 @@ class WeightedLeastSquares:
     quick: ClassVar[bool] = True
 
     @one_blas_thread
-    def estimate(self, problem: EstimationProblem) -> Fit:
-        """Estimate the base parameters.
+    def solve(self, problem: EstimationProblem) -> Fit:
+        """Solve for the base parameters, with deviations under white residuals.
 
         Raises:
-            EstimationError: The data do not determine them, or the weights do not settle.
+            EstimationError: The data do not determine the parameters, or the weights do not converge.
         """
         whole = total(problem.information)
         torque = np.array([np.linalg.norm(joint.R[0, :, -1]) for joint in whole.joints])
         floor = RESOLUTION * torque / np.sqrt(np.maximum(whole.rows[0], 1))
-        floor[torque == 0.0] = 1.0  # a joint of which no row counts; any weight will do
+        floor[torque == 0.0] = 1.0  # a joint without rows in use may have any weight
         deviation = np.ones(whole.n)
         for _ in range(self.iterations):
             weights = 1.0 / deviation
@@ -61,7 +60,7 @@ class WeightedLeastSquares:
             if settled:
                 return fit_of(solution, weights, solution.inverse)
         raise EstimationError(
-            f"The weights of the joints did not settle in {self.iterations} iterations.",
+            f"The weights of the joints did not converge in {self.iterations} iterations.",
             possible="ols, or more iterations",
-            remedy='use method = "ols" and look at the residual of each joint.',
+            remedy=Remedy("use ", setting("method", "ols"), " and inspect the residual of each joint."),
         )

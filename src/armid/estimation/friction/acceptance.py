@@ -15,8 +15,6 @@ import numpy as np
 from armid.estimation.friction.candidates import Candidate, CandidateFamily
 from armid.values import Array
 
-__all__ = ["LARGE", "CandidateGain", "choose_for_arm", "choose_for_joint", "error_log_ratios", "standard_error"]
-
 LOWEST_RATIO = 0.1
 """Lower limit of the error ratio of a fold: one fold explained by chance must not outweigh all others."""
 
@@ -34,6 +32,9 @@ SHARED_MARGIN = 0.5
 
 OWN_CHOICE_MARGIN = 2.0
 """Standard errors by which a joint's best candidate must beat the candidate chosen for the arm."""
+
+REJECTION_MARGIN = 1.0
+"""Standard errors by which a candidate must lose with all parameters estimated anew to be rejected."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

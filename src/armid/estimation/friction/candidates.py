@@ -37,18 +37,6 @@ from armid.model.terms import (
 )
 from armid.robot.robot import Robot
 
-__all__ = [
-    "FAMILIES",
-    "REFINED",
-    "Candidate",
-    "CandidateFamily",
-    "CandidateModel",
-    "allowed_candidates",
-    "candidate_model",
-    "describe",
-    "terms_of",
-]
-
 WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)
 """Deflections of hysteresis [rad or m], half a decade apart: from the resolution of encoders to a few degrees, where
 the law begins to resemble a spring. A sum of such elements approximates any hysteresis curve."""

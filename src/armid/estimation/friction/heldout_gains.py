@@ -22,8 +22,6 @@ from armid.estimation.crossvalidation import held_out_squares, training_informat
 from armid.information.information import Information, select
 from armid.values import Array
 
-__all__ = ["GainPrior", "HeldOutFolds", "Reduced", "make_folds"]
-
 ROUNDING = 1e-11
 """Added to the diagonal of products with columns of unit length, so that dependent columns do not divide by zero. It
 is the rounding error of products: machine precision times the square of a condition number of a few hundred."""
@@ -43,7 +41,7 @@ class GainPrior:
 
     @property
     def products(self) -> Array:
-        """Products of the rows of data that are equivalent to the prior, shape (b + 1, b + 1)."""
+        """Normal matrix with right-hand side, shape (b + 1, b + 1), of data that are equivalent to the prior."""
         half = self.precision @ self.mean
         return np.block([[self.precision, half[:, None]], [half[None], np.array([[half @ self.mean]])]])
 

@@ -13,14 +13,11 @@ from dataclasses import replace
 from armid.errors import ModelError
 from armid.estimation.estimate import torque_parameters
 from armid.estimation.estimators.ridge import Ridge
-from armid.estimation.problem import EstimationProblem, standard_of
-from armid.information.accumulate import accumulate_information
+from armid.estimation.problem import build_problem
 from armid.measurement.observations import Observations
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
-
-__all__ = ["reads_load", "with_load"]
 
 
 def reads_load(model: DynamicsModel) -> bool:
@@ -52,8 +49,6 @@ def with_load(model: DynamicsModel, observations: Observations, *, threads: int 
     )
     first = DynamicsModel(model.robot, plain)
     base = find_base_parameters(first)
-    problem = EstimationProblem(
-        accumulate_information(first, base, observations, threads=threads), standard_of(first, base)
-    )
-    bodies = torque_parameters(base, Ridge().estimate(problem))[first.inertial_columns].reshape(-1, 10)
+    problem = build_problem(first, observations, base=base, threads=threads)
+    bodies = torque_parameters(base, Ridge().solve(problem))[first.inertial_columns].reshape(-1, 10)
     return replace(model, load_parameters=bodies)

@@ -21,8 +21,6 @@ from armid.model.motion import Motion
 from armid.model.terms import Term
 from armid.values import Array
 
-__all__ = ["RESOLVED", "passed_height", "passed_transition"]
-
 RESOLVED = 0.5
 """Share of a law's height that the band must leave in some row that counts; below it the height is extrapolated."""
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from armid.estimation.friction.acceptance import (
     LARGE,
+    REJECTION_MARGIN,
     CandidateGain,
     choose_for_arm,
     choose_for_joint,
@@ -27,14 +28,9 @@ from armid.estimation.friction.heldout_gains import HeldOutFolds, Reduced
 from armid.model.terms import Hysteresis
 from armid.values import Array
 
-__all__ = ["HeldOutTrial", "SelectedCandidate", "SelectionPath", "select_forward"]
-
 RIDGES = (0.003, 0.03)
 """Shrinkages of added columns that are tried, in shares of their squared length: enough to distribute a torque among
 similar columns, and ten times that."""
-
-VETO = 1.0
-"""Standard errors by which a candidate must lose in the check to be rejected."""
 
 PASSES = 4
 """Largest number of passes over all families: a small effect shows once larger ones are explained."""
@@ -319,7 +315,7 @@ class _Search:
         """Checks whether an option loses where all parameters are estimated without the fold, or on long folds."""
         columns = self._columns(choice.joint, choice.candidates)
         gains = strict.gains(choice.joint, columns, choice.ridge)
-        if gains is None or any(each.sum() < -VETO * standard_error(each) for each in gains):
+        if gains is None or any(each.sum() < -REJECTION_MARGIN * standard_error(each) for each in gains):
             return True
         if on_long_folds is None:
             return False

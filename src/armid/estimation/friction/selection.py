@@ -32,7 +32,7 @@ from armid.estimation.friction.search import HeldOutTrial, SelectionPath, select
 from armid.estimation.friction.shape_fit import refine_shapes
 from armid.estimation.per_recording import contrasted, offset_names, separate_by_recording
 from armid.estimation.prior import make_prior, project_covariance
-from armid.estimation.problem import EstimationProblem, standard_of
+from armid.estimation.problem import EstimationProblem, build_problem
 from armid.estimation.whitening import WhitenedSystem, whiten
 from armid.information.accumulate import accumulate_information
 from armid.information.information import Information, restrict, total
@@ -42,8 +42,6 @@ from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import LoadCoulomb, Term
 from armid.values import Array
-
-__all__ = ["FrictionSelection", "SelectionEvidence", "choose_friction"]
 
 FOLDS = 8
 """Number of folds: each leaves most of the data for training, and a standard error has seven degrees of freedom."""
@@ -122,9 +120,7 @@ def choose_friction(model: DynamicsModel, observations: Observations, *, threads
         ArmidError: No row counts.
     """
     base = find_base_parameters(model)
-    problem = EstimationProblem(
-        accumulate_information(model, base, observations, threads=threads), standard_of(model, base), model, base
-    )
+    problem = build_problem(model, observations, base=base, threads=threads)
     blocks = int(problem.information.rows.any(axis=1).sum())
     if blocks < FEWEST:
         ones = np.ones(model.n)
@@ -190,7 +186,7 @@ def _with_load_parameters(problem: EstimationProblem, weight: float) -> Dynamics
     assert model is not None and base is not None  # `choose_friction` gives them
     if model.load_parameters is not None or not model.has_rigid_bodies:
         return model
-    theta = torque_parameters(base, Ridge(weight=weight).estimate(problem))
+    theta = torque_parameters(base, Ridge(weight=weight).solve(problem))
     return replace(model, load_parameters=theta[model.inertial_columns].reshape(model.n, 10))
 
 

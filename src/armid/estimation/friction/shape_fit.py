@@ -18,8 +18,6 @@ from armid.estimation.friction.search import SelectionPath
 from armid.information.information import Information
 from armid.values import Array
 
-__all__ = ["ExtendModel", "refine_shapes"]
-
 ExtendModel = Callable[[Sequence[frozenset[Candidate]]], tuple[CandidateModel, Information]]
 """Extends the model by candidates of each joint and computes the information of the data for it."""
 
@@ -109,7 +107,7 @@ def _step(
 
 
 def _bounded_step(first: float, shape: float, step: float) -> float:
-    """Shape after a step, between the neighbours of the grid's shape."""
+    """Shape after a step in its logarithm, limited to the grid's neighbours of the first shape."""
     return float(first * np.exp(np.clip(np.log(shape / first) + step, -MAX_CHANGE, MAX_CHANGE)))
 
 

@@ -22,25 +22,23 @@ from numpy.typing import NDArray
 
 from armid.values import Array
 
-__all__ = ["RETURN", "discount", "retained_rows"]
-
 RETURN = 100.0
 """Largest ratio of forgotten to new information in a direction. Motion with a tenth of the earlier amplitude still
 causes full forgetting; noise with a millionth of the stored information causes the loss of a 10 000th."""
 
 
 def retained_rows(whole: Array, block: Array, share: float, changing: NDArray[np.bool_]) -> Array:
-    """Computes the rows that are kept when a share of the stored information is forgotten for a block.
+    """Computes the rows that remain when a new block replaces a share of the stored information.
 
     Args:
-        whole: All stored information, as triangular whitened rows with their side last, shape (b, b + 1).
-        block: The new block likewise, shape (b, b + 1).
-        share: 1 - λ, in [0, 1].
+        whole: All stored information, as triangular whitened rows with the right-hand side last, shape (b, b + 1).
+        block: The new block in the same form, shape (b, b + 1).
+        share: Share 1 - λ, in [0, 1].
         changing: Parameters that may change, shape (b,); the information on the others stays.
 
     Returns:
-        Whitened rows with their side last, shape (b, b + 1). Their products plus λ times the stored products are the
-        information after forgetting.
+        Whitened rows with the right-hand side last, shape (b, b + 1). The information after forgetting is the
+        products of these rows plus λ times the stored products.
     """
     b = len(changing)
     kept = np.zeros((b, b + 1))
@@ -75,18 +73,18 @@ def discount(whole: Array, changing: NDArray[np.bool_], jump: Array) -> Array:
     c = int(changing.sum())
     order, stored = _changing_first(whole, changing)
     size = jump[order[:c]]
-    # In units of the jump (R Rᵀ)⁻¹ + 1 is well scaled, whatever the units.
+    # In units of the jump, (R Rᵀ)⁻¹ + 1 is well scaled for all units of the parameters.
     root = np.linalg.inv(stored[:c, :c] * size)
     share, directions = np.linalg.eigh(root @ root.T + np.eye(c))
     half = (directions / np.sqrt(share)).T
-    left = np.zeros_like(whole)
-    left[:, order[c:]] = stored[:, c:]
-    left[:c, order] = half @ root @ stored[:c]
-    return left
+    rows = np.zeros_like(whole)
+    rows[:, order[c:]] = stored[:, c:]
+    rows[:c, order] = half @ root @ stored[:c]
+    return rows
 
 
 def _changing_first(whole: Array, changing: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
-    """Order of the columns, changing ones first and the side last, and the rows made triangular in this order."""
+    """Column order (changing ones first, right-hand side last), and the triangular factor in this order."""
     b = len(changing)
     order = np.concatenate([np.flatnonzero(changing), np.flatnonzero(~changing), [b]])
     if changing.all():

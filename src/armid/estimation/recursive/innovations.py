@@ -8,18 +8,17 @@ from armid.estimation.recursive.state import Innovations, RecursiveState
 from armid.information.information import Information
 from armid.values import Array
 
-__all__ = ["normalized_innovation", "update_noise_color"]
-
 CREEP = 2.0
-"""Largest squared error, over the usual one, that a block with a change contributes to the usual error."""
+"""Limit of a block's squared error, over the usual one, in the average that gives the usual error, where the block
+shows a sudden change."""
 
 
 def normalized_innovation(state: RecursiveState, values: Array, new: Information) -> tuple[Array, Array]:
-    """Normalised innovation of new rows against the prediction of the estimate before them.
+    """Normalised innovation of new rows: their error under the prediction of the estimate before them.
 
     Args:
         state: State before the rows.
-        values: Its estimate, shape (b,).
+        values: Estimate of that state, shape (b,).
         new: The rows, one block.
 
     Returns:
@@ -28,14 +27,14 @@ def normalized_innovation(state: RecursiveState, values: Array, new: Information
     error = np.zeros(new.n)
     if state.root is None:
         return error, error
-    news = state.innovations
-    known = (news.blocks > 0.0) & (news.level > 0.0)
+    stats = state.innovations
+    known = (stats.blocks > 0.0) & (stats.level > 0.0)
     for j, joint in enumerate(new.joints):
-        own, R = joint.parameters, state.weights[j] * joint.R[0]
+        indices, R = joint.parameters, state.weights[j] * joint.R[0]
         # The noise has the usual level; the uncertainty of the estimate does not scale with it.
-        unsure = np.sum((R[:, :-1] @ state.root[own]) ** 2) / (news.level[j] if known[j] else 1.0)
-        error[j] = np.sum((R[:, -1] - R[:, :-1] @ values[own]) ** 2) / (max(new.rows[0, j], 1) + unsure)
-    level = np.where(known, news.level, np.where(error > 0.0, error, 1.0))
+        uncertainty = np.sum((R[:, :-1] @ state.root[indices]) ** 2) / (stats.level[j] if known[j] else 1.0)
+        error[j] = np.sum((R[:, -1] - R[:, :-1] @ values[indices]) ** 2) / (max(new.rows[0, j], 1) + uncertainty)
+    level = np.where(known, stats.level, np.where(error > 0.0, error, 1.0))
     return error, np.sqrt(error / level)
 
 
@@ -45,7 +44,7 @@ def update_noise_color(
     new: Information,
     half: Array,
     error: tuple[Array, Array],
-    left: float,
+    discount: float,
     *,
     usual: bool,
 ) -> Innovations:
@@ -53,32 +52,32 @@ def update_noise_color(
 
     Args:
         before: State before the block, with the weights after it.
-        values: Its estimate, shape (b,).
+        values: Estimate of that state, shape (b,).
         new: The block.
         half: Square root of the inverse of all information after the block, shape (b, b).
         error: Result of `normalized_innovation` for the block.
-        left: Discount factor of earlier blocks.
+        discount: Discount factor of earlier blocks.
         usual: Whether no change was detected; a block with a change hardly enters the noise statistics.
     """
-    news = before.innovations
-    seen = new.rows[0] > 0
+    stats = before.innovations
+    observed = new.rows[0] > 0
     if before.root is None:
-        return news
-    blocks = left * news.blocks + seen
+        return stats
+    blocks = discount * stats.blocks + observed
     # A persistently large error becomes the usual one over time.
-    bounded = error[0] if usual else np.minimum(error[0], CREEP * news.level)
-    level = np.where(seen, news.level + (bounded - news.level) / np.maximum(blocks, 1.0), news.level)
-    pull, power, expected = np.zeros_like(news.pull), left * news.power, left * news.expected
-    for j in np.flatnonzero(seen):
-        own, R = new.joints[j].parameters, before.weights[j] * new.joints[j].R[0]
-        pull[j, own] = R[:, :-1].T @ (R[:, -1] - R[:, :-1] @ values[own])
-        told = R[:, :-1] @ half[own]
-        inner = told.T @ R[:, :-1]
-        white = float(np.sum(told**2))
-        unsure = float(np.sum((inner @ before.root[own]) ** 2))
-        # Share of the gradient that is due to noise, not to the uncertainty of the estimate.
-        share = (white / (white + unsure)) ** 2 if usual and white > 0.0 else 0.0
-        size, beside = half.T @ pull[j], half.T @ news.pull[j]
-        power[j] += share * (size @ (size + 2.0 * beside) - unsure) / max(white, np.finfo(np.float64).tiny)
+    bounded = error[0] if usual else np.minimum(error[0], CREEP * stats.level)
+    level = np.where(observed, stats.level + (bounded - stats.level) / np.maximum(blocks, 1.0), stats.level)
+    pull, power, expected = np.zeros_like(stats.pull), discount * stats.power, discount * stats.expected
+    for j in np.flatnonzero(observed):
+        indices, R = new.joints[j].parameters, before.weights[j] * new.joints[j].R[0]
+        pull[j, indices] = R[:, :-1].T @ (R[:, -1] - R[:, :-1] @ values[indices])
+        projected = R[:, :-1] @ half[indices]
+        inner = projected.T @ R[:, :-1]
+        white = float(np.sum(projected**2))
+        uncertain = float(np.sum((inner @ before.root[indices]) ** 2))
+        # Share of the gradient that noise causes; the uncertainty of the estimate causes the rest.
+        share = (white / (white + uncertain)) ** 2 if usual and white > 0.0 else 0.0
+        size, previous = half.T @ pull[j], half.T @ stats.pull[j]
+        power[j] += share * (size @ (size + 2.0 * previous) - uncertain) / max(white, np.finfo(np.float64).tiny)
         expected[j] += share
     return Innovations(error[1], level, blocks, pull, power, expected)

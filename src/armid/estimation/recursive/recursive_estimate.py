@@ -36,8 +36,6 @@ from armid.kernel import factor_columns
 from armid.maths.linalg import condition, inverse_of, scaled_condition
 from armid.values import Array, array
 
-__all__ = ["JUMP", "ForgettingOptions", "Innovations", "RecursiveState", "begin", "fit", "resume", "update"]
-
 ITERATIONS = 1000
 STANDSTILL = 1e-9
 """Largest relative change of a deviation that ends the iteration, as in weighted least squares."""
@@ -55,18 +53,18 @@ def begin(
     """Creates a state without information.
 
     Args:
-        block: Example of a block, which gives the parameters of each joint's rows; it is not added.
+        block: Example of a block: it gives the parameters of each joint's rows and is not added to the state.
         memory: Options of forgetting; no forgetting where not given.
-        weights: One over the standard deviation of each joint's noise, shape (n,); computed from the residuals where
-            not given.
+        weights: One over the standard deviation of each joint's noise, shape (n,); from the residuals where not
+            given.
     """
     b, n, zero = block.count, block.n, np.zeros(block.n)
     joints = tuple(JointFactors(joint.parameters, np.zeros((1, *joint.R.shape[1:]))) for joint in block.joints)
     given = np.ones(n) if weights is None else array(weights, (n,), "weights")
-    news = Innovations(zero, np.ones(n), zero, np.zeros((n, b)), zero, zero)
+    stats = Innovations(zero, np.ones(n), zero, np.zeros((n, b)), zero, zero)
     empty = np.zeros((b, b + 1))
     chosen = _checked(memory or ForgettingOptions(), b)
-    return RecursiveState(block.names, joints, zero, empty, given, weights is not None, empty, None, chosen, news)
+    return RecursiveState(block.names, joints, zero, empty, given, weights is not None, empty, None, chosen, stats)
 
 
 def resume(
@@ -77,43 +75,44 @@ def resume(
     further: Array | None = None,
     factors: Information | None = None,
 ) -> RecursiveState:
-    """A state that knows an earlier estimate with its covariance, noise levels of joints included.
+    """Creates a state from an earlier estimate with its covariance and the noise level of each joint.
 
-    New rows weigh against it by what they are worth: the covariance of the earlier estimate over the textbook's says
-    how many rows of this kind make an independent one.
+    The covariance of the earlier estimate over the textbook's gives the number of correlated rows that equal one
+    independent row; the weights of new rows are divided by the square root of this number.
 
     Args:
-        block: Says which parameters each joint's rows touch.
-        earlier: The estimate, about the same parameters.
-        memory: How the past is forgotten.
-        further: Standard deviations of parameters that the blocks have beyond the estimate's and that are zero so
-            far, shape (m,).
-        factors: What the earlier estimate was made from, for a covariance from a scatter of fewer degrees of freedom
-            than parameters: by itself that takes the estimate as exact in all directions it has not scattered in.
+        block: Example of a block: it gives the parameters of each joint's rows.
+        earlier: The earlier estimate, of the same parameters.
+        memory: Options of forgetting.
+        further: Standard deviations of parameters that the blocks have and the estimate lacks, shape (m,); their
+            earlier values are zero.
+        factors: Information that the earlier estimate was made from. A covariance from few periods or blocks has low
+            rank and takes the estimate as exact in the other directions; the factors allow a blend with the
+            textbook's.
 
     Raises:
-        EstimationError: The estimate is about other parameters.
+        EstimationError: The estimate has other parameters than the blocks.
     """
-    more = np.zeros(0) if further is None else further
-    if earlier.names != block.names[: block.count - len(more)]:
+    extra = np.zeros(0) if further is None else further
+    if earlier.names != block.names[: block.count - len(extra)]:
         raise EstimationError(
-            "The earlier estimate is about other parameters than the blocks.",
-            remedy="use the model of the earlier run; friction for each recording has to be made one first.",
+            "The earlier estimate has other parameters than the blocks.",
+            remedy="use the model of the earlier run; merge friction for each recording into one first.",
         )
-    textbook = earlier.deviation**2
+    textbook = earlier.white_deviation**2
     known = textbook > 0.0
     ratio = np.diag(earlier.covariance)[known] / textbook[known]
-    worth = max(float(np.median(ratio)), 1.0) if known.any() else 1.0
-    start = begin(block, memory, weights=earlier.weights / np.sqrt(worth))
-    covariance = np.diag(np.concatenate([np.zeros(len(earlier.values)), more**2]))
+    inflation = max(float(np.median(ratio)), 1.0) if known.any() else 1.0
+    start = begin(block, memory, weights=earlier.weights / np.sqrt(inflation))
+    covariance = np.diag(np.concatenate([np.zeros(len(earlier.values)), extra**2]))
     covariance[: len(earlier.values), : len(earlier.values)] = _definite(earlier, factors)
     root = _root_of_inverse(covariance)
     kept = _triangle(np.column_stack([root, root[:, : len(earlier.values)] @ earlier.values]))
     first = np.full(block.n, FIRST)
-    news = replace(start.innovations, level=1.0 / worth + 0.0 * first, blocks=first, power=first, expected=first)
+    stats = replace(start.innovations, level=1.0 / inflation + 0.0 * first, blocks=first, power=first, expected=first)
     jump = JUMP * np.sqrt(np.diag(covariance)) if start.memory.jump is None else start.memory.jump
     forgets = replace(start.memory, jump=jump)
-    return replace(start, kept=kept, whole=kept, root=_root(covariance), memory=forgets, innovations=news)
+    return replace(start, kept=kept, whole=kept, root=_root(covariance), memory=forgets, innovations=stats)
 
 
 def _definite(earlier: Fit, factors: Information | None) -> Array:
@@ -134,26 +133,26 @@ def update(state: RecursiveState, block: Information, seconds: float) -> Recursi
         seconds: Time from the last update to this one [s].
 
     Raises:
-        EstimationError: The rows are about other parameters, or time runs backwards.
+        EstimationError: The rows have other parameters than the state, or the time is negative.
     """
     if not seconds >= 0.0:
-        raise EstimationError(f"Time goes forwards; found {seconds:g} s from one block to the next.")
+        raise EstimationError(f"The time from one block to the next must not be negative; found {seconds:g} s.")
     new = total(block)
     values = state.values
     error = normalized_innovation(state, values, new)
     changed = bool((error[1] >= state.memory.renewal).any())
-    left = float(np.exp(-seconds / state.memory.seconds))
+    factor = float(np.exp(-seconds / state.memory.seconds))
     if changed:
-        state = _renewed(state)
+        state = _after_change(state)
     both = merge([state.information, new])
-    rows = left * state.rows + new.rows[0]
-    joints = tuple(_discounted(old, fresh, left) for old, fresh in zip(state.joints, new.joints, strict=True))
+    rows = factor * state.rows + new.rows[0]
+    joints = tuple(_discounted(old, fresh, factor) for old, fresh in zip(state.joints, new.joints, strict=True))
     after = replace(both, joints=joints, rows=both.rows[:1], run=both.run[:1], recording=both.recording[:1])
-    kept = np.sqrt(left) * state.kept
-    if left < 1.0:
+    kept = np.sqrt(factor) * state.kept
+    if factor < 1.0:
         A, y = stack(new, state.weights)
-        aside = retained_rows(state.whole, _triangle(np.column_stack([A, y])), 1.0 - left, _changing(state))
-        kept = _triangle(np.vstack([kept, aside]))
+        retained = retained_rows(state.whole, _triangle(np.column_stack([A, y])), 1.0 - factor, _changing(state))
+        kept = _triangle(np.vstack([kept, retained]))
     weights = state.weights if state.fixed else _next_weights(state, after, rows, kept)
     whole = _whole(after, kept, weights)
     moved = replace(state, joints=joints, rows=rows, kept=kept, weights=weights, whole=whole)
@@ -163,8 +162,8 @@ def update(state: RecursiveState, block: Information, seconds: float) -> Recursi
     if state.memory.jump is None:
         jump = JUMP * np.sqrt(np.sum(half**2, axis=1))
         moved = replace(moved, memory=replace(state.memory, jump=jump))
-    news = update_noise_color(replace(state, weights=weights), values, new, half, error, left, usual=not changed)
-    return replace(moved, root=_spread(state, weights, new, half), innovations=news)
+    stats = update_noise_color(replace(state, weights=weights), values, new, half, error, factor, usual=not changed)
+    return replace(moved, root=_spread(state, weights, new, half), innovations=stats)
 
 
 def fit(state: RecursiveState) -> Fit:
@@ -178,17 +177,17 @@ def fit(state: RecursiveState) -> Fit:
         unseen = minimum_norm_solution(state.whole[:, :-1], state.whole[:, -1])[2]
         raise EstimationError(
             f"The rows so far determine {len(state.names) - len(unseen)} of {len(state.names)} parameters.",
-            remedy="go on, move more joints, or begin with an earlier run.",
+            remedy="add more blocks, move more joints, or begin with an earlier run.",
         )
     data = state.information
     weights = state.weights if state.fixed else _settled(state, data)
     values, half, _ = minimum_norm_solution(*_parted(_whole(data, state.kept, weights)))
-    squares, spent = _left(data, values, weights, half)
+    squares, effective = _residual_statistics(data, values, weights, half)
     A = stack(data)[0]
     c = state.innovations.correlation
-    free = np.maximum(state.rows - spent, 1.0)
+    free = np.maximum(state.rows - effective, 1.0)
     known = state.kept[:, :-1].T @ state.kept[:, :-1]
-    why = f"innovations of the blocks weigh {c.min():.3g} to {c.max():.3g} times as for uncorrelated noise"
+    reason = f"the variance of the blocks' gradients is {c.min():.3g} to {c.max():.3g} times that of white noise"
     return Fit(
         state.names,
         values,
@@ -202,7 +201,7 @@ def fit(state: RecursiveState) -> Fit:
         scaled_condition(A),
         weights,
         known if known.any() else None,
-        CovarianceReport(why, noise=np.sqrt(squares / free)),
+        CovarianceReport(reason, noise=np.sqrt(squares / free)),
     )
 
 
@@ -220,7 +219,7 @@ def _changing(state: RecursiveState) -> NDArray[np.bool_]:
 
 
 def _triangle(rows: Array) -> Array:
-    """Triangular factor (b, b + 1) of rows with their side last, without the residual."""
+    """Triangular factor (b, b + 1) of rows with the right-hand side last, without the residual."""
     return factor_columns(np.ascontiguousarray(rows.T))[0][:-1]
 
 
@@ -234,49 +233,49 @@ def _whole(data: Information, kept: Array, weights: Array) -> Array:
     return _triangle(np.vstack([np.column_stack([A, y]), kept]))
 
 
-def _discounted(old: JointFactors, new: JointFactors, left: float) -> JointFactors:
+def _discounted(old: JointFactors, new: JointFactors, factor: float) -> JointFactors:
     """Merged factors of one joint, the old ones discounted."""
-    rows = np.vstack([np.sqrt(left) * old.R[0], new.R[0]])
+    rows = np.vstack([np.sqrt(factor) * old.R[0], new.R[0]])
     return JointFactors(old.parameters, factor_columns(rows.T))
 
 
 def _root(covariance: Array) -> Array:
-    """Factor (b, b) of a covariance, independent of units; negative eigenvalues from rounding are set to zero."""
+    """Factor (b, b) of a covariance, from its correlations; negative eigenvalues from rounding are set to zero."""
     size, share, directions = _scaled_eigenvalues(covariance)
     return size[:, None] * directions * np.sqrt(np.maximum(share, 0.0))
 
 
 def _root_of_inverse(covariance: Array) -> Array:
-    """Square root of the inverse of a covariance, independent of units."""
+    """Square root of the inverse of a covariance, computed on the correlations."""
     size, share, directions = _scaled_eigenvalues(covariance)
     return (directions / np.sqrt(np.maximum(share, np.finfo(np.float64).eps * share[-1]))).T / size
 
 
 def _scaled_eigenvalues(covariance: Array) -> tuple[Array, Array, Array]:
-    """Deviations, eigenvalues and eigenvectors of the correlations of a covariance (b, b)."""
+    """Standard deviations of a covariance (b, b), and eigenvalues and eigenvectors of its correlation matrix."""
     size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     size = np.where(size > 0.0, size, 1.0)
     share, directions = np.linalg.eigh(covariance / np.outer(size, size))
     return size, share, directions
 
 
-def _left(data: Information, values: Array, weights: Array, half: Array) -> tuple[Array, Array]:
+def _residual_statistics(data: Information, values: Array, weights: Array, half: Array) -> tuple[Array, Array]:
     """Squared residual of each joint, unweighted, and the effective degrees of freedom of its rows, shapes (n,)."""
-    squares, spent = np.empty((2, data.n))
+    squares, effective = np.empty((2, data.n))
     for j, joint in enumerate(data.joints):
         R = joint.R[0]
         squares[j] = np.sum((R[:, -1] - R[:, :-1] @ values[joint.parameters]) ** 2)
-        spent[j] = weights[j] ** 2 * np.sum((R[:, :-1] @ half[joint.parameters]) ** 2)
-    return squares, spent
+        effective[j] = weights[j] ** 2 * np.sum((R[:, :-1] @ half[joint.parameters]) ** 2)
+    return squares, effective
 
 
 def _next_weights(state: RecursiveState, data: Information, rows: Array, kept: Array) -> Array:
     """One over the deviation of each joint's residual, from the solution under the present weights."""
     values, half, _ = minimum_norm_solution(*_parted(_whole(data, kept, state.weights)))
-    squares, spent = _left(data, values, state.weights, half)
+    squares, effective = _residual_statistics(data, values, state.weights, half)
     torque = np.array([np.sum(joint.R[0, :, -1] ** 2) for joint in data.joints])
-    deviation = np.sqrt(np.maximum(squares, RESOLUTION**2 * torque) / np.maximum(rows - spent, 1.0))
-    usable = (deviation > 0.0) & (rows > ENOUGH * spent)
+    deviation = np.sqrt(np.maximum(squares, RESOLUTION**2 * torque) / np.maximum(rows - effective, 1.0))
+    usable = (deviation > 0.0) & (rows > ENOUGH * effective)
     return np.where(usable, 1.0 / np.where(usable, deviation, 1.0), state.weights)
 
 
@@ -288,14 +287,14 @@ def _settled(state: RecursiveState, data: Information) -> Array:
             return weights
         state = replace(state, weights=weights)
     raise EstimationError(
-        f"The weights of the joints did not settle in {ITERATIONS} iterations.",
-        remedy="begin with weights, or with an earlier run.",
+        f"The weights of the joints did not converge in {ITERATIONS} iterations.",
+        remedy="give weights, or begin with an earlier run.",
     )
 
 
-def _renewed(state: RecursiveState) -> RecursiveState:
+def _after_change(state: RecursiveState) -> RecursiveState:
     """State after a sudden change: all information becomes retained rows, discounted by the change."""
-    assert state.root is not None  # else nothing is a surprise
+    assert state.root is not None  # a block without a covariance before it shows no sudden change
     assert state.memory.jump is not None
     changing = _changing(state)
     kept = _triangle(discount(state.whole, changing, state.memory.jump))
@@ -305,8 +304,8 @@ def _renewed(state: RecursiveState) -> RecursiveState:
 
 
 def _spread(before: RecursiveState, weights: Array, new: Information, half: Array) -> Array:
-    """Factor (b, b) of the covariance after new rows, with a square root of the inverse of all information."""
-    if before.root is None:  # white noise until blocks have said more
+    """Factor (b, b) of the covariance after new rows; `half` is a square root of the inverse of all information."""
+    if before.root is None:  # the noise counts as white until blocks have given its correlation
         return _square(half)
     X, b = half @ half.T, len(before.names)
     G, S = np.zeros((b, b)), []

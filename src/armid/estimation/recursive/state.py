@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from armid.errors import EstimationError
 from armid.estimation.whitening import minimum_norm_solution
-from armid.information.information import Information, JointFactors
+from armid.information.information import FactorOrigin, Information, JointFactors
+from armid.model.parameter_name import ParameterName
 from armid.values import Array
-
-__all__ = ["JUMP", "ForgettingOptions", "Innovations", "RecursiveState"]
 
 JUMP = 1000.0
 """Standard deviation of a sudden change of a parameter, over that of its estimate: larger than any real change."""
@@ -30,8 +29,7 @@ class ForgettingOptions:
         changing: Parameters that may change, shape (b,); all where not given. The others are never forgotten.
         renewal: Normalised innovation of a joint from which a block counts as a sudden change. The parameters that
             may change are then forgotten and estimated again.
-        jump: Standard deviations of such a change, shape (b,); where not given, those of the first estimate times
-            `JUMP`.
+        jump: Standard deviations of such a change, shape (b,); by default those of the first estimate times `JUMP`.
     """
 
     seconds: float = np.inf
@@ -41,7 +39,7 @@ class ForgettingOptions:
 
     def __post_init__(self) -> None:
         if not self.seconds > 0.0:
-            raise EstimationError(f"A memory lasts longer than 0 s; found {self.seconds:g} s.")
+            raise EstimationError(f"The time constant of forgetting must be above 0 s; found {self.seconds:g} s.")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,16 +47,16 @@ class Innovations:
     """Statistics of the innovations of blocks, joint by joint.
 
     Attributes:
-        surprise: Normalised innovation: RMS torque error of the last block under the estimate before it, over the
-            usual one, shape (n,). With ten independent rows it reaches three by chance once in 1e14 blocks.
-        level: Usual squared error over the expected one, shape (n,).
+        normalized_innovation: RMS torque error of the last block under the estimate before it, over the usual one,
+            shape (n,). With ten independent rows it reaches three by chance once in 1e14 blocks.
+        level: Usual ratio of the squared error to the expected one, shape (n,).
         blocks: Discounted number of blocks behind the level.
         pull: Negative gradient of the last block's squared error, by joint, shape (n, b).
         power: Sum of the squared gradients over those of white noise, products of neighbours included, shape (n,).
         expected: Number of blocks in the sum, weighted by the certainty of the estimate, shape (n,).
     """
 
-    surprise: Array
+    normalized_innovation: Array
     level: Array
     blocks: Array
     pull: Array
@@ -79,17 +77,17 @@ class RecursiveState:
         names: Names of the b parameters.
         joints: Discounted factors of each joint's rows, one block.
         rows: Discounted number of rows in use, shape (n,).
-        kept: Retained whitened rows besides the joints' factors, side last, shape (b, b + 1).
+        kept: Retained whitened rows besides the joints' factors, right-hand side last, shape (b, b + 1).
         weights: Weight of each joint's rows, shape (n,).
-        fixed: Whether the weights were given; else they follow the residuals.
-        whole: All rows whitened, triangular, side last, shape (b, b + 1).
+        fixed: Whether the weights were given; otherwise they are computed from the residuals.
+        whole: Triangular factor of all whitened rows, right-hand side last, shape (b, b + 1).
         root: Factor L of the covariance L Lᵀ of the values, shape (b, b); `None` while the data do not determine
-            them. Updates of a full matrix could give negative variances by rounding [Bierman1977].
+            them. A factor keeps variances positive, which an update of the full matrix may not do [Bierman1977].
         memory: Options of forgetting.
         innovations: Statistics of the innovations.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     joints: tuple[JointFactors, ...]
     rows: Array
     kept: Array
@@ -107,7 +105,7 @@ class RecursiveState:
 
     @property
     def values(self) -> Array:
-        """Estimate, shape (b,); the minimum-norm one, columns of unit length, where the data do not determine it."""
+        """Estimate, shape (b,); the minimum-norm one for columns of unit length where the data leave it open."""
         return minimum_norm_solution(self.whole[:, :-1], self.whole[:, -1])[0]
 
     @property
@@ -115,4 +113,4 @@ class RecursiveState:
         """Discounted factors as information of one block, without `kept`."""
         rows = np.rint(self.rows).astype(np.int64)[None]
         one = np.zeros(1, dtype=np.int64)
-        return Information(self.names, self.joints, rows, one, one, made_by="discounted")
+        return Information(self.names, self.joints, rows, one, one, made_by=FactorOrigin("discounted"))

@@ -9,8 +9,6 @@ from armid.estimation.uncertainty.jackknife import block_products, group_blocks
 from armid.information.information import Information
 from armid.values import Array
 
-__all__ = ["bootstrap"]
-
 
 def bootstrap(fit: Fit, information: Information, *, draws: int = 1000, seed: int = 0, per_group: int = 1) -> Array:
     """Computes estimates from blocks drawn with replacement, with the weights of the fit.

@@ -32,6 +32,18 @@ from armid.estimation.uncertainty.frequency_bands import BandProducts, band_prod
 from armid.estimation.uncertainty.jackknife import RepetitionBlocks, correlation, group_blocks, jackknife, periods
 from armid.estimation.uncertainty.noise_spectrum import MAX_SIZE, LevelScatter, NoiseModel
 from armid.estimation.uncertainty.reversals import shift_by_reversals
+from armid.estimation.uncertainty.thresholds import (
+    EXPECTED_SHIFT,
+    FEWEST_BLOCKS,
+    FEWEST_PERIODS,
+    FEWEST_ROWS,
+    MAX_NEIGHBOUR_CORRELATION,
+    MAX_REPEATED,
+    MIN_MERGED_BLOCKS,
+    RATE_TOLERANCE,
+    SHIFT_SHARE,
+    WHITENESS_LEVEL,
+)
 from armid.estimation.uncertainty.whiteness import whiteness
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.information import Information, stack, total
@@ -39,56 +51,12 @@ from armid.maths.linalg import unit_columns
 from armid.threads import one_blas_thread
 from armid.values import Array
 
-__all__ = [
-    "FEWEST_BLOCKS",
-    "FEWEST_PERIODS",
-    "Uncertainty",
-    "block_covariance",
-    "choose_covariance_kind",
-    "estimate_covariance",
-    "scale_covariance",
-]
-
-FEWEST_BLOCKS = 4
-"""Fewest blocks for the scatter between blocks (three degrees of freedom); below, the white covariance is used."""
-
-FEWEST_PERIODS = 6
-"""Fewest periods: with fewer, Student's intervals are more than a third wider than those of many periods."""
-
-MIN_MERGED_BLOCKS = 10
-"""Blocks are not made longer where fewer than these would be left."""
-
-MAX_NEIGHBOUR_CORRELATION = 0.05
-"""Largest correlation of the scores of neighbouring blocks at which blocks count as independent. It makes deviations
-a twentieth too small, and occurs by chance with a few parameters and some twenty blocks."""
-
-WHITENESS_LEVEL = 0.05
-"""Significance level of the test of whiteness."""
-
 SMALLEST_P = 1e-6
 """Smallest probability that a message states."""
-
-MAX_REPEATED = 1.5
-"""Largest variance of the mean residual of all periods, over that of independent periods, at which the residual
-counts as not repeating. By chance it is 1 within one or two tenths."""
-
-EXPECTED_SHIFT = 1.0
-"""RMS over the parameters of the shift by reversals, in standard deviations, that is attributed to chance. Rows near
-reversals are about a quarter of all; with a correct model they shift an estimate by half a standard deviation."""
-
-SHIFT_SHARE = 0.65
-"""Share of that shift that counts as one standard deviation: a 95 % interval then extends a quarter beyond the shift.
-Set on simulated logs of twelve arms; one half left one arm below 88 % coverage. See docs/uncertainty.md."""
-
-FEWEST_ROWS = 3
-"""Fewest rows of all joints for each parameter with which a noise spectrum can be estimated."""
 
 MIN_EIGENVALUE = 1e-13
 """Lower limit of an eigenvalue of the normal equations with unit columns: directions that neither data nor prior
 determine get a very large variance instead of a division by zero."""
-
-RATE_TOLERANCE = 0.1
-"""Largest relative difference of the row rates of runs whose spectra are combined."""
 
 
 @one_blas_thread
@@ -120,7 +88,10 @@ def choose_covariance_kind(white: float, free: int | None, repeated: float) -> t
     if free < FEWEST_PERIODS - 1:
         return "spectral", f"{correlated}, and there are fewer than {FEWEST_PERIODS} periods"
     if repeated > MAX_REPEATED:
-        return "spectral", f"{correlated}; a part {repeated:.1f} times chance level repeats with the motion"
+        return (
+            "spectral",
+            f"{correlated}; the part that repeats with the motion has {repeated:.1f} times the variance of chance",
+        )
     return "period", f"{correlated}, and the motion repeats"
 
 
@@ -218,11 +189,15 @@ class Uncertainty:
     def _motions(self) -> RepetitionBlocks | None:
         """Repetitions of motions among the blocks; `None` where the motion does not repeat."""
         runs = () if self.problem.observations is None else self.problem.observations.runs
-        known_covariance = [run.repetition is not None for run in runs]
-        if not any(known_covariance):
+        # Blocks of a motion whose period nobody knows may look alike here and there. Only whole periods can be tested
+        # for a residual that repeats with them.
+        if any(find_periods(run) is None for run in runs):
+            return None
+        known = [run.repetition is not None for run in runs]
+        if not any(known):
             motions = periods(self.information)
             return None if motions is None else RepetitionBlocks.of_blocks(motions)
-        if not all(known_covariance) or any(find_periods(run) is None for run in runs):
+        if not all(known):
             return None
         if sum(len(np.unique(run.block)) for run in runs) != self.information.blocks:
             return None
@@ -365,9 +340,7 @@ def block_covariance(
 def _samples_match(problem: EstimationProblem, rows: NDArray[np.int64]) -> bool:
     """Checks whether samples and information have the same rows and parameters."""
     model, base, observations = problem.require_samples("cover")
-    known_covariance = {
-        name.split("[", 1)[0] for name in problem.information.names
-    }  # copies for each recording are FV_1[1], …
+    known_covariance = {name.of_all for name in problem.information.names}  # copies for each recording are FV_1[1], …
     counted = sum(with_hysteresis_states(model, run, observations.band).mask.sum(axis=0) for run in observations.runs)
     return known_covariance == set(base.names) and bool(np.array_equal(counted, rows))
 

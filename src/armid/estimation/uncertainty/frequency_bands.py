@@ -17,23 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.estimation.problem import EstimationProblem
+from armid.estimation.uncertainty.thresholds import SAME_POSITIONS
 from armid.information.column_source import ColumnSource, column_source
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.regressor_rows import rows
 from armid.maths.spectrum import frequencies, spectrum
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
-
-__all__ = [
-    "BandProducts",
-    "GatheredBands",
-    "band_edges",
-    "band_products",
-    "column_numbers",
-    "find_periods",
-    "gather_bands",
-    "residual_moments",
-]
 
 MAX_RATE = 100.0
 """Row rate that covers the spectrum of an arm's motion [Hz]; rows at higher rates are averaged."""
@@ -46,9 +36,6 @@ LOWEST_BAND_SIZE = 8.0
 
 PER_OCTAVE = 3
 """Bands per octave, narrow enough to resolve the edge of a filter."""
-
-SAME_MOTION = 0.05
-"""Largest RMS difference of the positions of two periods over their spread; control and phase cause up to 0.02."""
 
 PARTS = 10
 """Parts of a segment whose variances are compared."""
@@ -127,23 +114,29 @@ def gather_bands(problem: EstimationProblem, values: Array) -> Iterator[Gathered
     information = problem.information
     values = np.broadcast_to(values, (information.n, information.count))
     source = column_source(model, base)
+    widths = [len(joint.parameters) for joint in information.joints]
     for given in observations.runs:
         run = with_hysteresis_states(model, given, observations.band)
         parameters = column_numbers(source, information.names, run)
-        positions = [
-            np.searchsorted(j.parameters, own) for j, own in zip(information.joints, parameters, strict=True)
+        places = [
+            start + np.searchsorted(joint.parameters, own)
+            for start, joint, own in zip(np.cumsum([0, *widths]), information.joints, parameters, strict=False)
         ]
-        width = [len(joint.parameters) for joint in information.joints]
-        collector = _Collector(run, positions, width)
-        for begin, x in rows(source, run, observations.band):
-            blocks = [x[a:b] for a, b in zip(source.layout.offset, source.layout.offset[1:], strict=False)]
-            columns = [block[:-1] for block in blocks]
-            residual = [
-                block[-1] - joint_values[own] @ block[:-1]
-                for block, joint_values, own in zip(blocks, values, parameters, strict=True)
-            ]
-            yield from collector.add(begin, columns, np.array(residual))
-        yield from collector.folded_rows()
+        chunks = _with_residuals(rows(source, run, observations.band), source, parameters, values)
+        yield from _gather_run(run, chunks, places, widths)
+
+
+def _with_residuals(
+    chunks: Iterator[tuple[int, Array]], source: ColumnSource, parameters: list[NDArray[np.int64]], values: Array
+) -> Iterator[tuple[int, list[Array], Array]]:
+    """Yields the first row of each chunk, the columns of each joint (k_j, M) and the residuals (n, M)."""
+    for begin, x in chunks:
+        blocks = [x[a:b] for a, b in itertools.pairwise(source.layout.offset)]
+        residual = [
+            block[-1] - joint_values[own] @ block[:-1]
+            for block, joint_values, own in zip(blocks, values, parameters, strict=True)
+        ]
+        yield begin, [block[:-1] for block in blocks], np.array(residual)
 
 
 def band_products(problem: EstimationProblem, values: Array) -> BandProducts:
@@ -155,8 +148,9 @@ def band_products(problem: EstimationProblem, values: Array) -> BandProducts:
     """
     parameters = tuple(joint.parameters for joint in problem.information.joints)
     n, W = len(parameters), sum(len(own) for own in parameters)
-    gathered = list(gather_bands(problem, values)) if _is_short(problem) else None
-    lengths = [(part.residual.shape[1], part.rate) for part in gathered] if gathered else _lengths(problem)
+    lengths = _lengths(problem)
+    is_short = sum(rows for rows, _ in lengths) <= SEGMENT  # all rows fit in memory and are computed only once
+    gathered = list(gather_bands(problem, values)) if is_short else None
     edges = band_edges(lengths)
     E = len(edges)
     products, moments, count = np.zeros((E, W, W)), np.zeros((E, n, n)), np.zeros((E, n, n))
@@ -247,91 +241,88 @@ def find_periods(run: ObservedRun) -> NDArray[np.int64] | None:
     periods = np.stack([q[a : a + length] for a in begins])
     spread = np.sqrt(np.mean((periods[0] - periods[0].mean(axis=0)) ** 2))
     difference = np.sqrt(np.mean((periods - periods.mean(axis=0)) ** 2, axis=(1, 2)))
-    if not (difference <= SAME_MOTION * spread).all():
+    if not (difference <= SAME_POSITIONS * spread).all():
         return None
     return np.append(begins, length)
 
 
-class _Collector:
-    """Collects the rows of one run, averaged, into segments or folded into one period."""
-
-    def __init__(self, run: ObservedRun, positions: list[NDArray[np.intp]], width: list[int]) -> None:
-        self.run, self.positions, self.width = run, positions, width
-        self.joint_of = np.repeat(np.arange(len(width)), width)
-        self.rows_per_mean = _averaging(run)
-        self.segments, self.folded = _segments(run, self.rows_per_mean)
-        self.current = 0
-        self._clear()
-
-    def _clear(self) -> None:
-        length = -(-self.segments[self.current][1] // self.rows_per_mean) if self.current < len(self.segments) else 0
-        n = len(self.width)
-        self.sums = np.zeros((len(self.joint_of), length))
-        self.residual = np.zeros((n, length))
-        self.count = np.zeros((n, length))
-        self.squares = np.zeros(n)
-        self.period_squares = np.zeros(n)
-
-    def add(self, begin: int, columns: list[Array], residual: Array) -> Iterator[GatheredBands]:
-        """Adds the next rows; yields each segment when it is complete."""
+def _gather_run(
+    run: ObservedRun,
+    chunks: Iterator[tuple[int, list[Array], Array]],
+    places: list[NDArray[np.intp]],
+    widths: list[int],
+) -> Iterator[GatheredBands]:
+    """Yields the rows of one run, averaged, segment by segment or folded into one period."""
+    averaging = _averaging(run)
+    segments, folded = _segments(run, averaging)
+    rate = run.rate / (run.step * averaging)
+    sums, current = _Sums(places, widths, segments[0][1], averaging), 0
+    for begin, columns, residual in chunks:
         end = begin + residual.shape[1]
-        while self.current < len(self.segments):
-            origin, length = self.segments[self.current]
+        while current < len(segments):
+            origin, length = segments[current]
             a, b = max(begin, origin), min(end, origin + length)
             if a < b:
-                self._accumulate(
-                    a - origin, [x[:, a - begin : b - begin] for x in columns], residual[:, a - begin : b - begin]
-                )
+                part = slice(a - begin, b - begin)
+                sums.add(a - origin, [x[:, part] for x in columns], residual[:, part], run.mask[a:b].T)
             if end < origin + length:
-                return
-            self.current += 1
-            if not self.folded:
-                yield self._gathered(1)
-                self._clear()
+                break
+            current += 1
+            if not folded:
+                yield sums.gathered(rate, 1)
+                if current < len(segments):
+                    sums = _Sums(places, widths, segments[current][1], averaging)
+    if folded:
+        yield sums.gathered(rate, len(segments))
 
-    def folded_rows(self) -> Iterator[GatheredBands]:
-        """Yields the folded period."""
-        if self.folded:
-            yield self._gathered(len(self.segments))
 
-    def _accumulate(self, first: int, columns: list[Array], residual: Array) -> None:
+class _Sums:
+    """Sums over the rows of a segment, or over all periods of a motion.
+
+    Attributes:
+        places: Rows of `columns` that belong to each joint's columns.
+        widths: Number of columns of each joint.
+        averaging: Number of rows that are averaged into one.
+        columns: Sums of columns, shape (W, M).
+        residual: Sums of residuals, shape (n, M).
+        count: Number of rows in each sum, shape (n, M).
+        squares: Sum of squared residuals, shape (n,).
+        period_squares: Sum over periods of the squared means of residuals, each times its rows, shape (n,).
+    """
+
+    def __init__(self, places: list[NDArray[np.intp]], widths: list[int], length: int, averaging: int) -> None:
+        self.places, self.widths, self.averaging = places, widths, averaging
+        M, n = -(-length // averaging), len(widths)
+        self.columns, self.residual, self.count = (np.zeros((k, M)) for k in (sum(widths), n, n))
+        self.squares, self.period_squares = np.zeros(n), np.zeros(n)
+
+    def add(self, first: int, columns: list[Array], residual: Array, mask: NDArray[np.bool_]) -> None:
         """Adds rows, the first of which is row `first` of its segment."""
-        origin = self.segments[self.current][0] + first
-        length = residual.shape[1]
-        mask = self.run.mask[origin : origin + length].T
-        group = np.arange(first, first + length) // self.rows_per_mean
+        group = np.arange(first, first + residual.shape[1]) // self.averaging
         starts = np.flatnonzero(np.diff(group, prepend=-1))
-        into = group[starts]
-        column = 0
+        into = slice(group[0], group[-1] + 1)
         for j, x in enumerate(columns):
-            kept = x if mask[j].all() else x * mask[j]
-            summed = kept if self.rows_per_mean == 1 else np.add.reduceat(kept, starts, axis=1)
-            self.sums[column + self.positions[j], into[0] : into[-1] + 1] += summed
-            column += self.width[j]
-        kept = residual * mask
-        summed = np.add.reduceat(kept, starts, axis=1)
+            used = x if mask[j].all() else x * mask[j]
+            summed = used if self.averaging == 1 else np.add.reduceat(used, starts, axis=1)
+            self.columns[self.places[j], into] += summed
+        used = residual * mask
+        summed = np.add.reduceat(used, starts, axis=1)
         count = np.add.reduceat(mask.astype(np.float64), starts, axis=1)
         self.residual[:, into] += summed
         self.count[:, into] += count
-        self.squares += (kept**2).sum(axis=1)
+        self.squares += (used**2).sum(axis=1)
         self.period_squares += (summed**2 / np.maximum(count, 1.0)).sum(axis=1)
 
-    def _gathered(self, periods: int) -> GatheredBands:
-        """Collected rows, scaled so that products and white noise keep their size."""
+    def gathered(self, rate: float, periods: int) -> GatheredBands:
+        """Sums of so many periods, scaled so that products and white noise keep their size."""
         scale = 1.0 / np.sqrt(np.maximum(self.count, 1.0))
         residual = self.residual * scale
-        within = np.zeros((2, len(self.width)))
+        within = np.zeros((2, len(self.widths)))
         if periods > 1:
             within[0] = self.period_squares - (residual**2).sum(axis=1)
             within[1] = (self.count > 0).sum(axis=1) * (periods - 1)
-        return GatheredBands(
-            self.sums * scale[self.joint_of],
-            residual,
-            self.count > 0.0,
-            self.run.rate / (self.run.step * self.rows_per_mean),
-            self.squares.copy(),
-            within,
-        )
+        columns = self.columns * np.repeat(scale, self.widths, axis=0)
+        return GatheredBands(columns, residual, self.count > 0.0, rate, self.squares, within)
 
 
 def _segments(run: ObservedRun, rows_per_mean: int) -> tuple[list[tuple[int, int]], bool]:
@@ -352,11 +343,6 @@ def _averaging(run: ObservedRun) -> int:
 
 def _runs(problem: EstimationProblem) -> tuple[ObservedRun, ...]:
     return () if problem.observations is None else problem.observations.runs
-
-
-def _is_short(problem: EstimationProblem) -> bool:
-    """Checks whether all rows fit in memory, so that they are computed only once."""
-    return sum(rows for rows, _ in _lengths(problem)) <= SEGMENT
 
 
 def _lengths(problem: EstimationProblem) -> list[tuple[int, float]]:

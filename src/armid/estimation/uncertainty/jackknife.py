@@ -18,19 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.estimation.uncertainty.thresholds import SAME_PRODUCTS
 from armid.information.information import Information
 from armid.measurement.observations import ObservedRun
 from armid.values import Array
-
-__all__ = [
-    "RepetitionBlocks",
-    "blend_with_textbook",
-    "block_products",
-    "correlation",
-    "group_blocks",
-    "jackknife",
-    "periods",
-]
 
 RIDGE = 1e-12
 """Added to the diagonal of H, relative: a direction that only one block determines then gets a very large
@@ -40,10 +31,6 @@ Groups = NDArray[np.int64]
 
 BATCH = 32
 """Blocks solved at a time, which takes a few megabytes."""
-
-SAME_MOTION = 0.2
-"""Largest relative difference of the products of two blocks that count as periods of one motion. Noise of the
-positions and masked rows near an end cause a few hundredths, another motion about one."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -131,7 +118,7 @@ def periods(information: Information) -> Groups | None:
             k
             for k in remaining
             if sum(float(np.sum((X - Y) ** 2)) for X, Y in zip(first, products(k), strict=True))
-            <= SAME_MOTION**2 * size
+            <= SAME_PRODUCTS**2 * size
         ]
         if len(alike) < 2:
             return None

@@ -22,8 +22,6 @@ from armid.estimation.uncertainty.frequency_bands import BandProducts
 from armid.maths.linalg import root_of
 from armid.values import Array
 
-__all__ = ["MAX_SIZE", "LevelScatter", "NoiseModel", "level_basis"]
-
 LOWEST_KNOT_SIZE = 10.0
 """Real numbers of the spectrum below the second knot, few but enough to estimate the lowest level."""
 
@@ -93,19 +91,22 @@ class NoiseModel:
                 where not given.
         """
         self.bands, self.weights = bands, weights
-        self.basis = level_basis(bands)
-        self.pairs = np.triu_indices(bands.n)
-        self.multiplicity = np.where(self.pairs[0] == self.pairs[1], 1.0, 2.0)
+        self.basis, self.pairs = level_basis(bands), np.triu_indices(bands.n)
         try:
             self.root = np.linalg.cholesky(inverse)
         except np.linalg.LinAlgError:  # the inverse is ill-conditioned
             self.root = root_of(inverse)
         roots = [self.root] * bands.n if column_maps is None else [each @ self.root for each in column_maps]
-        self.roots = [root[k] * w for root, k, w in zip(roots, bands.parameters, weights, strict=True)]
-        self.leverage = self._band_leverage()
+        roots = [root[k] * w for root, k, w in zip(roots, bands.parameters, weights, strict=True)]
+        self.leverage = _band_leverage(bands, roots)
         self.free = self._free()
-        self.packed, self.variances = self._matrices()
+        self.packed, self.variances = self._matrices(roots)
         self.equations = self.packed @ self.packed.T + self._diagonal() - self._cross_leverage()
+
+    @property
+    def multiplicity(self) -> Array:
+        """Number of ordered pairs of each pair, shape (pairs,)."""
+        return np.where(np.equal(*self.pairs), 1.0, 2.0)
 
     @staticmethod
     def size(bands: BandProducts, count: int) -> int:
@@ -150,13 +151,12 @@ class NoiseModel:
         found = np.tensordot(self.basis, weighted, (1, 0))[:, *self.pairs] * self.multiplicity
         return np.asarray(found.ravel(), dtype=np.float64)
 
-    def _matrices(self) -> tuple[Array, Array]:
+    def _matrices(self, roots: list[Array]) -> tuple[Array, Array]:
         """Lᵀ X̃ᵀ E_c X̃ L in packed form (levels, b (b + 1) / 2), and the diagonals of H⁻¹ X̃ᵀ E_c X̃ H⁻¹."""
         bands, b = self.bands, len(self.root)
-        roots = self.roots
         upper, scale = np.triu_indices(b), _packing(b)
-        packed = np.empty((len(self.basis), len(self.multiplicity), len(scale)))
-        variances = np.empty((len(self.basis), len(self.multiplicity), b))
+        packed = np.empty((len(self.basis), len(self.pairs[0]), len(scale)))
+        variances = np.empty((len(self.basis), len(self.pairs[0]), b))
         offset = bands.offset
         for a, share in enumerate(self.basis):
             X = np.tensordot(share, bands.products, 1)
@@ -170,8 +170,8 @@ class NoiseModel:
 
     def _diagonal(self) -> Array:
         """tr(E_a E_c), which only levels of the same pair have."""
-        B, P = len(self.basis), len(self.multiplicity)
         count = self.bands.count[:, *self.pairs] * self.multiplicity
+        B, P = len(self.basis), count.shape[1]
         result = np.zeros((B, P, B, P))
         for c in range(P):
             result[:, c, :, c] = (self.basis * count[:, c]) @ self.basis.T
@@ -179,7 +179,7 @@ class NoiseModel:
 
     def _cross_leverage(self) -> Array:
         """tr(E_a E_c Q) + tr(E_c E_a Q) with Q = X̃ H⁻¹ X̃ᵀ."""
-        B, P, n = len(self.basis), len(self.multiplicity), self.bands.n
+        B, P, n = len(self.basis), len(self.pairs[0]), self.bands.n
         weighted = np.einsum("ae,ce,ejk->acjk", self.basis, self.basis, self.leverage, optimize=True)
         unit = np.zeros((P, n, n))
         unit[np.arange(P), *self.pairs] = 1.0
@@ -187,15 +187,6 @@ class NoiseModel:
         product = np.einsum("cij,djk->cdik", unit, unit, optimize=True)
         half = np.einsum("abik,cdik->acbd", weighted, product, optimize=True).reshape(B * P, B * P)
         return half + half.T
-
-    def _band_leverage(self) -> Array:
-        """tr(H⁻¹ X̃_jᵀ P X̃_k) for the coefficients P of each band, shape (E, n, n)."""
-        bands = self.bands
-        rows = np.concatenate(self.roots)
-        inverse, starts = rows @ rows.T, bands.offset[:-1]
-        return np.stack(
-            [np.add.reduceat(np.add.reduceat(X * inverse, starts, axis=0), starts, axis=1) for X in bands.products]
-        )
 
     def _square(self, theta: Array) -> Array:
         """Symmetric matrices (B, n, n) of levels (levels,)."""
@@ -243,6 +234,15 @@ class NoiseModel:
         mixed = np.einsum("ajkp,akl->ajlp", share * scale[..., None], levels, optimize=True)
         spread = np.einsum("ajlp,aljp->p", mixed, mixed, optimize=True)
         return np.maximum(variance**2 / np.maximum(spread, np.finfo(float).tiny), 1.0)
+
+
+def _band_leverage(bands: BandProducts, roots: list[Array]) -> Array:
+    """tr(H⁻¹ X̃_jᵀ P X̃_k) for the coefficients P of each band, shape (E, n, n)."""
+    rows = np.concatenate(roots)
+    inverse, starts = rows @ rows.T, bands.offset[:-1]
+    return np.stack(
+        [np.add.reduceat(np.add.reduceat(X * inverse, starts, axis=0), starts, axis=1) for X in bands.products]
+    )
 
 
 def level_basis(bands: BandProducts) -> Array:

@@ -16,27 +16,18 @@ from numpy.typing import NDArray
 
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.frequency_bands import column_numbers
+from armid.estimation.uncertainty.thresholds import MIN_INFORMATION, SLOW_SHARE
 from armid.information.column_source import column_source
 from armid.information.hysteresis_states import with_hysteresis_states
 from armid.information.regressor_rows import rows
 from armid.measurement.band import Band
 from armid.measurement.observations import ObservedRun
+from armid.measurement.processing.output_grid import LOBE_HALF_WIDTH
 from armid.values import Array
-
-__all__ = ["shift_by_reversals", "shift_of_unknowns"]
-
-SLOW_SHARE = 0.1
-"""Share of its RMS speed below which a joint counts as reversing."""
-
-LOBE_HALF_WIDTH = 0.5
-"""Half-width of the main lobe of a low-pass kernel, in periods of its cut-off: the main effect of a reversal."""
 
 MIN_EIGENVALUE = 1e-8
 """Smallest ratio of the extreme eigenvalues of the normal equations with unit columns at which the remaining rows
 determine an estimate."""
-
-MIN_INFORMATION = 0.1
-"""Smallest share of a direction's information in rows away from reversals that allows a comparison."""
 
 
 def shift_by_reversals(problem: EstimationProblem, values: Array, weights: Array, prior: Array) -> Array | None:

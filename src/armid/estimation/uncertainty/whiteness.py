@@ -13,8 +13,6 @@ import numpy as np
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
 from armid.values import Array
 
-__all__ = ["spectrum_test", "variance_test", "whiteness"]
-
 
 def whiteness(model: NoiseModel, moments: Array, squares: Array, parts: Array, rows: Array) -> float:
     """p-value of the hypothesis that the residuals are white; small values mean correlated residuals.

@@ -22,8 +22,6 @@ from armid.information.information import Information, JointFactors, select, sta
 from armid.maths.linalg import condition, null_directions, scaled_condition, unit_columns
 from armid.values import Array
 
-__all__ = ["JointSolution", "solve_stacked"]
-
 TOLERANCE = 1e-9
 """Largest relative change of weights and scales that ends the iteration: far below any effect on the estimate."""
 

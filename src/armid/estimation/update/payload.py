@@ -34,8 +34,6 @@ from armid.maths.inertia import (
 )
 from armid.values import Array, array
 
-__all__ = ["LOAD_NAMES", "DriveGains", "PayloadEstimate", "estimate_gains", "estimate_payload"]
-
 LOAD_NAMES = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
 """Names of the payload's parameters, in the order used everywhere."""
 

@@ -17,8 +17,6 @@ from armid.estimation.update.stacked_problem import stack_problems
 from armid.information.information import Information, JointFactors, merge
 from armid.values import Array
 
-__all__ = ["ParameterChange", "RecalibratedFit", "recalibrate_fit"]
-
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
@@ -118,7 +116,7 @@ def _fit(new: Information, to_new: Array, solved: JointSolution) -> Fit:
         names=new.names,
         values=values,
         residual_rms=np.where(rows > 0, left, solved.fit.residual_rms),
-        deviation=np.sqrt(np.diag(to_new @ solved.white @ to_new.T)),
+        white_deviation=np.sqrt(np.diag(to_new @ solved.white @ to_new.T)),
         covariance=to_new @ solved.whole_covariance @ to_new.T,
         freedom=part @ solved.freedom[: len(solved.values)],
         prior_precision=None,
@@ -137,7 +135,7 @@ def _changes(
     from scipy.special import stdtrit  # a third of a second to import
 
     before = collapse(names, fit)
-    earlier = np.array([[name == copy.split("[", 1)[0] for copy in fit.names] for name in names], dtype=np.float64)
+    earlier = np.array([[name == copy.of_all for copy in fit.names] for name in names], dtype=np.float64)
     earlier /= earlier.sum(axis=1, keepdims=True)
     variance = np.einsum("ik,kl,il->i", difference, solved.whole_covariance, difference)
     apart = np.einsum("ik,kl,il->i", earlier, fit.covariance, earlier) + np.diag(estimate.covariance)

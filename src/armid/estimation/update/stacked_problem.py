@@ -19,9 +19,8 @@ from armid.estimation.per_recording import separate_by_recording
 from armid.estimation.problem import EstimationProblem
 from armid.information.information import Information, JointFactors, merge, select, stack, total
 from armid.maths.linalg import null_directions, unit_columns
+from armid.model.parameter_name import ParameterName
 from armid.values import Array
-
-__all__ = ["EarlierErrors", "StackedProblem", "right_hand_sides", "stack_problems", "triangular", "with_load_columns"]
 
 MIN_PRECISION = 1e-9
 """Smallest eigenvalue of a prior's precision, scaled to a unit diagonal, at which the prior counts as definite."""
@@ -100,7 +99,7 @@ def stack_problems(
         load: Change of the base parameters with each of the ten payload parameters, shape (b, 10).
         samples: The new recordings with their samples, in the base parameters.
     """
-    with_copies = {name.split("[", 1)[0] for name in fit.names if "[" in name}  # friction of each earlier recording
+    with_copies = {name.of_all for name in fit.names if name.recording}  # friction of each earlier recording
     recording = earlier.recording if with_copies else np.zeros(earlier.blocks, dtype=np.int64)
     last = int(recording.max(initial=0)) + 1
     runs = new.run + 1 + int(earlier.run.max(initial=-1))
@@ -145,7 +144,7 @@ def stack_problems(
 
 
 def _maps(
-    names: tuple[str, ...], separated: tuple[str, ...], changing: NDArray[np.bool_], last: int
+    names: tuple[ParameterName, ...], separated: tuple[ParameterName, ...], changing: NDArray[np.bool_], last: int
 ) -> tuple[Array, Array]:
     """Matrices (b, c) from the unknowns to the earlier base parameters (mean over recordings) and to the new ones."""
     position = {name: k for k, name in enumerate(separated)}
@@ -154,8 +153,8 @@ def _maps(
         if not changing[k]:
             before[k, position[name]] = after[k, position[name]] = 1.0
             continue
-        copy = f"{name}[{last + 1}]"
-        copies = [position[other] for other in separated if other.split("[", 1)[0] == name and other != copy]
+        copy = name.of_recording(last + 1)
+        copies = [position[other] for other in separated if other.of_all == name and other != copy]
         before[k, copies] = 1.0 / len(copies)
         after[k, position[copy]] = 1.0
     return before, after
@@ -233,12 +232,12 @@ def _is_definite(precision: Array) -> bool:
 
 def _in_estimate_parameters(earlier: Information, names: tuple[str, ...], fit: Fit) -> tuple[Information, Array]:
     """Factors in the parameters of the earlier estimate, and the matrix (b', c) from the unknowns to these."""
-    with_copies = [name.split("[", 1)[0] for name in fit.names if "[" in name]
+    with_copies = [name.of_all for name in fit.names if name.recording]
     kept = separate_by_recording(earlier, np.isin(earlier.names, with_copies)) if with_copies else earlier
     selection = np.zeros((len(fit.names), len(names)))
     position = {name: k for k, name in enumerate(names)}
     for k, name in enumerate(fit.names):  # without copies, what all earlier recordings share is the first copy
-        selection[k, position[name] if name in position else position[f"{name}[1]"]] = 1.0
+        selection[k, position[name] if name in position else position[name.of_recording(1)]] = 1.0
     return kept, selection
 
 

@@ -19,8 +19,6 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Arrays", "cache_folder", "keep", "kept"]
-
 LARGEST = 200_000_000
 """Bytes of all entries together; a humanoid's hulls are some megabytes."""
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from armid.robot.shapes import Shape, capsule_between
 from armid.values import Array
 
-__all__ = ["Points", "around", "box_triangles", "covering", "cuts_of", "smallest", "volume_of"]
-
 Made = TypeVar("Made")
 
 SLABS = 4

@@ -18,8 +18,6 @@ from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.convex_hulls import parts_of
 from armid.values import Array
 
-__all__ = ["RATE", "ClosestApproach", "closest_approaches"]
-
 RATE = 250.0
 """Rate of the poses in which distances are computed [Hz]."""
 
@@ -44,12 +42,14 @@ class ClosestApproach:
         distance: Distance between them, negative where they overlap [m].
         time: Time of the closest approach [s].
         asked: Required distance [m].
+        measured: What the distance was measured with: `bodies`, `hulls` or `triangles`.
     """
 
     pair: str
     distance: float
     time: float
     asked: float
+    measured: str = "bodies"
 
     @property
     def kept(self) -> bool:
@@ -72,11 +72,13 @@ def closest_approaches(
         bound = collision.every.bodies.distances(poses)
         for k, label in enumerate(collision.every.labels):
             distance, at = _least(collision, collision.pairs[k], bound[:, k], poses)
-            found.append(ClosestApproach(label, distance, float(times[at]), float(collision.every.margins[k])))
+            meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in collision.pairs[k])
+            by, asked = "hulls" if meshes else "bodies", float(collision.every.margins[k])
+            found.append(ClosestApproach(label, distance, float(times[at]), asked, by))
     for pair, kept in zip(collision.measured, collision.kept, strict=True):
         distance, at = _by_triangles(collision, pair, float(kept), poses)
         label = " - ".join(collision.shapes[i].name for i in pair)
-        found.append(ClosestApproach(label, distance, float(times[at]), float(kept)))
+        found.append(ClosestApproach(label, distance, float(times[at]), float(kept), "triangles"))
     return tuple(sorted(found, key=lambda each: each.distance))
 
 

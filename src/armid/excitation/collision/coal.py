@@ -21,22 +21,6 @@ from armid.errors import ArmidError
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = [
-    "apart",
-    "convex",
-    "distances",
-    "geometry",
-    "mesh_faces",
-    "mesh_triangles",
-    "nearest",
-    "stamp",
-    "telling_of_meshes",
-    "too_close",
-    "version",
-    "whole",
-]
-
-
 Parts = Callable[[Shape], Sequence[Any]]
 """Bodies for Coal that stand for a body, in its frame."""
 

@@ -30,17 +30,6 @@ from armid.robot.shapes import Shape
 from armid.robot.visual_bodies import missing_bodies
 from armid.values import Array
 
-__all__ = [
-    "CollisionModel",
-    "CollisionOptions",
-    "IgnoredPair",
-    "collision_of",
-    "empty_collision_model",
-    "kept_apart",
-    "looked_at",
-    "make_collision_model",
-]
-
 LOOKED = 3000
 """Random poses in which distances are computed, to leave out of a search the pairs that are never close."""
 
@@ -159,15 +148,22 @@ class CollisionModel:
     ignored: Mapping[int, str] = field(default_factory=dict[int, str])
 
     def excess_distance(self, q: Array) -> Array:
-        """Smallest excess over the required distances in poses (N, n), shape (N,) [m]; negative where too close."""
-        checked = self.required.of(BY_CAPSULES)
-        return (self.distances(q) - self.required.margin)[:, checked].min(axis=1, initial=np.inf)
+        """Smallest excess over the required distances in poses (N, n), shape (N,) [m]; negative where too close.
+
+        Where it is positive, it is a lower bound.
+        """
+        return self._excess(q, self.required.margin)
 
     def search_excess_distance(self, q: Array) -> Array:
-        """Smallest excess over the distances that a search requires in poses (N, n), shape (N,) [m]."""
-        checked = self.required.of(BY_CAPSULES)
-        searched = self.required.margin + self.required.spare
-        return (self.distances(q) - searched)[:, checked].min(axis=1, initial=np.inf)
+        """Smallest excess over the distances that a search requires in poses (N, n), as of `excess_distance`."""
+        return self._excess(q, self.required.margin + self.required.spare)
+
+    def _excess(self, q: Array, required: Array) -> Array:
+        """Smallest excess over required distances (m,) of the pairs of kind `BY_CAPSULES`."""
+        checked = np.flatnonzero(self.required.of(BY_CAPSULES))
+        poses, required = forward_kinematics(self.robot, q), required[checked]
+        found = self.bodies.only(checked).distances(poses, reach=required)
+        return (found - required).min(axis=1, initial=np.inf)
 
     def apart(self, q: Array) -> NDArray[np.bool_]:
         """Tests whether the pairs of kind `MEASURED` keep their distance in poses (N, n), shape (N,)."""
@@ -210,6 +206,12 @@ class CollisionModel:
         nearest[which[better]] = apart.min(axis=0)[better]
         bodies = replace(self.bodies, hulls=Hulls(self.shapes, self.pairs[kept], kept))
         return replace(self, bodies=bodies, nearest=nearest, touching=touching)
+
+    def without_dispensable(self) -> CollisionModel:
+        """The same without pairs of neighbours that overlap in most poses."""
+        required = self.required
+        kind = np.where(required.dispensable, LEFT_OUT, required.kind)
+        return replace(self, required=replace(required, kind=kind))
 
     def tightened(self) -> CollisionModel:
         """The same with hulls for all pairs whose capsules are so wide that they exclude many poses."""

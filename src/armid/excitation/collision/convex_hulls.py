@@ -22,8 +22,6 @@ from armid.excitation.collision.mesh_hulls import hull_points, outline_of, part_
 from armid.robot.shapes import Kind, Shape
 from armid.values import Array
 
-__all__ = ["Hulls", "parts_of", "prism"]
-
 SIDES = 32
 """Of the prism around a cylinder, which is half a percent wider."""
 
@@ -71,6 +69,16 @@ class Hulls:
     def distances(self, poses: tuple[Array, Array]) -> Array:
         """Distances (N, r) [m], negative where hulls overlap."""
         return distances(self.shapes, self.pairs, poses, parts_of)
+
+    def distances_below(self, reach: Array, bound: Array, poses: tuple[Array, Array]) -> Array:
+        """Distances (N, r) [m]; where lower bounds (N, r) of them are above a reach (r,) [m], these."""
+        result = bound.copy()
+        for k, pair in enumerate(self.pairs):
+            near = np.flatnonzero(bound[:, k] < reach[k])
+            if len(near):
+                some = poses[0][near], poses[1][near]
+                result[near, k] = distances(self.shapes, pair[None], some, parts_of)[:, 0]
+        return result
 
     def nearest(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array, Array]:
         """Distances (N, r) [m], nearest points of both bodies and unit vectors from the second, each (N, r, 3).

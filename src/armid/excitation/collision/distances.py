@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armid.excitation.collision.convex_hulls import Hulls
+from armid.excitation.collision.nearest_points import TINY, nearest_on_box, nearest_on_segments
 from armid.excitation.limits.constraints import States
 from armid.excitation.limits.workspace import SCALE, carried_by, point_gradient
 from armid.kernel.tree import Tree
@@ -24,81 +25,12 @@ from armid.maths.spatial import homogeneous
 from armid.robot.shapes import Shape, rotation_with_z
 from armid.values import Array
 
-__all__ = ["Clearance", "CollisionBodies", "floor", "nearest_on_box", "nearest_on_segments"]
-
-TINY = 1e-12
-"""Squared length [m²] below which a segment counts as a point."""
-
 FEW, REACH = 80, 0.15
 """With more pairs than this number, a stage of a search uses only those that come within this distance [m]: two arms
 of seven joints have seven hundred pairs."""
 
 TILE = 30000
 """Pairs times poses that are computed at a time, so that the data stay in the cache."""
-
-SECTIONS = 40
-"""Steps of the golden-section search along a capsule next to a box: 4e-9 of its length."""
-
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)
-
-
-def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -> tuple[Array, Array]:
-    """Nearest points of two segments a + s u and b + t v with s and t from 0 to 1.
-
-    Args:
-        uu: Squared length of u.
-        vv: Squared length of v.
-        uv: Scalar product of u and v, shape (..., c).
-        ur: Scalar product of u and a - b, shape (..., c).
-        vr: Scalar product of v and a - b, shape (..., c).
-
-    Returns:
-        s and t, shape (..., c) each.
-    """
-    across = uu * vv - uv**2
-    s = np.clip((uv * vr - ur * vv) / np.maximum(across, TINY * TINY), 0.0, 1.0)
-    s = np.where(across > TINY * np.maximum(uu * vv, TINY), s, 0.0)
-    t = np.clip((uv * s + vr) / np.maximum(vv, TINY), 0.0, 1.0)
-    s = np.clip((uv * t - ur) / np.maximum(uu, TINY), 0.0, 1.0)
-    t = np.clip((uv * s + vr) / np.maximum(vv, TINY), 0.0, 1.0)
-    return s, t
-
-
-def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array]:
-    """Nearest points of segments to a box about the origin of their frame.
-
-    The signed distance of a point to a box is convex, so a golden-section search along the segment finds its minimum.
-
-    Args:
-        a: Beginnings of the segments, shape (..., 3).
-        u: Vectors from beginning to end, shape (..., 3).
-        half: Half the edges of the box, shape (..., 3).
-
-    Returns:
-        Positions (...,) along the segments, 0 to 1, signed distances (...,) there, and their gradients (..., 3).
-    """
-    low, high = np.zeros(a.shape[:-1]), np.ones(a.shape[:-1])
-    for _ in range(SECTIONS):
-        x, y = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-        left = _box_distance(a + x[..., None] * u, half)[0] <= _box_distance(a + y[..., None] * u, half)[0]
-        low, high = np.where(left, low, x), np.where(left, y, high)
-    s = 0.5 * (low + high)
-    return s, *_box_distance(a + s[..., None] * u, half)
-
-
-def _box_distance(point: Array, half: Array) -> tuple[Array, Array]:
-    """Signed distance of points to a box, and its gradient."""
-    offset = np.abs(point) - half
-    outside = np.maximum(offset, 0.0)
-    length = np.linalg.norm(outside, axis=-1)
-    deepest = offset.max(axis=-1)
-    distance = np.where(deepest > 0.0, length, deepest)
-    slope = np.where(
-        (deepest > 0.0)[..., None],
-        outside / np.maximum(length, TINY)[..., None],
-        np.eye(3)[offset.argmax(axis=-1)],
-    )
-    return distance, slope * np.sign(point)
 
 
 Nearest = tuple[Array, Array, Array, Array]
@@ -143,18 +75,26 @@ class CollisionBodies:
         every = (*self.capsules, *self.solids)
         return [every[k].link for k in self.pairs[self.first, side]]
 
-    def distances(self, poses: tuple[Array, Array], hulls: Nearest | None = None) -> Array:
+    def distances(
+        self, poses: tuple[Array, Array], hulls: Nearest | None = None, reach: Array | None = None
+    ) -> Array:
         """Distances of the pairs of bodies, shape (N, m) [m].
 
         Args:
             poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
             hulls: Result of the hulls where it is known already.
+            reach: Distances of capsules above which those of hulls are not needed, shape (m,) [m].
         """
         result = self._places(*self.axes(poses))[0]
         if len(self.first) < len(self.pairs):
             result = np.minimum.reduceat(result, self.first, axis=1)
-        if len(self.hulls):
-            result[:, self.hulls.at] = self.hulls.distances(poses) if hulls is None else hulls[0]
+        at = self.hulls.at
+        if hulls is not None:
+            result[:, at] = hulls[0]
+        elif reach is not None:
+            result[:, at] = self.hulls.distances_below(reach[at], result[:, at], poses)
+        elif len(at):
+            result[:, at] = self.hulls.distances(poses)
         return result
 
     def nearest(self, poses: tuple[Array, Array], hulls: Nearest | None = None) -> Nearest:
@@ -314,7 +254,10 @@ class Clearance:
         """Channel for motions near the given one: all pairs where they are few, else those that come close."""
         if len(self.labels) <= FEW:
             return self
-        which = np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH)
+        return self.only(np.flatnonzero(self._distances(states).min(axis=0) < self.margin + REACH))
+
+    def only(self, which: NDArray[np.intp]) -> Clearance:
+        """Selection of some pairs, by rising indices."""
         spare = np.broadcast_to(self.spare, len(self.labels))[which]
         return replace(self, bodies=self.bodies.only(which), margin=self.margins[which], spare=spare)
 
@@ -384,7 +327,11 @@ class Clearance:
         if id(self) in states.nearest:
             return states.nearest[id(self)][0]
         if id(self) not in states.distances:
-            states.distances[id(self)] = self.bodies.distances(states.poses, self._hulls(states))
+            if states.rough:
+                found = self.bodies.distances(states.poses, reach=self.margins + self.spare + SCALE)
+            else:
+                found = self.bodies.distances(states.poses, self._hulls(states))
+            states.distances[id(self)] = found
         return states.distances[id(self)]
 
 

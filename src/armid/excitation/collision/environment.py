@@ -14,8 +14,6 @@ from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape, rotation_with_z
 
-__all__ = ["load_environment"]
-
 ENVIRONMENT = {
     "box": ("name", "link", "size", "xyz", "rpy"),
     "sphere": ("name", "link", "radius", "xyz"),

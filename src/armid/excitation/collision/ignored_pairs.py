@@ -11,8 +11,6 @@ from pathlib import Path
 from armid.errors import ArmidError, did_you_mean
 from armid.robot.joint_selection import matching
 
-__all__ = ["IgnoredBodies", "ignored_of_srdf", "ignored_pairs", "parse_ignored"]
-
 
 @dataclass(frozen=True, slots=True)
 class IgnoredBodies:

@@ -24,8 +24,6 @@ from armid.excitation.collision.coal import apart, convex, mesh_faces, stamp, ve
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["MeshOutline", "Part", "capsules_of", "hull_points", "lightened", "outline_of", "part_of"]
-
 FORMAT = 1
 """Of entries in the cache folder; raised where what is made of a mesh changes."""
 

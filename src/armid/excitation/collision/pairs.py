@@ -12,8 +12,6 @@ from armid.excitation.collision.mesh_hulls import capsules_of
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
-__all__ = ["joints_between", "pairs_of_bodies", "stands"]
-
 
 def pairs_of_bodies(robot: Robot, shapes: Sequence[Shape]) -> tuple[CollisionBodies, NDArray[np.intp]]:
     """Capsules and solids with their pairs, and the pairs as indices into the shapes."""

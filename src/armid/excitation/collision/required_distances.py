@@ -3,8 +3,9 @@
 Bodies two joints apart may be only a few millimetres apart by construction, in all or most poses. They cannot keep
 the margin, but they can collide; they have to keep half of their usual distance. Pairs that overlap in nearly all
 poses are not checked, as in MoveIt's setup assistant. The pair of the first link and the mount is not checked either.
-Pairs two joints apart are not checked where they overlap in more than two thirds of the poses: no joint is built
-to be free in less than a third of its range, so the bodies are wider than the links.
+Pairs two joints apart that overlap in more than two thirds of the poses are kept apart only where that leaves a start
+pose with room and a search sees them: no joint is built to be free in less than a third of its range, so the bodies
+are wider than the links.
 """
 
 from __future__ import annotations
@@ -22,17 +23,6 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = [
-    "ALWAYS",
-    "BY_CAPSULES",
-    "CONSTRUCTION",
-    "LEFT_OUT",
-    "MEASURED",
-    "RequiredDistances",
-    "adjusted_distances",
-    "uniform_distances",
-]
-
 BY_CAPSULES, MEASURED, LEFT_OUT = 0, 1, 2
 """Ways to check a pair: by bounding volumes, with the bodies themselves at the end only, or not at all."""
 
@@ -43,9 +33,9 @@ CONSTRUCTION = 0.5
 """Share of random poses below the margin above which a pair may be close by construction."""
 
 MOSTLY, ALWAYS, FAR = 2.0 / 3.0, 0.95, 0.99
-"""Neighbours that overlap in more than the first share of random poses are not looked at, nor are links further apart
-that overlap in the last, as a description with an elbow of two pieces has it. What overlaps in the second, that of
-MoveIt's setup assistant, counts as touching always."""
+"""Neighbours that overlap in more than the first share of random poses may be left out; those that overlap in the
+second, that of MoveIt's setup assistant, count as touching always; links further apart are left out where they
+overlap in the last, as a description with an elbow of two pieces has it."""
 
 LEAST = 1e-3
 """Usual distance [m] below which bodies count as touching."""
@@ -63,6 +53,11 @@ FREE = 0.75
 FEW = 100
 """Poses in which distances of the triangles of bodies are computed."""
 
+USUAL, RARE = 0.9, 0.05
+"""Quantiles of the distance of bodies whose hulls overlap in most poses: the usual one, and where that is below what
+is asked, the usual one over the poses in which they are apart. Such bodies turn about each other across a gap. A
+search does not see this gap, so what they keep must exclude few poses beyond those in which they meet."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RequiredDistances:
@@ -72,8 +67,8 @@ class RequiredDistances:
         margin: Smallest allowed distance, shape (m,) [m].
         spare: Additional distance that a search keeps, shape (m,) [m].
         kind: `BY_CAPSULES`, `MEASURED` or `LEFT_OUT`, shape (m,).
-        touching: Share of random poses in which bodies that are left out overlap, or are closer than the margin to
-            the mount, shape (m,).
+        touching: Share of random poses in which bodies that are or may be left out overlap, or are closer than the
+            margin to the mount, shape (m,); zero for others.
         close: Mask of the pairs that are close by construction, shape (m,).
     """
 
@@ -86,6 +81,11 @@ class RequiredDistances:
     def of(self, kind: int) -> NDArray[np.bool_]:
         """Mask of the pairs of a kind, shape (m,)."""
         return self.kind == kind
+
+    @property
+    def dispensable(self) -> NDArray[np.bool_]:
+        """Mask of the checked pairs of neighbours that overlap in most poses, shape (m,)."""
+        return (self.touching > MOSTLY) & ~self.of(LEFT_OUT)
 
     def lowered(self, distance: Array) -> RequiredDistances:
         """Required distances, halved for close pairs that are closer still in the start pose, at distances (m,)."""
@@ -137,20 +137,30 @@ def adjusted_distances(
         if usual <= LEAST:
             actual = distances(tuple(shapes), pairs[[k]], poses)[:, 0]
             overlap = float((actual <= 0.0).mean())
-            if overlap > MOSTLY if apart <= NEIGHBOURS else overlap >= FAR:
+            if overlap > ALWAYS if apart <= NEIGHBOURS else overlap >= FAR:
                 kind[k], share[k] = LEFT_OUT, overlap
                 continue
             if apart > NEIGHBOURS:
                 continue
-            usual = float(np.quantile(around[:, k], 0.9))
-            if usual <= max(LEAST, HALF * float(np.quantile(actual, 0.9))):
+            share[k] = overlap * (overlap > MOSTLY)
+            usual = float(np.quantile(around[:, k], USUAL))
+            if usual <= max(LEAST, HALF * float(np.quantile(actual, USUAL))):
                 kind[k] = MEASURED
-                usual = max(float(np.quantile(actual, 0.9)), 0.0)
+                usual = _usual_gap(actual, float(margin[k]))
         if kind[k] != MEASURED and apart <= NEIGHBOURS:
             usual, kind[k] = _of_neighbours(tuple(shapes), pairs[[k]], poses, around[:, k], (usual, float(margin[k])))
         margin[k] = min(margin[k], HALF * usual)
         spare[k] = min(spare[k], QUARTER * usual)
+    kind[(kind == MEASURED) & (share > MOSTLY)] = LEFT_OUT  # a search does not see them, and would run into them
     return RequiredDistances(margin, spare, kind, share, close)
+
+
+def _usual_gap(actual: Array, margin: float) -> float:
+    """Usual distance [m] of bodies with distances (k,) in random poses; a small one where few are above a margin."""
+    usual = max(float(np.quantile(actual, USUAL)), 0.0)
+    if usual > margin or not (actual > 0.0).any():
+        return usual
+    return float(np.quantile(actual[actual > 0.0], RARE))
 
 
 def _of_neighbours(

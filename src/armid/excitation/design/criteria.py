@@ -19,8 +19,6 @@ import numpy as np
 from armid.errors import ArmidError, did_you_mean
 from armid.values import Array
 
-__all__ = ["CRITERIA", "Criterion", "condition_number", "make_criterion", "trace_of_covariance"]
-
 lapack: Any = import_module("scipy.linalg.lapack")
 
 Criterion = Callable[[Array], tuple[float, Array]]

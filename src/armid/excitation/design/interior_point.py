@@ -22,8 +22,6 @@ from armid.excitation.design.sqp import DescentProblem, Stage, about_start, max_
 from armid.excitation.limits.constraints import ConstraintChannel, States, soft_maximum
 from armid.values import Array
 
-__all__ = ["descend_inside", "quasi_newton"]
-
 WEIGHTS = ((0.1, 60), (0.01, 60), (0.004, 50))
 """Weights μ of the barrier and the number of iterations with each."""
 

@@ -37,11 +37,10 @@ from armid.excitation.design.sqp import (
     shrink_to_feasible,
     utilisation,
 )
+from armid.excitation.limits.constraints import States
 from armid.excitation.limits.workspace import Workspace
 from armid.threads import ONE_THREAD
 from armid.values import Array
-
-__all__ = ["Progress", "Search", "SearchCandidate", "search", "single_threaded_pool"]
 
 SCOUTS, REFINED = 6, 2
 """Starts of a round, and how many of them are refined by the sharp stages: the value after the smooth stages is a
@@ -148,8 +147,11 @@ def random_start(problem: DescentProblem, grid: Objective, rng: np.random.Genera
     x = basis.project(c).reshape(basis.n, -1)
     by_name = {name: j for j, name in enumerate(problem.goal.model.robot.joint_names)}
     share = np.zeros(basis.n)
-    for channel, u in zip(problem.channels, utilisation(problem, grid, x.ravel()), strict=True):
-        for label, peak in zip(channel.labels, u.max(axis=0), strict=True):
+    states = States(grid, x.ravel())
+    for channel in problem.channels:
+        if not set(channel.labels) & set(by_name):  # distances of bodies are no limits of single joints
+            continue
+        for label, peak in zip(channel.labels, channel.values(states).max(axis=0), strict=True):
             if label in by_name:
                 share[by_name[label]] = max(share[by_name[label]], peak)
     x *= (START_UTILISATION / np.where(share > 0.0, share, START_UTILISATION))[:, None]
@@ -167,6 +169,8 @@ def _run(pickled: bytes, task: _Task) -> _Outcome:
     rng = np.random.default_rng(task.seed)
     if task.x is None:
         x = random_start(problem, grid, rng)
+        if time.time() > task.deadline:
+            return _Outcome(task)
     elif task.refine:
         x = task.x
     else:

@@ -23,9 +23,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array, array
 
-__all__ = ["CriterionGoal", "Objective", "along", "information_along", "known_sizes"]
-
-
 SIGNIFICANT = 3.0
 """Standard deviations from zero from which a parameter counts as significant; by chance three in a thousand
 parameters that are zero exceed it."""

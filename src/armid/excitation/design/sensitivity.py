@@ -13,8 +13,6 @@ from armid.excitation.design.term_columns import TermRows
 from armid.information.column_source import ColumnSource
 from armid.values import Array
 
-__all__ = ["Columns"]
-
 
 class Columns:
     """Columns along N samples, their information matrix, and gradients by the states.

@@ -12,8 +12,6 @@ from functools import lru_cache
 
 from armid.model.expression import Expression, derivative, number, tanh
 
-__all__ = ["smoothed"]
-
 
 @lru_cache(maxsize=256)
 def smoothed(expression: Expression, width: float) -> Expression:

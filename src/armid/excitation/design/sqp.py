@@ -23,18 +23,6 @@ from armid.excitation.limits.constraints import ConstraintChannel, States, soft_
 from armid.excitation.series_basis import SeriesBasis
 from armid.values import Array
 
-__all__ = [
-    "STAGES",
-    "DescentProblem",
-    "Stage",
-    "about_start",
-    "descend",
-    "from_pose",
-    "max_utilisation",
-    "shrink_to_feasible",
-    "utilisation",
-]
-
 CHECKED = 80.0
 """Points per period of the highest harmonic of the grid on which candidates are compared: the grid misses less than a
 thousandth of a peak."""
@@ -45,8 +33,12 @@ FEASIBLE = 1.0 + 1e-9
 DIVERGED = 2.0
 """Utilisation from which a stage counts as diverged: where bodies overlap, steps far outside lead further out."""
 
-HALVINGS = 14
-"""Bisections of the interval of amplitude factors, which leave 6e-5 of it."""
+HALVINGS, FURTHER = 14, 11
+"""Number of bisections of the interval of amplitude factors, which leave 6e-5 of it, and of those that follow on the
+whole grid where a part of it was tried first."""
+
+SPARSE = 8
+"""Stride of the points at which factors are tried first where distances of bodies are limited."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +111,23 @@ class _DeadlineError(Exception):
     """End of the time that a descent has."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Point:
+    """Criterion, limits and their gradients at one point.
+
+    Attributes:
+        x: The point, shape (n k,).
+        criterion: Criterion and its gradient.
+        utilisations: Utilisations of the limits, channel by channel.
+        slopes: Their gradients.
+    """
+
+    x: Array
+    criterion: tuple[float, Array]
+    utilisations: list[Array]
+    slopes: list[Array]
+
+
 class _Evaluation:
     """Criterion, limits and their gradients in a stage, computed once for each point that SLSQP evaluates."""
 
@@ -126,10 +135,7 @@ class _Evaluation:
         self._objective = problem.objective(stage)
         self._sharpness = stage.limit_sharpness
         self._deadline = deadline
-        self._point = b""
-        self._values: list[Array] = []
-        self._slopes: list[Array] = []
-        self.x = x.copy()
+        self.last: _Point | None = None
         states, between = States(self._objective, x), States(problem.fine, x)
         self._channels = problem.near(between)
         # Excess of the soft maximum on the stage's grid over the maximum on the fine grid.
@@ -142,33 +148,29 @@ class _Evaluation:
         """Criterion and its gradient."""
         if time.time() > self._deadline:
             raise _DeadlineError
-        self._evaluate(x)
-        return self._value, self._gradient
+        return self._at(x).criterion
 
     def limits(self, x: Array) -> Array:
         """Margins to the limits, one minus the utilisation."""
-        self._evaluate(x)
-        return 1.0 - np.concatenate(self._values)
+        return 1.0 - np.concatenate(self._at(x).utilisations)
 
     def limit_slopes(self, x: Array) -> Array:
         """Gradients of the margins."""
-        self._evaluate(x)
-        return -np.concatenate(self._slopes)
+        return -np.concatenate(self._at(x).slopes)
 
-    def _evaluate(self, x: Array) -> None:
-        """Computes criterion, limits and gradients at x, unless x is the point of the last evaluation."""
-        point = x.tobytes()
-        if point == self._point:
-            return
-        self.x = x.copy()
-        self._value, self._gradient = self._objective(x)
-        states = States(self._objective, self.x, filled=True)
-        self._values, self._slopes = [], []
-        for channel, excess in zip(self._channels, self._excess, strict=True):
-            soft, weights = soft_maximum(channel.values(states), self._sharpness)
-            self._values.append(soft - excess)
-            self._slopes.append(channel.pullback(states, weights))
-        self._point = point
+    def _at(self, x: Array) -> _Point:
+        """Criterion, limits and gradients at x, computed unless x is the last point."""
+        if self.last is None or x.tobytes() != self.last.x.tobytes():
+            x = x.copy()
+            criterion = self._objective(x)
+            states = States(self._objective, x, filled=True)
+            utilisations, slopes = [], []
+            for channel, excess in zip(self._channels, self._excess, strict=True):
+                soft, weights = soft_maximum(channel.values(states), self._sharpness)
+                utilisations.append(soft - excess)
+                slopes.append(channel.pullback(states, weights))
+            self.last = _Point(x, criterion, utilisations, slopes)
+        return self.last
 
 
 def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadline: float = np.inf) -> Array:
@@ -203,7 +205,8 @@ def descend(problem: DescentProblem, x: Array, stages: tuple[Stage, ...], deadli
                     options={"maxiter": stage.iterations, "ftol": 1e-7},
                 )
         except _DeadlineError:
-            x = _safeguarded(problem, evaluation.x, x)
+            reached = x if evaluation.last is None else evaluation.last.x
+            x = _safeguarded(problem, reached, x)
             break
         x = _safeguarded(problem, result.x, x)
     return x
@@ -223,7 +226,7 @@ def _safeguarded(problem: DescentProblem, reached: Array, before: Array) -> Arra
 
 def utilisation(problem: DescentProblem, grid: Objective, x: Array) -> list[Array]:
     """Utilisation of the limits along a grid, one array (N, m) for each channel."""
-    states = States(grid, np.asarray(x))
+    states = States(grid, np.asarray(x), rough=True)
     return [channel.values(states) for channel in problem.channels]
 
 
@@ -234,12 +237,14 @@ def max_utilisation(problem: DescentProblem, grid: Objective, x: Array) -> float
 
 def _inside(problem: DescentProblem, grid: Objective, x: Array, limit: float) -> bool:
     """Test of every limit along a grid; collisions, which take longest, are tested last."""
-    states = States(grid, np.asarray(x))
+    states = States(grid, np.asarray(x), rough=True)
     return all(float(channel.values(states).max()) <= limit for channel in problem.channels)
 
 
 def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit: float = FEASIBLE) -> Array | None:
     """Scales a series about its start pose by the largest factor, at most one, that keeps every limit on a grid.
+
+    Distances of bodies take long: with these, one point of the grid in `SPARSE` is tried first.
 
     Args:
         problem: The limits.
@@ -250,17 +255,30 @@ def shrink_to_feasible(problem: DescentProblem, grid: Objective, x: Array, limit
     Returns:
         Unknowns (n k,), or `None` where standing still at the start pose violates a limit.
     """
-    if _inside(problem, grid, x, limit):
-        return x
-    low, high = 0.0, 1.0
-    if not _inside(problem, grid, about_start(problem.basis, x, 0.0), limit):
-        return None
-    for _ in range(HALVINGS):
-        # Limits are usually exceeded by little, so the first factor is close to one.
-        middle = 0.5 * (low + high) if low or high < 1.0 else 0.99
-        inside = _inside(problem, grid, about_start(problem.basis, x, middle), limit)
-        low, high = (middle, high) if inside else (low, middle)
-    return about_start(problem.basis, x, low)
+    slow = any(isinstance(channel, Clearance) for channel in problem.channels)
+    times = grid.times[::SPARSE]
+    sparse = Objective(problem.goal, problem.basis, len(times), times=times) if slow else grid
+
+    def keeps(points: Objective, factor: float) -> bool:
+        scaled = x if factor == 1.0 else about_start(problem.basis, x, factor)
+        return _inside(problem, points, scaled, limit)
+
+    def largest(points: Objective, high: float, halvings: int) -> float:
+        low = 0.0
+        for _ in range(halvings):
+            # Limits are usually exceeded by little, so the first factor is close to the highest.
+            middle = 0.5 * (low + high) if low or high < highest else 0.99 * high
+            low, high = (middle, high) if keeps(points, middle) else (low, middle)
+        return low
+
+    highest = 1.0
+    if not keeps(sparse, 1.0):
+        if not keeps(sparse, 0.0):
+            return None
+        highest = largest(sparse, 1.0, HALVINGS)
+    if slow and not keeps(grid, highest):
+        highest = largest(grid, highest, FURTHER)
+    return x if highest == 1.0 else about_start(problem.basis, x, highest)
 
 
 def about_start(basis: SeriesBasis, x: Array, factor: float) -> Array:

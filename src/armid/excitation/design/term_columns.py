@@ -18,8 +18,6 @@ from armid.information.column_source import ColumnSource
 from armid.model.expression import FUNCTIONS, Expression, derivative
 from armid.values import Array
 
-__all__ = ["TermRows"]
-
 STATES = ("q", "dq", "ddq")
 
 

@@ -10,8 +10,6 @@ from armid.errors import ArmidError
 from armid.excitation.formats.track import SampledMotion, number_rows
 from armid.model.motion import Motion
 
-__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
-
 SUFFIX = ".csv"
 RATE = 250.0
 

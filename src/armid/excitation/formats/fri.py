@@ -11,8 +11,6 @@ import numpy as np
 
 from armid.excitation.formats.track import SampledMotion, number_rows, states_of_positions
 
-__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
-
 SUFFIX = ".fri.csv"
 RATE = 200.0
 

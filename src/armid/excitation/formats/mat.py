@@ -7,14 +7,10 @@ import json
 from typing import Any
 
 import numpy as np
-from scipy.io import loadmat, savemat
-from scipy.io.matlab import MatReadError
 
 from armid.errors import ArmidError
 from armid.excitation.formats.track import SampledMotion
 from armid.model.motion import Motion
-
-__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
 
 SUFFIX = ".mat"
 RATE = 250.0
@@ -30,6 +26,8 @@ def problem(track: SampledMotion) -> str:
 
 def write(track: SampledMotion) -> bytes:
     """Writes a file of version 5, which every MATLAB reads."""
+    from scipy.io import savemat  # slow to import
+
     motion = track.motion
     values: dict[str, Any] = {"t": motion.time, "q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
     values["joints"] = np.array(track.joints, dtype=object)
@@ -48,6 +46,9 @@ def read(content: bytes) -> SampledMotion:
     Raises:
         ArmidError: Another file.
     """
+    from scipy.io import loadmat  # slow to import
+    from scipy.io.matlab import MatReadError
+
     try:
         values: Any = loadmat(io.BytesIO(content), squeeze_me=True)
         time = np.atleast_1d(values["t"])

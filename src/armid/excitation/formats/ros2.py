@@ -12,8 +12,6 @@ from armid.excitation.formats.track import PLAN_MARK, SampledMotion, plan_in_com
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
-
 SUFFIX = ".trajectory.yaml"
 RATE = 100.0
 

@@ -11,8 +11,6 @@ from armid.errors import ArmidError
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["PLAN_MARK", "Format", "SampledMotion", "number_rows", "plan_in_comments", "states_of_positions"]
-
 PLAN_MARK = "armid-plan "
 """Before the plan, as one line of JSON in a comment, where a format has comments."""
 

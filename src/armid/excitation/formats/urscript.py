@@ -15,8 +15,6 @@ from armid.excitation.formats.track import (
     states_of_positions,
 )
 
-__all__ = ["RATE", "SUFFIX", "problem", "read", "write"]
-
 SUFFIX = ".script"
 RATE = 125.0
 """A whole fraction of the controller's 500 Hz, and the 125 Hz of older ones."""

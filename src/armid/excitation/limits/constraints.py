@@ -21,8 +21,6 @@ from armid.excitation.design.objective import Objective
 from armid.robot.kinematics import forward_kinematics
 from armid.values import Array
 
-__all__ = ["AmplitudeLimit", "CoefficientLimit", "ConstraintChannel", "RangeLimit", "States", "soft_maximum"]
-
 ROUND = 1e-8
 """Number added under the root of an amplitude, so that it is differentiable where a harmonic vanishes [(rad/s)²]."""
 
@@ -34,9 +32,10 @@ class States:
         objective: Grid, matrices and columns.
         x: Unknowns (n k,).
         filled: Whether the objective's columns have been evaluated at x.
+        rough: Whether distances of bodies that are far apart may be lower bounds; without gradients.
     """
 
-    def __init__(self, objective: Objective, x: Array, *, filled: bool = False) -> None:
+    def __init__(self, objective: Objective, x: Array, *, filled: bool = False, rough: bool = False) -> None:
         self.objective = objective
         self.basis = objective.basis
         self.robot = objective.goal.model.robot
@@ -45,6 +44,7 @@ class States:
         self.nearest: dict[int, tuple[Array, Array, Array, Array]] = {}
         self.distances: dict[int, Array] = {}
         self.hulls: dict[int, tuple[Array, Array, Array, Array]] = {}
+        self.rough = rough
         self._filled = filled
 
     @cached_property

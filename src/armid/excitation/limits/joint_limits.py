@@ -18,17 +18,6 @@ from armid.robot.joint_selection import matching
 from armid.robot.robot import Robot
 from armid.values import Array, array
 
-__all__ = [
-    "KINDS",
-    "Limits",
-    "described_limits",
-    "limits_of",
-    "motion_channels",
-    "thesis_channels",
-    "torque_channel",
-    "with_limits",
-]
-
 KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
 """Kinds of limits of a joint."""
 

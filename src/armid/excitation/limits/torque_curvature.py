@@ -16,8 +16,6 @@ import numpy as np
 from armid.kernel import Tree
 from armid.values import Array
 
-__all__ = ["ORDERS", "torque_curvature"]
-
 Jet = Sequence[float]
 
 ORDERS = 4

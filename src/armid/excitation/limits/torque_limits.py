@@ -10,8 +10,6 @@ from armid.excitation.limits.constraints import States
 from armid.excitation.limits.torque_curvature import ORDERS, torque_curvature
 from armid.values import Array
 
-__all__ = ["Torque"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Torque:

@@ -11,8 +11,6 @@ from armid.excitation.limits.constraints import States
 from armid.kernel.tree import Tree
 from armid.values import Array
 
-__all__ = ["SCALE", "Workspace", "box_workspace", "carried_by", "point_gradient", "point_speed"]
-
 SCALE = 0.1
 """Distance [m] from a border at which the utilisation is zero; at the border it is one."""
 

@@ -40,8 +40,6 @@ from armid.robot.robot import InertialParameters, Robot
 from armid.robot.xml import parse_xml
 from armid.values import Array
 
-__all__ = ["EDITS", "PLACES", "SUFFIX", "bodies", "read", "whole", "witnesses", "write"]
-
 SUFFIX: str = ".xml"
 PLACES: Sequence[str] = ("viscous", "coulomb", "rotor-inertia")
 EDITS: bool = True

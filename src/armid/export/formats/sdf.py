@@ -29,8 +29,6 @@ from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.robot import Frame, InertialParameters, Joint, Link, Robot
 from armid.values import Array
 
-__all__ = ["EDITS", "PLACES", "SUFFIX", "bodies", "read", "witnesses", "write"]
-
 SUFFIX: str = ".sdf"
 PLACES: Sequence[str] = ("viscous", "coulomb")
 EDITS: bool = False

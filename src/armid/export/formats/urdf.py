@@ -35,8 +35,6 @@ from armid.robot.readers import urdf as reader
 from armid.robot.robot import InertialParameters, Joint, Robot
 from armid.values import Array
 
-__all__ = ["EDITS", "PLACES", "SUFFIX", "bodies", "read", "witnesses", "write"]
-
 SUFFIX: str = ".urdf"
 PLACES: Sequence[str] = ("viscous", "coulomb")
 EDITS: bool = True

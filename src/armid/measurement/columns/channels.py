@@ -12,10 +12,8 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Held, Robot
 from armid.values import Array
 
-__all__ = ["channels_of_joints", "in_joint_order"]
-
 MOVES = {"rad": 0.01, "m": 1e-3}
-"""Position range from which a joint that should be locked has moved: more than noise or the play of a brake."""
+"""Position range above which a locked joint counts as moving: more than noise or the play of a brake."""
 
 ELSEWHERE = {"rad": 0.05, "m": 5e-3}
 """Distance from the stated position of a locked joint that changes the gravity torques noticeably."""
@@ -24,15 +22,17 @@ LISTED = 20
 """Largest number of channel names in a finding; a humanoid publishes fifty."""
 
 
-def in_joint_order(recording: Recording, reading: LogFormat, robot: Robot) -> tuple[Recording, tuple[Finding, ...]]:
+def in_joint_order(
+    recording: Recording, log_format: LogFormat, robot: Robot
+) -> tuple[Recording, tuple[Finding, ...]]:
     """Selects the channels of the robot's joints in its order, with findings about the other channels.
 
     Raises:
         RecordingError: Joints and channels that do not match.
     """
-    targets = _targets(recording, reading, robot)
+    targets = _targets(recording, log_format, robot)
     order = [targets.index(name) for name in robot.joint_names]
-    findings = _others(recording, reading, robot, targets)
+    findings = _others(recording, log_format, robot, targets)
 
     def ordered(values: Array | None) -> Array | None:
         return None if values is None else values[:, order]
@@ -49,24 +49,24 @@ def in_joint_order(recording: Recording, reading: LogFormat, robot: Robot) -> tu
     return kept, findings
 
 
-def channels_of_joints(recording: Recording, reading: LogFormat, robot: Robot) -> list[int]:
+def channels_of_joints(recording: Recording, log_format: LogFormat, robot: Robot) -> list[int]:
     """Index of the channel of each joint, counted from 0.
 
     Raises:
         RecordingError: Joints and channels that do not match.
     """
-    targets = _targets(recording, reading, robot)
+    targets = _targets(recording, log_format, robot)
     return [targets.index(name) for name in robot.joint_names]
 
 
-def _targets(recording: Recording, reading: LogFormat, robot: Robot) -> list[str]:
+def _targets(recording: Recording, log_format: LogFormat, robot: Robot) -> list[str]:
     """Owner of each channel: a joint of the robot, a locked joint, a joint of another arm, or none (empty)."""
-    given = reading.joint_map
+    given = log_format.joint_map
     channels = recording.channels
     unknown = [name for name in given if name not in channels]
     if unknown:
         raise RecordingError(
-            f"{recording.source}: joints names channels that are not there: {', '.join(unknown)}.",
+            f"{recording.source}: joints names unknown channels: {', '.join(unknown)}.",
             possible=", ".join(channels),
         )
     if recording.joint_names or given:
@@ -74,10 +74,10 @@ def _targets(recording: Recording, reading: LogFormat, robot: Robot) -> list[str
     else:
         targets = list(_by_number(recording, robot))
     known = {*robot.joint_names, *(held.name for held in robot.held)}
-    said = {*given.values(), "?"}
+    named = {*given.values(), "?"}
     missing = [name for name in robot.joint_names if name not in targets]
     extra = [channels[i] for i, name in enumerate(targets) if name and name not in known]
-    wrong = [channels[i] for i, name in enumerate(targets) if name and name not in known and name in said]
+    wrong = [channels[i] for i, name in enumerate(targets) if name and name not in known and name in named]
     twice = sorted({name for name in targets if name in known and targets.count(name) > 1})
     if missing or wrong or twice:
         parts = [
@@ -86,8 +86,8 @@ def _targets(recording: Recording, reading: LogFormat, robot: Robot) -> list[str
         raise RecordingError(
             f"{recording.source} does not have the joints of {robot.name} ({'; '.join(parts)}).",
             possible=f"joints {', '.join(robot.joint_names)}; channels {', '.join(channels)}",
-            remedy="rename with joints = { file name = robot joint }, give a channel to leave out the empty name, "
-            "and lock joints that were not recorded.",
+            remedy="rename with joints = { file name = robot joint }, leave a channel out by an empty name, and lock "
+            "joints that were not recorded.",
         )
     return targets
 
@@ -104,15 +104,15 @@ def _by_number(recording: Recording, robot: Robot) -> tuple[str, ...]:
         f"{recording.source} has {recording.n} channels; {robot.name} has {robot.n} joints: "
         f"{', '.join(robot.joint_names)}{held}.",
         remedy="name the part of the arm recorded (--tip or --only), lock the joints that were not (--lock), "
-        'or say whose the channels are: joints = ["…", …], '
+        'or name the joint of each channel: joints = ["…", …], '
         "with an empty name for a channel to leave out.",
     )
 
 
-def _others(recording: Recording, reading: LogFormat, robot: Robot, targets: list[str]) -> tuple[Finding, ...]:
+def _others(recording: Recording, log_format: LogFormat, robot: Robot, targets: list[str]) -> tuple[Finding, ...]:
     """Findings about channels that belong to no joint of the robot."""
     held = {each.name: each for each in robot.held}
-    found = [_of_held(recording.q[:, k], held[name], reading) for k, name in enumerate(targets) if name in held]
+    found = [_of_held(recording.q[:, k], held[name], log_format) for k, name in enumerate(targets) if name in held]
     extra = [
         name
         for name, target in zip(recording.channels, targets, strict=True)
@@ -120,17 +120,17 @@ def _others(recording: Recording, reading: LogFormat, robot: Robot, targets: lis
     ]
     if extra:
         more = f" and {len(extra) - LISTED} more" if len(extra) > LISTED else ""
-        evidence = f"{', '.join(extra[:LISTED])}{more}: no joints of {robot.name}, left out."
+        evidence = f"{', '.join(extra[:LISTED])}{more}: not joints of {robot.name}, left out."
         found.append(Finding("joints-extra", "info", "", evidence))
     return tuple(finding for finding in found if finding is not None)
 
 
-def _of_held(q: Array, held: Held, reading: LogFormat) -> Finding | None:
+def _of_held(q: Array, held: Held, log_format: LogFormat) -> Finding | None:
     """Findings about a locked joint: it moves, or it is at another position than stated."""
     q = q[np.isfinite(q)]
-    if not q.size or reading.transmission is not None:
+    if not q.size or log_format.transmission is not None:
         return None
-    q = np.radians(q) if reading.units == "deg" and held.unit == "rad" else q
+    q = np.radians(q) if log_format.units == "deg" and held.unit == "rad" else q
     low, high, middle = float(q.min()), float(q.max()), float(np.median(q))
     if high - low > MOVES[held.unit]:
         evidence = (

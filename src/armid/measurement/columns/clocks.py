@@ -12,10 +12,8 @@ from armid.errors import RecordingError
 from armid.measurement.columns.names import Clock, clock_of, named, time_unit, words
 from armid.values import Array
 
-__all__ = ["ClockRequest", "Values", "clock_columns", "evenly_growing", "unit_of_step"]
-
 Values = Callable[[str], NDArray[np.generic]]
-"""Function that gives the numbers under a name; it raises `RecordingError` where they are none."""
+"""Function that returns the numbers of a column; it raises `RecordingError` where they are not numeric."""
 
 FORWARD = 0.95
 """Share of the steps of a clock that are not negative; single faulty steps are tolerated."""
@@ -38,8 +36,8 @@ class ClockRequest:
     """Ambiguous guess: several sets of columns that fit equally well.
 
     Attributes:
-        quantity: What they may hold.
-        sets: The columns of each.
+        quantity: Quantity that the columns may hold.
+        sets: Columns of each set.
     """
 
     quantity: str
@@ -51,10 +49,10 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 
     Args:
         names: All columns.
-        values: Gives their numbers; without it a column counts by its name alone.
+        values: Function that returns their numbers; without it a column is judged by its name alone.
 
     Returns:
-        One column, two (seconds and nanoseconds), or none; or a question.
+        One column, two (seconds and nanoseconds), or none; or the ambiguous choice.
     """
     clocks = [clock for name in dict.fromkeys(names) if (clock := clock_of(name)) is not None]
     fine = {_stem(clock): clock for clock in clocks if clock.unit == 1e-9 and _counts_rest(clock)}
@@ -74,15 +72,15 @@ def _grows(values: Array) -> bool:
 
 
 def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) -> dict[str, float]:
-    """Columns that increase uniformly and may be a clock although neither name nor unit says so.
+    """Columns that increase uniformly and may be a clock although neither name nor unit shows it.
 
     Args:
         names: All columns.
-        used: Those that hold something else.
-        values: Gives their numbers.
+        used: Columns with another use.
+        values: Function that returns their numbers.
 
     Returns:
-        The median step of each column that grows evenly from row to row.
+        Median step of each column that increases evenly from row to row.
     """
     found: dict[str, float] = {}
     for name in dict.fromkeys(names):

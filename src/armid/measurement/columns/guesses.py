@@ -1,7 +1,7 @@
 """Guesses of the columns of the joints from their names, by patterns in common use.
 
-Functions of names alone, but for a column of times that its unit shows. What was measured goes before what was asked
-for, where names say so; two sets of columns that are equally good are no guess but a question.
+Guesses use names alone, except for a clock, which its values may show. Measured columns are preferred to commanded
+ones. Two equally good sets of columns give no guess, but an error that asks for a choice.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 
 from armid.measurement.columns.clocks import ClockRequest, Values, clock_columns
 from armid.measurement.columns.names import ColumnName, clock_of, named, words
-
-__all__ = ["ClockRequest", "Guess", "guess_columns", "shortened"]
 
 MOTION = ("q", "dq", "ddq")
 
@@ -26,8 +24,8 @@ class Guess:
     Attributes:
         columns: Names for each quantity that was found; times may have two, seconds and nanoseconds.
         joints: Labels of the joints in the order of the columns; empty where the columns are numbered.
-        reasons: How each was found, in words.
-        commanded: Quantities of which only what was asked for is there.
+        reasons: Reason for each guess, in words.
+        commanded: Quantities with commanded columns only.
     """
 
     columns: Mapping[str, tuple[str, ...]]
@@ -41,9 +39,9 @@ class _Group:
     """Columns whose names differ only in the channel.
 
     Attributes:
-        quantity: What they hold; a current is an effort.
+        quantity: Quantity of the columns; a current is an effort.
         of_current: Whether they hold currents.
-        members: By channel.
+        members: Columns by channel.
     """
 
     quantity: str
@@ -77,15 +75,15 @@ def guess_columns(
 
     Args:
         names: All columns.
-        quantities: What is to be found, of `time`, `q`, `dq`, `ddq`, `effort`.
-        wanted: What the arm's joints are called in the file; not known if empty.
-        labels: The same with joints that are held still, in the description's order.
+        quantities: Quantities to guess, of `time`, `q`, `dq`, `ddq`, `effort`.
+        wanted: Names of the arm's joints in the file; unknown if empty.
+        labels: The same including locked joints, in the description's order.
         channels: Number of columns of positions where these are known already; the columns are numbered then.
-        matrices: Whether a name may stand for all channels at once.
-        values: Gives the numbers under a name, to see whether a column with a unit of time is a clock.
+        matrices: Whether one name may hold all channels.
+        values: Function that returns the numbers of a column, to test whether one with a unit of time is a clock.
 
     Returns:
-        The guess, of as many quantities as could be found; or a question.
+        Guess of as many quantities as possible; or the ambiguous choice.
     """
     labels = tuple(labels) or tuple(wanted)
     groups = _groups(names, sorted(labels, key=lambda label: -len(words(label))), matrices=matrices)
@@ -97,7 +95,7 @@ def guess_columns(
         return time
     if time:
         columns["time"] = time
-        by_unit = "" if clock_of(time[0]) else ", by its unit and as it grows"
+        by_unit = "" if clock_of(time[0]) else ", by its unit and its increase"
         reasons.append(f"time is {' and '.join(time)}{by_unit}")
     chosen: dict[str, _Group] = {}
     for quantity in ("q", "dq", "ddq", "effort"):
@@ -148,7 +146,7 @@ def _in_order(members: Mapping[Channel, ColumnName]) -> dict[Channel, ColumnName
 
 
 def _is_whole(group: _Group, wanted: Sequence[str], *, matrices: bool) -> bool:
-    """Tests whether a group has all joints, or numbers without a gap, from 0 or from 1."""
+    """Tests whether a group of columns has all joints, or channel numbers from 0 or 1 on without a gap."""
     if group.by_name:
         return bool(wanted) and set(wanted) <= set(group.members)
     if "" in group.members:
@@ -197,9 +195,9 @@ def _reason(quantity: str, group: _Group, columns: tuple[str, ...], usable: Sequ
     """Sentence with the chosen columns, the reason, and the alternatives that were not chosen."""
     what = f"{quantity} is {shortened(columns)}"
     what += ", by the joints' names" if group.by_name else ""
-    what += ", asked for and not measured" if group.first.commanded else ""
+    what += ", commanded and not measured" if group.first.commanded else ""
     others = [other for other in usable if other.quantity == quantity and other is not group]
-    left = [f"{shortened(other.columns)}{' (asked for)' if other.first.commanded else ''}" for other in others]
+    left = [f"{shortened(other.columns)}{' (commanded)' if other.first.commanded else ''}" for other in others]
     return what + (f", not {', '.join(left)}" if left else "")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RecordingError
 from armid.measurement.columns.clocks import Values, evenly_growing, unit_of_step
 from armid.measurement.columns.guesses import ClockRequest, Guess, guess_columns, shortened
-from armid.measurement.columns.units import factors, is_current, stated_units, unit_fields
-from armid.measurement.columns.unread import effort_possible
+from armid.measurement.columns.units import factors, is_current, overruled, stated_units, unit_fields
+from armid.measurement.columns.unread import effort_possible, no_such_column, positions_missing
 from armid.measurement.log_format import PRESETS, QUANTITIES, LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
+from armid.remedy import Remedy, setting
 from armid.robot.robot import Robot
 from armid.values import Array
-
-__all__ = ["Selection", "assemble", "select"]
 
 DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "time": ("t", "time", "timestamp"),
@@ -32,13 +31,10 @@ DEFAULTS: Mapping[str, tuple[str, ...]] = {
     "ddq": ("ddq{}", "qdd{}", "ddq", "qdd"),
     "effort": ("tau{}", "effort{}", "torque{}", "tau", "effort", "torque", "i{}"),
 }
-"""Names tried in this order where the reading gives none; `{}` counts from 1."""
+"""Names tried in this order where the log format gives none; `{}` counts from 1."""
 
 CURRENT = re.compile(r"i([_\[]?\d+\]?)?|.*current.*", re.IGNORECASE)
 """Names of columns with motor current: i1, i_1, i[0], actual_current_0; others are known by their unit."""
-
-LISTED = 60
-"""Largest number of names in a message; the log of a controller may have hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +42,13 @@ class Selection:
     """Columns chosen in one file.
 
     Attributes:
-        time: None, one, or two (seconds and nanoseconds).
-        q: A column for each channel, or one matrix.
-        dq: Likewise, or none.
-        ddq: Likewise, or none.
-        effort: Likewise, or none.
-        guessed: Fields of the reading that were found out by the names.
-        findings: What was found out, in words.
+        time: No column, one, or two (seconds and nanoseconds).
+        q: One column for each channel, or one matrix.
+        dq: The same for velocities, or none.
+        ddq: The same for accelerations, or none.
+        effort: The same for efforts, or none.
+        guessed: Fields of the log format that follow from the names.
+        findings: Findings about the guesses.
     """
 
     time: tuple[str, ...]
@@ -71,7 +67,7 @@ class Selection:
 
 def select(
     names: Sequence[str],
-    reading: LogFormat,
+    log_format: LogFormat,
     path: Path,
     robot: Robot | None = None,
     *,
@@ -82,45 +78,49 @@ def select(
 
     Args:
         names: Columns or variables of the file.
-        reading: How to read it.
+        log_format: Log format of the file.
         path: The file, for messages.
-        robot: The arm, whose joints may stand in the names.
+        robot: The arm, whose joints may occur in the names.
         matrices: Whether a variable may hold all channels.
-        values: Gives the numbers under a name, so that a clock whose name says nothing is found, or named.
+        values: Function that returns the numbers of a column, to detect a clock without a telling name.
 
     Raises:
-        RecordingError: A named column is not there, a number is missing in a row of columns, or no column holds
-            positions, or several sets of columns may; the message lists what is there.
+        RecordingError: A named column does not exist, numbered columns have a gap, or no set of columns, or several,
+            may hold positions; the message lists the columns.
     """
     present = dict.fromkeys(names)
-    chosen = _stated(present, reading, path)
+    chosen = _stated(present, log_format, path)
     guess = Guess({})
-    if reading.preset is None and (
-        open_ := [name for name in QUANTITIES if not chosen[name] and name not in reading.columns]
+    if log_format.preset is None and (
+        open_ := [name for name in QUANTITIES if not chosen[name] and name not in log_format.columns]
     ):
-        guess = _guess(present, open_, chosen, reading, robot, path, matrices=matrices, values=values)
+        guess = _guess(present, open_, chosen, log_format, robot, path, matrices=matrices, values=values)
         chosen |= guess.columns
     if not chosen["q"]:
-        raise _unknown("No column holds positions", present, "q", path, robot)
-    if reading.drive_gain is not None and "effort" not in reading.columns and reading.preset is None:
+        raise positions_missing(present, chosen, log_format, path, robot, _labels(log_format, robot)[0])
+    if log_format.drive_gain is not None and "effort" not in log_format.columns and log_format.preset is None:
         _refuse_two_efforts(chosen["effort"], present, path)
-    guessed = _as_reading(guess, reading, robot) | unit_fields(chosen, reading, path)
-    findings = _findings(guess, guessed, chosen)
-    if values is not None and _lacks_clock(chosen, reading):
-        findings += _possible_clocks(present, chosen, values, reading)
-    findings += effort_possible(list(present), chosen, reading, _labels(reading, robot)[0])
+    guessed = _as_fields(guess, log_format, robot) | unit_fields(chosen, log_format)
+    contradicted = overruled(chosen, log_format)
+    findings = _findings(guess, guessed, chosen, contradicted)
+    if contradicted:
+        remedy = "correct the names of the columns, or leave out what was given"
+        findings += (Finding("units-of-header", "warning", "", " ".join(contradicted.values()), remedy),)
+    if values is not None and _lacks_clock(chosen, log_format):
+        findings += _possible_clocks(present, chosen, values, log_format)
+    findings += effort_possible(list(present), chosen, log_format, _labels(log_format, robot)[0])
     return Selection(**chosen, guessed=guessed, findings=findings)
 
 
-def _stated(present: Mapping[str, Any], reading: LogFormat, path: Path) -> dict[str, tuple[str, ...]]:
-    """Columns that the log format names, that its preset has, or that have the usual names."""
+def _stated(present: Mapping[str, Any], log_format: LogFormat, path: Path) -> dict[str, tuple[str, ...]]:
+    """Columns by the names in the log format, those of its preset, or the usual names."""
     chosen: dict[str, tuple[str, ...]] = {}
     for quantity in QUANTITIES:
-        if quantity in reading.columns:
-            patterns = tuple(reading.columns[quantity])
+        if quantity in log_format.columns:
+            patterns = tuple(log_format.columns[quantity])
             chosen[quantity] = _named(patterns, present, quantity, path) if patterns else ()
-        elif reading.preset is not None:
-            patterns = PRESETS[reading.preset].columns.get(quantity, ())
+        elif log_format.preset is not None:
+            patterns = PRESETS[log_format.preset].columns.get(quantity, ())
             needed = patterns and quantity in ("time", "q")
             chosen[quantity] = (
                 _named(patterns, present, quantity, path)
@@ -136,7 +136,7 @@ def _stated(present: Mapping[str, Any], reading: LogFormat, path: Path) -> dict[
 def assemble(
     selection: Selection,
     column: Callable[[str], NDArray[Any]],
-    reading: LogFormat,
+    log_format: LogFormat,
     path: Path,
     joint_names: Sequence[str] = (),
 ) -> Recording:
@@ -144,13 +144,14 @@ def assemble(
 
     Args:
         selection: Chosen names.
-        column: Gives the numbers under a name, shape (N,) or (N, n).
-        reading: How to read it.
+        column: Function that returns the numbers of a name, shape (N,) or (N, n).
+        log_format: Log format of the file.
         path: The file.
         joint_names: Names of the channels, where the file has them.
     """
     quantities = (*selection.q, *selection.dq, *selection.ddq, *selection.effort)
-    scale = factors(quantities, selection.guessed.get("units", reading.units))
+    names_hold = "units" not in overruled({"q": selection.q, "time": selection.time}, log_format)
+    scale = factors(quantities, selection.guessed.get("units", log_format.units), angles=names_hold)
 
     def scaled(name: str) -> NDArray[Any]:
         return column(name) if scale.get(name, 1.0) == 1.0 else column(name) * scale[name]
@@ -160,14 +161,14 @@ def assemble(
     if effort is not None and effort.ndim == q.ndim == 2 and effort.shape[1] != q.shape[1]:
         raise _uneven(selection, q.shape[1], effort.shape[1], path)
     return Recording(
-        time=_time(selection.time, column, _time_unit(reading, selection)),
+        time=_time(selection.time, column, _time_unit(log_format, selection)),
         q=q,
         dq=_matrix(selection.dq, scaled, path) if selection.dq else None,
         ddq=_matrix(selection.ddq, scaled, path) if selection.ddq else None,
         effort=effort,
         joint_names=tuple(joint_names),
-        rate=reading.rate,
-        consecutive=reading.consecutive,
+        rate=log_format.rate,
+        consecutive=log_format.consecutive,
         effort_is_current=any(CURRENT.fullmatch(name) or is_current(name) for name in selection.effort),
         columns={name: found for name in QUANTITIES if (found := getattr(selection, name))},
         guessed=selection.guessed,
@@ -180,19 +181,19 @@ def _guess(
     present: Mapping[str, Any],
     quantities: Sequence[str],
     chosen: Mapping[str, tuple[str, ...]],
-    reading: LogFormat,
+    log_format: LogFormat,
     robot: Robot | None,
     path: Path,
     *,
     matrices: bool,
     values: Values | None,
 ) -> Guess:
-    """Guessed columns of the quantities that are not known yet.
+    """Guessed columns of the quantities that are still unknown.
 
     Raises:
         RecordingError: Several sets of columns are equally good.
     """
-    wanted, labels = _labels(reading, robot)
+    wanted, labels = _labels(log_format, robot)
     guess = guess_columns(
         list(present),
         quantities,
@@ -207,38 +208,40 @@ def _guess(
             f"{path}: {len(guess.sets)} sets of columns may hold {guess.quantity}: "
             f"{'; '.join(shortened(each) for each in guess.sets)}.",
             possible="one of them",
-            remedy=naming(reading, {guess.quantity: guess.sets[0]}),
+            remedy=naming(log_format, {guess.quantity: guess.sets[0]}),
         )
     return guess
 
 
-def _labels(reading: LogFormat, robot: Robot | None) -> tuple[list[str], list[str]]:
+def _labels(log_format: LogFormat, robot: Robot | None) -> tuple[list[str], list[str]]:
     """Names in the file of the arm's joints, and of all that its description has."""
-    in_file = {joint: name for name, joint in reading.joint_map.items() if joint}
+    in_file = {joint: name for name, joint in log_format.joint_map.items() if joint}
     wanted, labels = ([], []) if robot is None else (robot.joint_names, robot.described_joints)
     return [in_file.get(name, name) for name in wanted], [in_file.get(name, name) for name in labels]
 
 
-def _as_reading(guess: Guess, reading: LogFormat, robot: Robot | None) -> dict[str, Any]:
+def _as_fields(guess: Guess, log_format: LogFormat, robot: Robot | None) -> dict[str, Any]:
     """Guessed columns in the form of fields of a log format."""
     if not guess.columns:
         return {}
-    said: dict[str, Any] = {"columns": {**reading.columns, **guess.columns}}
-    if robot is not None and guess.joints and not reading.joints:
-        said["joints"] = guess.joints
+    fields: dict[str, Any] = {"columns": {**log_format.columns, **guess.columns}}
+    if robot is not None and guess.joints and not log_format.joints:
+        fields["joints"] = guess.joints
     elif guess.joints:
-        said["joints"] = tuple(reading.joint_map.get(label, label) for label in guess.joints)
-    if robot is not None and said.get("joints") == robot.joint_names:
-        del said["joints"]
-    return said
+        fields["joints"] = tuple(log_format.joint_map.get(label, label) for label in guess.joints)
+    if robot is not None and fields.get("joints") == robot.joint_names:
+        del fields["joints"]
+    return fields
 
 
-def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]]) -> tuple[Finding, ...]:
+def _findings(
+    guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], contradicted: Collection[str]
+) -> tuple[Finding, ...]:
     """Findings about guessed columns and units, with the lines of a study that state them."""
-    units = stated_units(chosen)
-    told = [f"By the names of the columns: {'; '.join(guess.reasons)}."] if guess.columns else []
-    told += [f"By their names, {units}."] if units else []
-    if not told:
+    units = stated_units(chosen, contradicted)
+    sentences = [f"By the names of the columns: {'; '.join(guess.reasons)}."] if guess.columns else []
+    sentences += [f"By their names, {units}."] if units else []
+    if not sentences:
         return ()
     plain: dict[str, Any] = {
         key: list(value) if isinstance(value, tuple) else value for key, value in guessed.items()
@@ -248,38 +251,39 @@ def _findings(guess: Guess, guessed: Mapping[str, Any], chosen: Mapping[str, tup
         plain["columns"] = {name: each[0] if len(each) == 1 else list(each) for name, each in every.items()}
     severity = "warning" if guess.commanded else "info"
     code = "columns-guessed" if guess.columns else "units-of-header"
-    return (Finding(code, severity, "", " ".join(told), lines(**plain) if plain else ""),)
+    return (Finding(code, severity, "", " ".join(sentences), lines(**plain) if plain else ""),)
 
 
-def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], reading: LogFormat) -> bool:
+def _lacks_clock(chosen: Mapping[str, tuple[str, ...]], log_format: LogFormat) -> bool:
     """Tests whether a clock is needed and the log format does not leave it out."""
-    asked = reading.rate is None and reading.consecutive is not False and reading.preset is None
-    return asked and not chosen["time"] and "time" not in reading.columns
+    needed = log_format.rate is None and log_format.consecutive is not False and log_format.preset is None
+    return needed and not chosen["time"] and "time" not in log_format.columns
 
 
 def _possible_clocks(
-    present: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], values: Values, reading: LogFormat
+    present: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]], values: Values, log_format: LogFormat
 ) -> tuple[Finding, ...]:
     """Finding about unused columns that increase uniformly: one of them may be the missing clock."""
     found = evenly_growing(list(present), set(chain.from_iterable(chosen.values())), values)
     if not found:
         return ()
-    told = ", ".join(f"{name!r} (by {step:.6g} a row)" for name, step in found.items())
-    evidence = f"Of the columns that are not used, {told} grow{'' if len(found) > 1 else 's'} evenly."
+    columns = ", ".join(f"{name!r} (by {step:.6g} a row)" for name, step in found.items())
+    evidence = f"Of the unused columns, {columns} increase{'' if len(found) > 1 else 's'} evenly."
     name, step = next(iter(found.items()))
     counted = unit_of_step(step)
-    remedy = naming(reading, {"time": name}, "if it is the clock" if counted is None else "")
+    remedy = naming(log_format, {"time": name}, "if it is the clock" if counted is None else "")
     if counted is not None:
-        remedy += "\n" + lines(f"if it is the clock; by its steps it counts {counted[1]}", time_unit=counted[0])
+        unit = lines(f"if it is the clock; by its steps it counts {counted[1]}", time_unit=counted[0])
+        remedy = Remedy(*remedy.parts, *unit.parts, note=unit.note)
     return (Finding("clock-possible", "info", "time", evidence, remedy),)
 
 
-def _time_unit(reading: LogFormat, selection: Selection) -> float:
+def _time_unit(log_format: LogFormat, selection: Selection) -> float:
     """Length of one unit of the time column [s], from log format or header, else from the preset."""
-    if reading.time_unit is not None or "time_unit" in selection.guessed:
-        return float(reading.time_unit or selection.guessed["time_unit"])
-    preset = PRESETS.get(reading.preset or "")
-    return 1.0 if preset is None or "time" in reading.columns else preset.time_unit
+    if log_format.time_unit is not None or "time_unit" in selection.guessed:
+        return float(log_format.time_unit or selection.guessed["time_unit"])
+    preset = PRESETS.get(log_format.preset or "")
+    return 1.0 if preset is None or "time" in log_format.columns else preset.time_unit
 
 
 def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingError:
@@ -291,8 +295,8 @@ def _uneven(selection: Selection, q: int, effort: int, path: Path) -> RecordingE
     fewer = "effort" if effort < q else "q"
     return RecordingError(
         f"{path} has {listed[0]}, but {listed[1]}: {abs(q - effort)} of {fewer} missing.",
-        remedy=f"add what is missing of {fewer}; or name as many of each in columns, and lock the joints that were "
-        "not recorded.",
+        remedy=f"add the missing columns of {fewer}; or name as many of each in columns, and lock the joints that "
+        "were not recorded.",
     )
 
 
@@ -300,7 +304,7 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
     """Values of a column as float64.
 
     Raises:
-        RecordingError: It holds something else than real numbers, or is no vector or matrix.
+        RecordingError: The column has values other than real numbers, or is not a vector or matrix.
     """
     if values.dtype.kind not in "fiub":
         raise RecordingError(
@@ -309,7 +313,8 @@ def numeric(values: NDArray[Any], name: str, path: Path) -> Array:
         )
     if values.ndim not in (1, 2):
         raise RecordingError(
-            f"{path}: {name!r} has {values.ndim} dimensions.", remedy="give one row a sample and one column a joint."
+            f"{path}: {name!r} has {values.ndim} dimensions.",
+            remedy="give one row a sample and one column a joint.",
         )
     return values.astype(np.float64)
 
@@ -319,11 +324,11 @@ def _named(patterns: tuple[str, ...], present: Mapping[str, Any], quantity: str,
     if len(patterns) == 1:
         found = _expand(patterns[0], present, path)
         if not found:
-            raise _unknown(f"No column is called {patterns[0]!r}", present, quantity, path)
+            raise no_such_column(f"No column is called {patterns[0]!r}", present, quantity, path)
         return found
     missing = [name for name in patterns if name not in present]
     if missing:
-        raise _unknown(f"No column is called {', '.join(map(repr, missing))}", present, quantity, path)
+        raise no_such_column(f"No column is called {', '.join(map(repr, missing))}", present, quantity, path)
     return patterns
 
 
@@ -338,14 +343,14 @@ def _expand(pattern: str, present: Mapping[str, Any], path: Path, *, usual: bool
         if not numbered:
             return ()
         if usual and sorted(numbered) == list(range(len(numbered))):
-            return ()  # guessed, and said
+            return ()  # guessed instead, with a finding
         expected = range(first, first + len(numbered))
         if sorted(numbered) != list(expected):
             found = ", ".join(numbered[i] for i in sorted(numbered))
             raise RecordingError(
                 f"{path}: columns {pattern!r} must count from {first} without a gap; found {found}.",
                 possible="{} counts from 1, {0} from 0; a list of names takes any",
-                remedy="say which columns to take in columns.",
+                remedy="list the columns to use in columns.",
             )
         return tuple(numbered[i] for i in expected)
     return (pattern,) if pattern in present else ()
@@ -356,25 +361,9 @@ def _refuse_two_efforts(effort: tuple[str, ...], present: Mapping[str, Any], pat
     current = _expand("i{}", present, path)
     if effort and current and effort != current:
         raise RecordingError(
-            f"{path} has {effort[0]} … and {current[0]} …; drive_gain does not say which of them it belongs to.",
-            remedy='name the effort, for instance columns = { effort = "i{}" }.',
+            f"{path} has {effort[0]} … and {current[0]} …; to which of them drive_gain applies is ambiguous.",
+            remedy=Remedy("name the effort, for instance ", setting("columns", {"effort": "i{}"}), "."),
         )
-
-
-def _unknown(
-    problem: str, present: Mapping[str, Any], quantity: str, path: Path, robot: Robot | None = None
-) -> RecordingError:
-    names = list(present)
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    count = 3 if robot is None else robot.n
-    form = ", ".join(f'"{name}"' for name in names[:count]) or '"…"'
-    order = "" if robot is None else f" in the order {', '.join(robot.joint_names)}"
-    return RecordingError(
-        f"{path}: {problem} for {quantity}.",
-        possible=(", ".join(names[:LISTED]) or "the file has no columns") + more,
-        remedy=f"name them{order}, with the names that it has: columns = {{ {quantity} = [{form}] }}; or give a "
-        f"preset ({', '.join(PRESETS)}) in a study.",
-    )
 
 
 def _matrix(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], path: Path) -> NDArray[Any]:
@@ -395,5 +384,5 @@ def _time(names: tuple[str, ...], column: Callable[[str], NDArray[Any]], unit: f
     first = column(names[0]).reshape(-1)
     if len(names) == 1:
         return first * unit
-    # The first whole second is taken off before the sum, or 1e9 s would eat the nanoseconds' digits.
+    # The first whole second is subtracted before the sum, since 1e9 s would leave no digits for nanoseconds.
     return (first - first[:1]) + 1e-9 * column(names[1]).reshape(-1)

@@ -1,6 +1,6 @@
 """Analysis of column names: quantity, joint, unit, and measured or commanded.
 
-A name is cut into words at signs, capitals and digits: `Joint1Pos`, `joint_1_pos` and `/joint_1/pos` have the same.
+A name is split into words at signs, capitals and digits: `Joint1Pos`, `joint_1_pos` and `/joint_1/pos` have the same.
 """
 
 from __future__ import annotations
@@ -9,19 +9,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-
-__all__ = [
-    "Clock",
-    "ColumnName",
-    "clock_of",
-    "column_unit",
-    "named",
-    "split_time",
-    "split_unit",
-    "time_unit",
-    "unit_kind",
-    "words",
-]
 
 UNITS: Mapping[str, tuple[str, float]] = {
     "rad": ("rad", 1.0),
@@ -44,7 +31,7 @@ UNITS: Mapping[str, tuple[str, float]] = {
     "amps": ("current", 1.0),
     "rpm": ("rad", 2.0 * math.pi / 60.0),
 }
-"""Units by their name without signs and powers of time: what they measure, and how many of armid's they are."""
+"""Units by their name without signs and powers of time: their quantity, and the factor to armid's unit."""
 
 SECONDS: Mapping[str, float] = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
@@ -85,7 +72,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     ),
     "current": ("i", "current", "currents", "cur", "curr", "strom"),
 }
-"""Words that say which quantity a column holds."""
+"""Quantities by the words in a column's name."""
 
 PAIRS: Mapping[tuple[str, str], str] = {
     ("q", "dot"): "dq",
@@ -96,7 +83,7 @@ PAIRS: Mapping[tuple[str, str], str] = {
     ("motor", "current"): "current",
     ("time", "stamp"): "timestamp",
 }
-"""Two words that stand for one."""
+"""Pairs of words that replace one."""
 
 MEASURED = frozenset("actual act measured meas msr feedback fbk fb real is ai encoder enc sensor".split())
 COMMANDED = frozenset(
@@ -107,7 +94,7 @@ OTHER = frozenset(
     "ff feedforward tcp ee tool cart cartesian pose wrench force std var cov voltage power brake mode status contact "
     "collision hat window dot nominal x y z roll pitch yaw".split()
 )
-"""Words of columns that hold another quantity, or one that was derived from others."""
+"""Words of columns with another quantity, or a derived one."""
 
 MOTOR = frozenset("motor mot theta phi".split())
 """Words that may mean the motor side of a gear; in libfranka theta is the motor angle and q the joint angle."""
@@ -116,7 +103,7 @@ CLOCKS: Mapping[str, int] = {
     **dict.fromkeys(("t", "time", "timestamp", "elapsed", "clock", "zeit", "zeitstempel", "tiempo", "tempo"), 1),
     **{"stamp": 0, "rosbag": 2},
 }
-"""Words of a clock, those that are nearer to the measurement before others."""
+"""Words of a clock, ordered by closeness to the measurement."""
 
 BESIDE_CLOCK = frozenset(
     "ros header field joint states since start robot controller system unix relative s sec secs".split()
@@ -147,12 +134,12 @@ class ColumnName:
     """Interpretation of a column's name.
 
     Attributes:
-        column: The name in full.
+        column: Full name.
         quantity: `q`, `dq`, `ddq`, `effort` or `current`.
         channel: Name of the joint, or its number; empty where the name has neither.
-        form: Its words, `*` where the channel stands.
-        rank: How near it is to what was measured: 0 and 1 are measured, 2 is asked for; then motor or joint.
-        unit: What its unit measures, and how many of armid's that is; nothing where no unit is said.
+        form: Words of the name, with `*` for the channel.
+        rank: Preference: 0 and 1 are measured, 2 is commanded; then motor or joint side.
+        unit: Quantity of its unit and the factor to armid's unit; `None` without a unit.
     """
 
     column: str
@@ -173,9 +160,9 @@ class Clock:
     """Column with times.
 
     Attributes:
-        column: Its name.
-        rank: How near to the measurement; the smallest goes first.
-        unit: Length of one unit [s]; nothing where none is said.
+        column: Name of the column.
+        rank: Preference by closeness to the measurement; the smallest is preferred.
+        unit: Length of one unit [s]; `None` without a unit.
     """
 
     column: str
@@ -207,14 +194,14 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
 
     Args:
         column: The name.
-        labels: What the joints are called in the file, longer names first.
+        labels: Names of the joints in the file, longer names first.
     """
     text, unit = split_unit(column)
     found: list[ColumnName] = []
     for channel, form in _channels(words(text), labels, by_unit=_is_torque(unit)):
         measured = unit_of(unit) if unit else next((UNITS[word] for word in form if word in ANGLES), None)
         if unit and measured is None:
-            return []  # of something else
+            return []  # another quantity
         quantity = _quantity(form)
         by_unit = quantity is None and isinstance(channel, str) and channel != "" and _is_torque(unit)
         quantity = "effort" if by_unit else quantity
@@ -225,14 +212,14 @@ def named(column: str, labels: Sequence[str]) -> list[ColumnName]:
         if quantity == "effort" and measured is not None and measured[0] == "current":
             quantity = "current"
         role = 0 if MEASURED & set(form) else 2 if COMMANDED & set(form) else 1
-        # Where the unit alone says so, any name that says it goes first.
+        # A name that states the quantity is preferred to one whose unit alone does.
         rank = (max(role, 1), 2) if by_unit else (role, int(bool(MOTOR & set(form))))
         found.append(ColumnName(column, quantity, channel, tuple(form), rank, measured))
     return found
 
 
 def clock_of(column: str) -> Clock | None:
-    """Interpretation of a name as a column of times; `None` where it is none."""
+    """Interpretation of a name as a column of times; `None` where it is not one."""
     text, unit = split_time(column)
     parts = words(text)
     ranks = [CLOCKS[word] for word in parts if word in CLOCKS]
@@ -257,7 +244,7 @@ def split_time(column: str) -> tuple[str, str]:
 
 
 def _is_torque(unit: str) -> bool:
-    """Tell whether a unit is one of torque."""
+    """Tests whether a unit is one of torque."""
     return unit != "" and (unit_of(unit) or ("", 1.0))[0] == "torque"
 
 
@@ -266,8 +253,8 @@ def _channels(parts: Sequence[str], labels: Sequence[str], *, by_unit: bool) -> 
 
     Args:
         parts: Words of the name.
-        labels: What the joints are called.
-        by_unit: Whether the unit says the quantity, and no word has to.
+        labels: Names of the joints.
+        by_unit: Whether the unit states the quantity, so that no word is needed.
     """
     for label in labels:
         name = words(label)

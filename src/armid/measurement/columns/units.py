@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Collection, Mapping, Sequence
+from itertools import repeat
 from typing import Any
 
-from armid.errors import RecordingError
 from armid.measurement.columns.names import column_unit, split_time, split_unit, time_unit
 from armid.measurement.log_format import LogFormat
-
-__all__ = ["factors", "is_current", "stated_units", "unit_fields"]
 
 DEGREE = 0.017453292519943295
 """One degree [rad]."""
@@ -22,39 +19,50 @@ def is_current(column: str) -> bool:
     return unit is not None and unit[0] == "current"
 
 
-def unit_fields(chosen: Mapping[str, Sequence[str]], reading: LogFormat, path: Path) -> dict[str, Any]:
-    """Fields `units` and `time_unit` of a log format that the names of the chosen columns state.
-
-    Raises:
-        RecordingError: The reading says something else.
-    """
-    said: dict[str, Any] = {}
-    angles = {unit[0] for name in chosen["q"] if (unit := column_unit(name)) and unit[0] != "m"}
-    if angles:
-        units = "deg" if "deg" in angles else "rad"
-        if isinstance(reading.units, str) and reading.units != units:
-            raise _contradiction(path, f"units = {reading.units!r}", chosen["q"][0], units)
-        if reading.units is None and units == "deg":
-            said["units"] = units
-    if len(chosen["time"]) == 1:
+def unit_fields(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, Any]:
+    """Fields `units` and `time_unit` that the names of the chosen columns state and the log format does not."""
+    fields: dict[str, Any] = {}
+    if log_format.units is None and any((column_unit(name) or ("",))[0] == "deg" for name in chosen["q"]):
+        fields["units"] = "deg"
+    if log_format.time_unit is None and len(chosen["time"]) == 1:
         unit = time_unit(chosen["time"][0])
-        if unit is not None and reading.time_unit not in (None, unit):
-            raise _contradiction(path, f"time_unit = {reading.time_unit:g}", chosen["time"][0], f"{unit:g} s")
-        if unit not in (None, 1.0) and reading.time_unit is None:
-            said["time_unit"] = unit
-    return said
+        if unit not in (None, 1.0):
+            fields["time_unit"] = unit
+    return fields
 
 
-def factors(columns: Sequence[str], units: str | Sequence[str] | None) -> dict[str, float]:
+def overruled(chosen: Mapping[str, Sequence[str]], log_format: LogFormat) -> dict[str, str]:
+    """Fields of the log format that contradict the names of the chosen columns, with a sentence for each."""
+    found: dict[str, str] = {}
+    units = log_format.units
+    given = repeat(units) if units is None or isinstance(units, str) else units
+    for name, unit in zip(chosen["q"], given, strict=False):
+        kind = (column_unit(name) or ("",))[0]
+        if unit is not None and kind in ("rad", "deg") and kind != unit:
+            found["units"] = f"The units given are used, not {_stated_unit('q', name)} as in the name {name!r}."
+            break
+    if log_format.time_unit is not None and len(chosen["time"]) == 1:
+        (name,) = chosen["time"]
+        if time_unit(name) not in (None, log_format.time_unit):
+            found["time_unit"] = (
+                f"The time_unit given is used, not {_stated_unit('time', name)} as in the name {name!r}."
+            )
+    return found
+
+
+def factors(columns: Sequence[str], units: str | Sequence[str] | None, *, angles: bool = True) -> dict[str, float]:
     """Factors that convert columns to SI units and all angles to the unit of the log format.
 
     Args:
         columns: Columns of positions, velocities, accelerations and efforts.
-        units: Unit of the reading's angles; where it is a list, joint by joint, angles stay as they are.
+        units: Unit of angles in the log format; where it is a list for each joint, angles are not converted.
+        angles: Whether the units of angles in the names are used.
     """
     found: dict[str, float] = {}
     for name in columns:
         kind, factor = column_unit(name) or ("", 1.0)
+        if kind in ("rad", "deg") and not angles:
+            continue
         if kind == "rad" and units == "deg":
             factor /= DEGREE
         if kind == "deg" and units in (None, "rad"):
@@ -64,16 +72,24 @@ def factors(columns: Sequence[str], units: str | Sequence[str] | None) -> dict[s
     return found
 
 
-def stated_units(chosen: Mapping[str, Sequence[str]]) -> str:
-    """Text of the units other than SI in the names of the chosen columns; empty where there are none."""
-    told: list[str] = []
+def stated_units(chosen: Mapping[str, Sequence[str]], without: Collection[str] = ()) -> str:
+    """Text of the units other than SI in the names of the chosen columns; empty where there are none.
+
+    Args:
+        chosen: Columns by quantity.
+        without: Fields of the log format whose units in the names are not used.
+    """
+    texts: list[str] = []
     for quantity, columns in chosen.items():
-        said = dict.fromkeys(_unit_said(quantity, name) for name in columns if _is_other(quantity, name))
-        told += [f"{quantity} in {', '.join(said)}"] if said else []
-    return ", ".join(told)
+        field = {"time": "time_unit", "effort": ""}.get(quantity, "units")
+        units = dict.fromkeys(
+            _stated_unit(quantity, name) for name in columns if field not in without and _is_other(quantity, name)
+        )
+        texts += [f"{quantity} in {', '.join(units)}"] if units else []
+    return ", ".join(texts)
 
 
-def _unit_said(quantity: str, column: str) -> str:
+def _stated_unit(quantity: str, column: str) -> str:
     """Unit as written in a name; one within the name can only be that of an angle."""
     return split_time(column)[1] if quantity == "time" else split_unit(column)[1] or "deg"
 
@@ -82,10 +98,3 @@ def _is_other(quantity: str, column: str) -> bool:
     if quantity == "time":
         return time_unit(column) not in (None, 1.0)
     return (column_unit(column) or ("", 1.0)) not in (("", 1.0), ("rad", 1.0), ("m", 1.0), ("torque", 1.0))
-
-
-def _contradiction(path: Path, said: str, column: str, unit: str) -> RecordingError:
-    return RecordingError(
-        f"{path}: {said} was given, and the column {column!r} is in {unit}.",
-        remedy="leave it out, or correct the name of the column.",
-    )

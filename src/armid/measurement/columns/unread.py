@@ -1,50 +1,118 @@
-"""Columns that nothing was read from, and those among them that may hold the effort that a recording lacks."""
+"""Unread columns of a file, those that may hold a missing quantity, and errors that name them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
+from pathlib import Path
 
-from armid.errors import Finding
+from armid.errors import Finding, RecordingError
 from armid.measurement.columns.guesses import shortened
 from armid.measurement.columns.names import split_unit, words
-from armid.measurement.log_format import LogFormat
+from armid.measurement.log_format import PRESETS, LogFormat
 from armid.measurement.remedy import naming
-
-__all__ = ["effort_possible"]
+from armid.remedy import Remedy, setting
+from armid.robot.robot import Robot
 
 NAMED = 12
-"""Columns named in a message."""
+"""Largest number of columns named in a message."""
+
+LISTED = 60
+"""Largest number of names in a list of all; the log of a controller may have hundreds."""
 
 
 def effort_possible(
-    names: Sequence[str], chosen: Mapping[str, Sequence[str]], reading: LogFormat, labels: Sequence[str]
+    names: Sequence[str], chosen: Mapping[str, Sequence[str]], log_format: LogFormat, labels: Sequence[str]
 ) -> tuple[Finding, ...]:
     """Unread columns of a file without effort, and the remedy that names them as effort.
 
     Args:
         names: All columns.
         chosen: Columns by quantity.
-        reading: How the file is read.
-        labels: What the joints are called in the file.
+        log_format: Log format of the file.
+        labels: Names of the joints in the file.
     """
-    if chosen["effort"] or "effort" in reading.columns or reading.preset is not None:
+    if chosen["effort"] or "effort" in log_format.columns or log_format.preset is not None:
         return ()
     used = set(chain.from_iterable(chosen.values()))
     unread = [name for name in names if name not in used]
     if not unread:
         return ()
     listed = unread if len(unread) <= NAMED else [*unread[: NAMED - 1], f"… {unread[-1]}"]
-    evidence = f"No column was taken as effort; not read: {', '.join(listed)}."
-    sets = _sets(unread, labels, len(chosen["q"]))
-    remedy = naming(reading, {"effort": sets[0]}, "if they hold torque or current") if sets else ""
+    evidence = f"No column was read as effort; unread columns: {', '.join(listed)}."
+    sets = channel_sets(unread, labels, len(chosen["q"]))
+    remedy = (
+        naming(log_format, {"effort": pattern_of(sets[0], names)}, "if they hold torque or current") if sets else ""
+    )
     if len(sets) > 1:
-        evidence += f" A column for each joint have {'; '.join(shortened(each) for each in sets)}."
+        evidence += f" Sets with one column for each joint: {'; '.join(shortened(each) for each in sets)}."
     return (Finding("effort-possible", "info", "effort", evidence, remedy),)
 
 
-def _sets(names: Sequence[str], labels: Sequence[str], count: int) -> list[tuple[str, ...]]:
-    """Columns whose names differ in the joint alone, one for each of `count` channels."""
+def positions_missing(
+    present: Iterable[str],
+    chosen: Mapping[str, Sequence[str]],
+    log_format: LogFormat,
+    path: Path,
+    robot: Robot | None,
+    labels: Sequence[str],
+) -> RecordingError:
+    """Error for a file without positions, with the columns that may hold them.
+
+    Args:
+        present: All columns.
+        chosen: Columns by quantity.
+        log_format: Log format of the file.
+        path: The file.
+        robot: The arm, where it is known.
+        labels: Names of its joints in the file.
+    """
+    used = set(chain.from_iterable(chosen.values()))
+    present = list(present)
+    unread = [name for name in present if name not in used]
+    sets = channel_sets(unread, labels, len(chosen["effort"]) if robot is None else robot.n)
+    order = "" if robot is None else f" in the order {', '.join(robot.joint_names)}"
+    if sets:
+        remedy = naming(
+            log_format, {"q": pattern_of(sets[0], present)}, f"if they hold positions,{order}" if order else ""
+        )
+    else:
+        remedy = Remedy(
+            f"log the position of each joint; if the file has it, name its columns{order}: ",
+            setting("columns", {"q": ["…", "…"]}),
+            f"; or give a preset ({', '.join(PRESETS)}) in a study.",
+        )
+    taken = [f"{name} is {shortened(columns)}" for name, columns in chosen.items() if columns]
+    guessed = f" By their names, {'; '.join(taken)}." if taken else ""
+    return RecordingError(f"{path}: No column holds positions.{guessed}", possible=_listed(present), remedy=remedy)
+
+
+def no_such_column(problem: str, present: Iterable[str], quantity: str, path: Path) -> RecordingError:
+    """Error for a named column that does not exist."""
+    wanted = setting("columns", {quantity: "…" if quantity == "time" else ["…", "…"]})
+    return RecordingError(
+        f"{path}: {problem} for {quantity}.",
+        possible=_listed(present),
+        remedy=Remedy("give names that the file has: ", wanted, "."),
+    )
+
+
+def _listed(present: Iterable[str]) -> str:
+    """Names of the columns as text, the first of many."""
+    names = list(present)
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return (", ".join(names[:LISTED]) or "the file has no columns") + more
+
+
+def channel_sets(names: Sequence[str], labels: Sequence[str], count: int) -> list[tuple[str, ...]]:
+    """Sets of columns, one for each of `count` channels: names that differ in the joint alone, or all there are.
+
+    Args:
+        names: Columns.
+        labels: Names of the joints in the file.
+        count: Number of channels.
+    """
     found: dict[tuple[str, ...], dict[str, str]] = {}
     longest = sorted(((label, words(label)) for label in labels), key=lambda each: -len(each[1]))
     for name in names:
@@ -58,7 +126,21 @@ def _sets(names: Sequence[str], labels: Sequence[str], count: int) -> list[tuple
             number = next((k for k, part in enumerate(parts) if part.isdigit()), None)
             if number is not None:
                 found.setdefault((*parts[:number], "#", *parts[number + 1 :]), {})[parts[number]] = name
-    return [_in_order(members, labels) for members in found.values() if len(members) == count > 0]
+    sets = [_in_order(members, labels) for members in found.values() if len(members) == count > 0]
+    return sets or ([tuple(names)] if len(names) == count > 0 else [])
+
+
+def pattern_of(columns: Sequence[str], names: Sequence[str]) -> str | Sequence[str]:
+    """Pattern that matches exactly these numbered columns of all names, such as `m{}_torque`; else the columns."""
+    for number in re.finditer(r"\d+", columns[0]):
+        before, after = columns[0][: number.start()], columns[0][number.end() :]
+        braces = {"0": "{0}", "1": "{}"}.get(number[0])
+        numbered = re.compile(re.escape(before) + r"\d+" + re.escape(after))
+        counted = [f"{before}{k + int(number[0])}{after}" for k in range(len(columns))]
+        matched = {name for name in names if numbered.fullmatch(name)}
+        if braces and len(columns) > 1 and counted == list(columns) and matched == set(columns):
+            return before + braces + after
+    return columns
 
 
 def _in_order(members: Mapping[str, str], labels: Sequence[str]) -> tuple[str, ...]:

@@ -9,9 +9,8 @@ import numpy as np
 from armid.errors import Finding, RecordingError
 from armid.maths.sampling import periodic_delay, periodic_shift
 from armid.measurement.processing.resampling import Stretch
+from armid.remedy import Remedy, setting
 from armid.values import Array
-
-__all__ = ["average", "check_closed", "whole_periods", "windows"]
 
 SHORT = 1.0
 """Samples that the last repetition may lack: a log of K periods of m samples often ends with sample K m - 1."""
@@ -137,5 +136,5 @@ def check_closed(stretch: Stretch, source: str) -> None:
             f'{source or "The recording"}: edges = "periodic", but joint {joint + 1} ends {jump[joint]:.3g} from '
             f"where it began, {jump[joint] / max(largest[joint], 1e-300):.3g} times its largest step.",
             possible="a run that is a whole number of periods, or its period and start given with the recording",
-            remedy='give period and start, or use edges = "drop".',
+            remedy=Remedy("give period and start, or use ", setting("edges", "drop"), "."),
         )

@@ -12,9 +12,8 @@ from armid.measurement.columns.clocks import unit_of_step
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import excluding, lines, naming
+from armid.remedy import Remedy, setting
 from armid.values import Array
-
-__all__ = ["clean", "recording_error"]
 
 MIN_SAMPLES = 10
 """Smallest number of samples: fewer give neither derivatives at both ends nor residuals to judge."""
@@ -51,37 +50,35 @@ MOVING = 0.05
 """Speed relative to the fastest row above which a row is used to estimate the rate."""
 
 SMOOTH = 0.5
-"""Ratio of the step from row to row to the spread of the positions: separate samples have about √2, a motion far
-below 0.1."""
+"""Ratio of the step from row to row to the spread of the positions: separate samples have about √2, a motion less
+than 0.1."""
 
 
-def clean(recording: Recording, reading: LogFormat) -> tuple[Recording, tuple[Finding, ...]]:
+def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple[Finding, ...]]:
     """Checks the clock, drops or masks rows that are no measurements, and determines whether rows are consecutive.
 
     Args:
         recording: As measured.
-        reading: How to read it.
+        log_format: How to read it.
 
     Returns:
-        The recording with `time` or else `rate`, with `consecutive` known and `valid` filled in; and what was
-        noticed.
+        The recording with `time` or else `rate`, with `consecutive` known and `valid` filled in; and findings.
 
     Raises:
-        RecordingError: NaN, no clock and no rate, a clock that runs backwards or not in seconds, hardly any
-            samples.
+        RecordingError: NaN, neither clock nor rate, a clock that runs backwards or not in seconds, or few samples.
     """
-    rate = recording.rate if reading.rate is None else reading.rate
-    given = recording.consecutive if reading.consecutive is None else reading.consecutive
+    rate = recording.rate if log_format.rate is None else log_format.rate
+    given = recording.consecutive if log_format.consecutive is None else log_format.consecutive
     recording = replace(recording, rate=rate, consecutive=given)
-    recording = _without_excluded_nan(recording, reading)
-    _refuse_nan(recording, reading)
+    recording = _without_excluded_nan(recording, log_format)
+    _refuse_nan(recording, log_format)
     _refuse_few(recording)
     _check_clock(recording)
     recording, findings = _without_repeats(recording)
     recording, ties = _without_ties(recording)
     _refuse_few(recording)
-    recording, found = _with_consecutive(recording, np.where(reading.degrees(recording.n), 360.0, 2 * np.pi))
-    return _masked(recording, reading), (*findings, *ties, *found)
+    recording, found = _with_consecutive(recording, np.where(log_format.degrees(recording.n), 360.0, 2 * np.pi))
+    return _masked(recording, log_format), (*findings, *ties, *found)
 
 
 def recording_error(code: str, recording: Recording, evidence: str, remedy: str) -> RecordingError:
@@ -102,24 +99,24 @@ def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
     return replace(recording, number=number[keep], **quantities)
 
 
-def _excluded(recording: Recording, reading: LogFormat) -> NDArray[np.bool_]:
+def _excluded(recording: Recording, log_format: LogFormat) -> NDArray[np.bool_]:
     """Mask of rows inside the excluded intervals, shape (N,)."""
     inside = np.zeros(recording.samples, dtype=np.bool_)
-    if not reading.exclude:
+    if not log_format.exclude:
         return inside
     if recording.time is None and recording.rate is None:
         raise RecordingError("exclude needs a clock or a rate to tell which rows it means.")
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
-    for t0, t1 in reading.exclude:
+    for t0, t1 in log_format.exclude:
         inside |= (time >= t0) & (time <= t1)
     return inside
 
 
-def _check_exclude(recording: Recording, reading: LogFormat) -> None:
+def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
     """Raises an error for intervals outside the recording, which are most likely on another clock."""
     if recording.time is None:
         return
-    for t0, t1 in reading.exclude:
+    for t0, t1 in log_format.exclude:
         if t1 < recording.time[0] or t0 > recording.time[-1]:
             raise RecordingError(
                 f"{recording.source or 'The recording'}: exclude [{t0:g}, {t1:g}] s lies outside it.",
@@ -127,20 +124,20 @@ def _check_exclude(recording: Recording, reading: LogFormat) -> None:
             )
 
 
-def _without_excluded_nan(recording: Recording, reading: LogFormat) -> Recording:
+def _without_excluded_nan(recording: Recording, log_format: LogFormat) -> Recording:
     """Drops rows that are excluded and contain NaN, where a clock shows the gap."""
-    _check_exclude(recording, reading)
+    _check_exclude(recording, log_format)
     broken = ~np.isfinite(_everything(recording)).all(axis=1)
-    if recording.time is None or not reading.exclude or not broken.any():
+    if recording.time is None or not log_format.exclude or not broken.any():
         return recording
-    return _kept(recording, ~(broken & _excluded(recording, reading)))
+    return _kept(recording, ~(broken & _excluded(recording, log_format)))
 
 
-def _masked(recording: Recording, reading: LogFormat) -> Recording:
+def _masked(recording: Recording, log_format: LogFormat) -> Recording:
     """Recording with the excluded rows masked."""
-    if not reading.exclude:
+    if not log_format.exclude:
         return recording
-    inside = _excluded(recording, reading)
+    inside = _excluded(recording, log_format)
     if inside.all():
         raise RecordingError(
             f"{recording.source or 'The recording'}: exclude leaves no row.",
@@ -155,7 +152,7 @@ def _everything(recording: Recording) -> Array:
     return np.hstack([values for values in measured if values is not None])
 
 
-def _refuse_nan(recording: Recording, reading: LogFormat) -> None:
+def _refuse_nan(recording: Recording, log_format: LogFormat) -> None:
     """Raises an error for non-finite values, with the intervals to exclude."""
     for name in ("time", "q", "dq", "ddq", "effort"):
         values = getattr(recording, name)
@@ -168,19 +165,19 @@ def _refuse_nan(recording: Recording, reading: LogFormat) -> None:
             "value-missing",
             recording,
             f"{channel} is {values[tuple(bad[0])]} in row {row + 1} (and in {len(np.unique(bad[:, 0])) - 1} more).",
-            _without(name, np.unique(bad[:, 0]), recording, reading),
+            _without(name, np.unique(bad[:, 0]), recording, log_format),
         )
 
 
-def _without(name: str, rows: NDArray[np.intp], recording: Recording, reading: LogFormat) -> str:
+def _without(name: str, rows: NDArray[np.intp], recording: Recording, log_format: LogFormat) -> str:
     """Remedy that leaves non-finite rows, or a quantity that is not needed, out of a log."""
     pieces = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     few = len(pieces) <= MOST_HOLES and len(rows) <= LARGEST_HOLES * recording.samples
     if few and recording.time is not None and np.isfinite(recording.time).all():
         times = [(float(recording.time[piece[0]]), float(recording.time[piece[-1]])) for piece in pieces]
-        return excluding(reading, times)
+        return excluding(log_format, times)
     if name in ("dq", "ddq"):
-        return naming(reading, {name: ""}, "positions are differentiated then")
+        return naming(log_format, {name: ""}, "positions are differentiated then")
     if name == "time":
         return "correct the time column, or leave it out and say the rate."
     return "record it again, or cut those rows out of the file where it has a clock."
@@ -300,8 +297,11 @@ def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]
     if tied.mean() > CLOCK_TIES:
         raise RecordingError(
             f"{recording.source or 'The recording'}: {evidence}, but other values.",
-            remedy="find out what is logged as time; if rows are equally spaced, leave it out "
-            '(columns = { time = "" }) and give rate.',
+            remedy=Remedy(
+                "find out what is logged as time; if rows are equally spaced, leave it out (",
+                setting("columns", {"time": ""}),
+                ") and give rate.",
+            ),
         )
     return _kept(recording, ~tied), (Finding("clock-jitter", "info", "time", f"{evidence}; dropped."),)
 
@@ -363,8 +363,7 @@ def _clockless(recording: Recording, implied: float) -> RecordingError:
 def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
     """Share of moving rows whose step in q agrees with the velocity, and the rate [Hz] that this implies.
 
-    Without velocities the share is 1 where steps are small against the spread of the positions, else 0, and the
-    rate is NaN.
+    Without velocities the share is 1 where steps are small against the positions' spread, else 0; the rate is NaN.
     """
     step = np.diff(recording.q, axis=0)
     step -= turn * np.round(step / turn)

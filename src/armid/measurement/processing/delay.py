@@ -13,8 +13,6 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.values import Array
 
-__all__ = ["compensate_delay"]
-
 BRIDGED = 0.02
 """Longest step over which torque is interpolated [s], a tenth of a period of 5 Hz; steps up to `USUAL` median steps
 are always bridged."""
@@ -26,7 +24,7 @@ FEWEST = 4
 """Smallest number of samples for a cubic spline; shorter stretches between gaps are masked."""
 
 
-def compensate_delay(recording: Recording, reading: LogFormat) -> Recording:
+def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:
     """Recording with the torque shifted back by its delay.
 
     A cubic spline reads it between samples. Rows whose torque would lie before the first sample, behind the last or
@@ -34,12 +32,12 @@ def compensate_delay(recording: Recording, reading: LogFormat) -> Recording:
 
     Args:
         recording: In robot order, on the joint side.
-        reading: Its delay, and the period if there is one.
+        log_format: Its delay, and the period if there is one.
 
     Raises:
         RecordingError: Rows that do not follow each other in time.
     """
-    delay = np.broadcast_to(np.asarray(reading.delay, dtype=np.float64), (recording.n,))
+    delay = np.broadcast_to(np.asarray(log_format.delay, dtype=np.float64), (recording.n,))
     if not delay.any() or recording.effort is None:
         return recording
     if recording.consecutive is False:
@@ -52,7 +50,7 @@ def compensate_delay(recording: Recording, reading: LogFormat) -> Recording:
     for seconds in np.unique(delay[delay != 0.0]):
         late = delay == seconds
         effort[:, late], valid[:, late] = _read_at(
-            time, time + seconds, effort[:, late], valid[:, late], reading.stated_period
+            time, time + seconds, effort[:, late], valid[:, late], log_format.stated_period
         )
     return replace(recording, effort=effort, valid=valid)
 

@@ -14,8 +14,6 @@ from armid.measurement.processing.resampling import Stretch
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["differentiate", "motion_filter"]
-
 
 def motion_filter(processing: ProcessingOptions, rate: float) -> Array | None:
     """Filter of the positions at a rate [Hz]; `None` for the family `none`."""

@@ -7,8 +7,7 @@ from typing import Any, Literal
 
 from armid.errors import StudyError
 from armid.measurement.band import Band, Edges, Family
-
-__all__ = ["THESIS", "Derivatives", "ProcessingOptions", "Standstill"]
+from armid.remedy import Remedy, setting
 
 Derivatives = Literal["given", "velocity", "central", "periodic", "filter"]
 Standstill = Literal["drop", "keep"]
@@ -20,8 +19,8 @@ class ProcessingOptions:
 
     Attributes:
         cutoff: Cut-off of the band in which torque and model are compared [Hz]; `auto` finds it from the motion.
-        order: Order of one Butterworth pass (it runs forwards and backwards), or periods of the cut-off that the
-            FIR spans.
+        order: Order of one Butterworth pass (of two, forwards and backwards), or length of the FIR in cut-off
+            periods.
         family: `butterworth`, `fir`, or `none`: nothing is filtered.
         columns: The same filter on the model's columns as on the torque. `False` biases the estimate and is kept
             to reproduce published results.
@@ -81,7 +80,7 @@ class ProcessingOptions:
         if self.average and self.edges != "periodic":
             raise StudyError(
                 f'processing.average gives one period, which has no ends to {self.edges}; edges = "{self.edges}".',
-                remedy='use edges = "periodic", or average = false to keep each repetition.',
+                remedy=Remedy("use ", setting("edges", "periodic"), ", or average = false to keep each repetition."),
             )
         if self.derivatives == "periodic" and self.edges != "periodic":
             raise StudyError(

@@ -16,12 +16,10 @@ from armid.measurement.processing.resampling import Stretch
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["MOST_STILL", "edge_margin", "moving", "run_of", "separate_rows"]
-
 TRIM = 0.5
 """Default time left out at each end of a run whose ends are dropped [s]."""
 
-LOBE = 0.5
+LOBE_HALF_WIDTH = 0.5
 """Half-width of a low-pass kernel's main lobe, in periods of its cut-off: a bad sample spoils rows this near, and a
 stretch of bad samples longer than this, such as a contact, is felt as far as the end of a run is."""
 
@@ -110,8 +108,8 @@ def moving(
     had = np.sum([run.mask.sum(axis=0) for run in runs], axis=0)
     lost = np.sum([(run.mask & rows).sum(axis=0) for run, rows in zip(runs, near, strict=True)], axis=0)
     share = lost / np.maximum(had, 1)
-    left = share <= MOST_STILL
-    return [replace(run, mask=run.mask & ~(rows & left)) for run, rows in zip(runs, near, strict=True)], share
+    masked = share <= MOST_STILL
+    return [replace(run, mask=run.mask & ~(rows & masked)) for run, rows in zip(runs, near, strict=True)], share
 
 
 def edge_margin(processing: ProcessingOptions, rate: float) -> int:
@@ -139,7 +137,7 @@ def _spoiled(
     half = -(-step // 2)
     if not filters:
         return _any_within(bad, rows, half, periodic=periodic)
-    lobe = int(np.ceil(LOBE * rate / min(float(processing.cutoff), processing.motion_cutoff or np.inf)))
+    lobe = int(np.ceil(LOBE_HALF_WIDTH * rate / min(float(processing.cutoff), processing.motion_cutoff or np.inf)))
     near = _any_within(bad, rows, max(half, lobe), periodic=periodic)
     reach = max(edge_samples(low) for low in filters)
     return near | _any_within(_long(bad, lobe), rows, max(half, reach), periodic=periodic)

@@ -20,8 +20,6 @@ from armid.measurement.processing.resampling import Stretch
 from armid.measurement.processing.standstill import position_noise
 from armid.values import Array
 
-__all__ = ["Repetition", "find_period", "repetition"]
-
 RATE = 100.0
 """Rate at which positions are compared [Hz]: linear interpolation errs by a hundredth of an amplitude at 5 Hz."""
 
@@ -62,8 +60,8 @@ SNAP = 0.05
 """Difference from a whole number of samples up to which a period is rounded to it [samples]."""
 
 LACKS = 1.5
-"""Samples that the last repetition may lack: a log of K periods of m samples may end with sample K m - 1, or one
-earlier."""
+"""Samples that the last repetition may lack: a log of K periods of m samples may end with sample K m - 1 or K m -
+2."""
 
 OUTSIDE = 0.05
 """Time before and after the repetitions from which it is reported [s]."""

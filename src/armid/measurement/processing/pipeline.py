@@ -18,16 +18,15 @@ from armid.maths.sampling import automatic_cutoff
 from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.alignment import average, check_closed, whole_periods, windows
 from armid.measurement.processing.differentiation import differentiate
-from armid.measurement.processing.options import THESIS, ProcessingOptions
+from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.output_grid import MOST_STILL, edge_margin, moving, run_of, separate_rows
 from armid.measurement.processing.period import find_period
 from armid.measurement.processing.resampling import Stretch, gather, is_even, jitter, resample_uniform, stretches
 from armid.measurement.processing.standstill import position_noise, standing
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
+from armid.remedy import Remedy, setting
 from armid.values import Array, array
-
-__all__ = ["THESIS", "ProcessingOptions", "process_recording", "process_recordings", "resolve_options"]
 
 SHORTEST = 4
 """Samples that the one-sided differences at the ends of a run need."""
@@ -35,7 +34,7 @@ SHORTEST = 4
 
 def process_recordings(
     recordings: Sequence[Recording],
-    processing: ProcessingOptions,
+    processing: ProcessingOptions | None = None,
     *,
     periods: Sequence[float | Literal["find"] | None] | None = None,
     starts: Sequence[float | None] | None = None,
@@ -45,31 +44,32 @@ def process_recordings(
 
     Args:
         recordings: In robot order, SI units, joint side.
-        processing: What to do; an automatic cut-off is found once, for all of them.
-        periods: Period of each recording's motion [s], `None` where it does not repeat, or `find`.
+        processing: What to do, the defaults where not given; an automatic cut-off is found once, for all of them.
+        periods: Period of each recording's motion [s], `None` where it does not repeat, or `find`; where not given,
+            all are looked for in the positions, since intervals follow from the scatter between periods.
         starts: Start of the first repetition on each recording's clock [s].
         effort_limits: Of each joint, shape (n,) [N·m or N]; needed for `saturation`.
 
     Returns:
-        The observations, and what was noticed on the way.
+        The observations, and the findings of recordings and processing.
 
     Raises:
         RecordingError: A recording does not allow what `processing` asks.
     """
-    processing = resolve_options(processing, recordings)
+    processing = resolve_options(processing or ProcessingOptions(), recordings)
     runs: list[ObservedRun] = []
     findings: list[Finding] = []
     for index, recording in enumerate(recordings):
         more, noticed = process_recording(
             recording,
             processing,
-            period=periods[index] if periods else None,
+            period="find" if periods is None else periods[index],
             start=starts[index] if starts else None,
             effort_limits=effort_limits,
             index=index,
         )
         runs.extend(more)
-        findings.extend(noticed)
+        findings.extend((*recording.findings, *noticed))
     return Observations(tuple(runs), processing.band), tuple(findings)
 
 
@@ -85,8 +85,7 @@ def process_recording(
     """Contiguous runs of one recording, with motion, rows and masks.
 
     Args:
-        recording: In robot order, SI units, joint side; its rows follow each other in time unless it says
-            otherwise.
+        recording: In robot order, SI units, joint side; rows are consecutive unless it states otherwise.
         processing: What to do.
         period: The motion repeats with this period [s]; `find` looks for it in the positions.
         start: Time of the first repetition on the recording's clock [s]; its first sample, if not given. What
@@ -220,35 +219,23 @@ def _moving(
 
 def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
     """Findings about rows left out because of standstill, and about joints that mostly stand still."""
-
-    def named(joints: NDArray[np.bool_]) -> str:
-        return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(joints))
-
     spared = share > MOST_STILL
-    gone = (share > 0.0) & ~spared
-    findings: list[Finding] = []
-    if gone.any():
-        findings.append(
-            Finding(
-                "sticking",
-                "info",
-                recording.source,
-                "Joints stand, or all but stand, among others that move, as where they stick at a reversal. Rows "
-                f"that this reaches: {named(gone)}. They do not count for this joint, for dry friction at rest takes "
-                "any value up to its bound.",
-            )
+    gone = np.flatnonzero((share > 0.0) & ~spared)
+    findings = [
+        Finding(
+            "sticking",
+            "warning",
+            recording.channels[j],
+            f"{recording.source}: The joint mostly stands still, which reaches {share[j]:.0%} of its rows. They "
+            "count, as too few others are left, and friction at rest biases the estimate by up to its bound.",
+            "record motion without rests, or with faster reversals of this joint.",
         )
-    if spared.any():
-        findings.append(
-            Finding(
-                "sticking",
-                "warning",
-                recording.source,
-                f"Joints mostly stand still. Rows that this reaches: {named(spared)}. They count, as too few others "
-                "are left, and friction at rest biases the estimate by up to its bound",
-                "record motion without rests, or joints that turn round faster.",
-            )
-        )
+        for j in np.flatnonzero(spared)
+    ]
+    if len(gone):
+        shares = ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in gone)
+        evidence = f"Joints stand while others move, as where they stick at a reversal; rows not counted: {shares}."
+        findings.append(Finding("sticking", "info", recording.source, evidence))
     return findings
 
 
@@ -314,8 +301,8 @@ def _even(
                 "clock-jitter",
                 "info",
                 source,
-                f"Steps from {steps.min():.3g} to {steps.max():.3g} s, {off:.2g} steps off an even "
-                f"clock of {piece.rate:.5g} Hz{samples}.",
+                f"From t = {piece.time[0]:.6g} to {piece.time[-1]:.6g} s: steps from {steps.min():.3g} to "
+                f"{steps.max():.3g} s, {off:.2g} steps off an even clock of {piece.rate:.5g} Hz{samples}.",
                 f"The samples were moved to {moved.rate:.6g} Hz by a cubic spline.",
             )
         )
@@ -357,7 +344,7 @@ def _circles(
         if len(pieces) > 1:
             raise RecordingError(
                 f'{name}: edges = "periodic", but a gap splits the run.',
-                remedy='give the period of the motion, or use edges = "drop".',
+                remedy=Remedy("give the period of the motion, or use ", setting("edges", "drop"), "."),
             )
         check_closed(pieces[0], source)
         if processing.average:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from armid.errors import Finding, RecordingError
 from armid.maths.sampling import resample
 from armid.measurement.recording import Recording
+from armid.remedy import Remedy, setting
 from armid.values import Array
-
-__all__ = ["Stretch", "gather", "is_even", "jitter", "resample_uniform", "stretches", "uniform"]
 
 GAP_STEPS = 2.5
 """Number of median steps from which a step is a gap: two successive lost samples, more than the jitter of a log."""
@@ -28,8 +27,7 @@ JITTER = 0.05
 changes a position by less than the motion in a twentieth of a step."""
 
 ASTRAY = 0.5
-"""Largest distance of a single sample from a uniform grid, in steps: a sample lost near an end hardly changes
-`JITTER`."""
+"""Largest distance of a sample from a uniform grid, in steps: one lost near an end hardly changes `JITTER`."""
 
 WHOLE = 0.05
 """Samples by which all periods together may miss a whole number of samples before they are resampled."""
@@ -178,11 +176,10 @@ def gather(recording: Recording, *, clock: bool = True) -> tuple[Stretch, float]
     name = recording.source or "The recording"
     if recording.effort is None:
         possible = next((each for each in recording.findings if each.code == "effort-possible"), None)
-        told = "" if possible is None else f" {possible.evidence}"
+        hint = "" if possible is None else f" {possible.evidence}"
         remedy = "" if possible is None else possible.remedy
-        raise RecordingError(
-            f"{name} holds no effort.{told}", remedy=remedy or "name its columns under columns.effort."
-        )
+        wanted = Remedy("name its columns: ", setting("columns", {"effort": ["…", "…"]}), ".")
+        raise RecordingError(f"{name} holds no effort.{hint}", remedy=remedy or wanted)
     counted = np.arange(recording.samples) / (recording.rate or 1.0)
     if not clock:
         time = np.arange(float(recording.samples))

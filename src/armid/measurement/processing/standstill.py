@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 
 from armid.values import Array
 
-__all__ = ["position_noise", "standing"]
-
 SPAN = 0.024
 """Time over which a speed is measured [s]: an encoder's noise of 1e-5 rad at 1 kHz is 3e-4 rad/s then, and what a
 joint that sticks for a twentieth of a second does is seen between its edges."""
@@ -62,8 +60,7 @@ RESTING = 0.5
 
 LONG = 1.0
 """Seconds of a slow stretch from which on the arm rests for long, and joints that but linger rest, too. In shorter
-ones they do not: where a motion begins anew, joints that stick come to rest one after another, within a quarter of a
-second."""
+ones they do not: where a motion begins anew, joints that stick come to rest one after another within 0.25 s."""
 
 MOMENT = 0.02
 """Share of their RMS speeds below which all joints together are at rest for a moment between motions."""

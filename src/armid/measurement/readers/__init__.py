@@ -20,16 +20,16 @@ class RecordingReader(Protocol):
     """Interface of a reader module."""
 
     SUFFIXES: tuple[str, ...]
-    """Endings of the file names it reads, lower case, with the dot."""
+    """Suffixes of its files, in lower case, with the dot."""
 
     @staticmethod
-    def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
-        """Reads one file, using the robot's joint names where given; `load_recording` adds the source."""
+    def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
+        """Reads one file, with the robot's joint names where given; `load_recording` adds the source."""
         ...
 
 
 READERS: tuple[RecordingReader, ...] = (csv, parquet, npz, mat, bag, excel)
-"""The catalogue: a new format is a module here and a word in this line."""
+"""Catalogue of readers: a new format is a module here and a word in this line."""
 
 
 ENDINGS: tuple[str, ...] = (
@@ -37,23 +37,23 @@ ENDINGS: tuple[str, ...] = (
     *(f"{suffix}{packed}" for suffix in csv.SUFFIXES for packed in csv.PACKED),
     *(f"{suffix}{COMPRESSED}" for suffix in STORAGE),
 )
-"""Endings of files that can be read; the folder of a ROS bag can be, too."""
+"""Suffixes of readable files; the folder of a ROS bag is readable, too."""
 
 
-def load_recording(path: Path | str, reading: LogFormat | None = None, robot: Robot | None = None) -> Recording:
-    """Reads a recording as the file has it; `to_robot_convention` converts it to the robot's convention.
+def load_recording(path: Path | str, log_format: LogFormat | None = None, robot: Robot | None = None) -> Recording:
+    """Reads a recording as in the file; `to_robot_convention` converts it to the robot's convention.
 
     Args:
-        path: A file in one of the known formats, its suffix says which; or the folder of a ROS bag.
-        reading: How to read it.
-        robot: The arm: the names of its joints tell which columns, topic and messages are meant.
+        path: File in the format of its suffix, or the folder of a ROS bag.
+        log_format: Log format of the file.
+        robot: The arm, whose joint names select columns, topic and messages.
 
     Raises:
         RecordingError: The file is missing, empty, damaged, of an unknown format, or lacks a column.
         MissingExtraError: The format needs a package that is not installed.
     """
     path = Path(path)
-    recording = _reader(path).read(path, reading or LogFormat(), robot)
+    recording = _reader(path).read(path, log_format or LogFormat(), robot)
     return replace(recording, source=str(path), sha256=sha256_of_recording(path))
 
 
@@ -68,7 +68,7 @@ def _reader(path: Path) -> RecordingReader:
         raise RecordingError(
             f"{path} is of an unknown format.",
             possible=f"{', '.join(known)}; text packed as .csv.gz, .xz, .bz2 or .zst; the folder of a ROS bag",
-            remedy="export it in one of these, or give the file the ending of what it is.",
+            remedy="export it in one of these, or give the file the suffix of its format.",
         )
     if not path.is_file():
         raise RecordingError(f"{path} does not exist.", remedy="check the path; a study's paths are relative to it.")

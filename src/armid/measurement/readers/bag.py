@@ -18,15 +18,13 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
-__all__ = ["EXTRA", "SUFFIXES", "read"]
-
 SUFFIXES: tuple[str, ...] = STORAGE
 EXTRA = "io"
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 COMMANDED = ("command", "cmd", "desired", "target", "reference", "setpoint", "goal")
-"""Words in the name of a topic that tells what was asked of the arm, not what was measured."""
+"""Words in the name of a topic with commanded, not measured, values."""
 
 POINT = "trajectory_msgs/JointTrajectoryPoint"
 DEFINITIONS = {
@@ -46,13 +44,13 @@ DEFINITIONS = {
 Fields = tuple[Sequence[str], dict[str, Any]]
 
 
-def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
+def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
     """Reads joint states by joint name, with header stamps in seconds since the first one as times.
 
     Args:
         path: One bag file, also compressed as .db3.zstd, or the folder of a bag.
-        reading: `topic` chooses among several topics; the names in `joints` choose among several publishers.
-        robot: The arm, whose joints choose where the reading does not.
+        log_format: `topic` chooses among several topics; the names in `joints` choose among several publishers.
+        robot: The arm, whose joints choose where the log format does not.
 
     Raises:
         RecordingError: A damaged bag, no topic or several with the joints, or joints that nobody publishes.
@@ -71,7 +69,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
                         name: each for name, each in store.fielddefs.items() if name not in bag.typestore.fielddefs
                     }
                     bag.typestore.register(missing)
-                return _read_open(bag, reading, robot, path)
+                return _read_open(bag, log_format, robot, path)
     except _faults() as error:
         raise RecordingError(
             f"{path} cannot be read as a bag ({error}).",
@@ -79,29 +77,29 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
         ) from error
 
 
-def _read_open(bag: Any, reading: LogFormat, robot: Robot | None, path: Path) -> Recording:
+def _read_open(bag: Any, log_format: LogFormat, robot: Robot | None, path: Path) -> Recording:
     """Recording of an open bag."""
-    names = {joint: name for name, joint in reading.joint_map.items() if joint}
+    names = {joint: name for name, joint in log_format.joint_map.items() if joint}
     wanted = tuple(names.values()) if robot is None else tuple(names.get(j, j) for j in robot.joint_names)
     spare = () if robot is None else tuple(held.name for held in robot.held)
     published: dict[str, list[Publisher]] = {}
     kinds = {connection.topic: str(connection.msgtype) for connection in bag.connections}
-    for candidates in _candidates(kinds, reading, path):
+    for candidates in _candidates(kinds, log_format, path):
         published |= {topic: _publishers(bag, topic, KINDS[kinds[topic]]) for topic in candidates}
         fitting = [topic for topic in candidates if robot and set(wanted) <= set(names_of(published[topic]))]
         if len(candidates) == 1 and (robot is None or fitting):
-            return _recording(joined(published[candidates[0]], wanted, spare, path, candidates[0]), reading)
+            return _recording(joined(published[candidates[0]], wanted, spare, path, candidates[0]), log_format)
         measured = [topic for topic in fitting if not any(word in topic.lower() for word in COMMANDED)] or fitting
         if len(measured) == 1:
             states = joined(published[measured[0]], wanted, spare, path, measured[0])
             return _recording(
-                states, reading, _topic_finding(measured[0], [t for t in candidates if t not in measured])
+                states, log_format, _topic_finding(measured[0], [t for t in candidates if t not in measured])
             )
         if len(measured) > 1 or robot is None:
             raise _several(measured or candidates, path)
-    if len(published) == 1:  # says what is missing
+    if len(published) == 1:  # raises an error that names the missing joints
         topic, publishers = next(iter(published.items()))
-        return _recording(joined(publishers, wanted, spare, path, topic), reading)
+        return _recording(joined(publishers, wanted, spare, path, topic), log_format)
     listed = "; ".join(f"{topic}: {', '.join(names_of(each)) or 'no joint'}" for topic, each in published.items())
     raise RecordingError(
         f"{path} has no topic with all joints of {robot.name if robot else 'the arm'} ({', '.join(wanted)}).",
@@ -111,15 +109,15 @@ def _read_open(bag: Any, reading: LogFormat, robot: Robot | None, path: Path) ->
     )
 
 
-def _candidates(kinds: Mapping[str, str], reading: LogFormat, path: Path) -> Iterable[list[str]]:
+def _candidates(kinds: Mapping[str, str], log_format: LogFormat, path: Path) -> Iterable[list[str]]:
     """Topics to read, by message type: the one of the log format, or all with joint states."""
     known = sorted(topic for topic, kind in kinds.items() if kind in KINDS)
-    if reading.topic is not None:
-        if reading.topic in known:
-            return [[reading.topic]]
-        kind = kinds.get(reading.topic)
+    if log_format.topic is not None:
+        if log_format.topic in known:
+            return [[log_format.topic]]
+        kind = kinds.get(log_format.topic)
         problem = f"holds {kind}, not joint states" if kind else "is not in the bag"
-        raise RecordingError(f"{path}: topic {reading.topic} {problem}.", possible=", ".join(known) or "none")
+        raise RecordingError(f"{path}: topic {log_format.topic} {problem}.", possible=", ".join(known) or "none")
     if not known:
         listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(kinds.items()))
         raise RecordingError(
@@ -143,12 +141,12 @@ def _publishers(bag: Any, topic: str, fields_of: Callable[[Any], Fields]) -> lis
     return list(found.values())
 
 
-def _recording(states: JointStates, reading: LogFormat, *findings: Finding) -> Recording:
+def _recording(states: JointStates, log_format: LogFormat, *findings: Finding) -> Recording:
     if "position" not in states.values:
         raise RecordingError(
-            "The joint states carry no positions.", remedy="record a topic whose publisher fills in `position`."
+            "The joint states have no positions.", remedy="record a topic whose publisher fills in `position`."
         )
-    by_rate = not states.clocked and reading.rate is not None  # which is evener than a network
+    by_rate = not states.clocked and log_format.rate is not None  # more even than times of reception
     noticed = [finding for finding in states.findings if not by_rate or finding.code != "clock-received"]
     return Recording(
         time=None if by_rate else (states.time - states.time[0]) * 1e-9,
@@ -156,8 +154,8 @@ def _recording(states: JointStates, reading: LogFormat, *findings: Finding) -> R
         dq=states.values.get("velocity"),
         effort=states.values.get("effort"),
         joint_names=states.names,
-        rate=reading.rate,
-        consecutive=reading.consecutive,
+        rate=log_format.rate,
+        consecutive=log_format.consecutive,
         findings=(*findings, *noticed),
     )
 
@@ -172,7 +170,7 @@ def _several(topics: Sequence[str], path: Path) -> RecordingError:
 
 def _topic_finding(topic: str, others: Sequence[str]) -> Finding:
     """Finding about the topic chosen among several."""
-    return Finding("topic-chosen", "info", topic, f"{topic} was taken, and not {', '.join(others)}.")
+    return Finding("topic-chosen", "info", topic, f"{topic} was chosen, not {', '.join(others)}.")
 
 
 def _joint_state(message: Any) -> Fields:
@@ -198,12 +196,12 @@ KINDS: Mapping[str, Callable[[Any], Fields]] = {
     "control_msgs/msg/DynamicJointState": _dynamic_joint_state,
     "control_msgs/msg/JointTrajectoryControllerState": _controller_state,
 }
-"""Kinds of messages with states of joints, those that are looked for first before others."""
+"""Types of messages with joint states, in order of preference."""
 
 
 @cache
 def _store() -> Any:
-    """Message definitions for bags of older distributions, which contain none; JointState is the same in all."""
+    """Message definitions for bags of older distributions, which have none; JointState is the same in all."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)

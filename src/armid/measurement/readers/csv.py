@@ -16,25 +16,23 @@ from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["EXTRA", "PACKED", "SUFFIXES", "read"]
-
 SUFFIXES: tuple[str, ...] = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 EXTRA = "io"
 
 PACKED: tuple[str, ...] = (".gz", ".xz", ".bz2", ".zst")
-"""Endings behind that of a text table that say how it is packed."""
+"""Suffixes of compressed text tables."""
 
 
-def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
+def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
     """Reads a text table; encoding, delimiter and decimal sign are detected.
 
     Lines that begin with `#`, `%` or `//` may precede the table; the last of them may be the header, and a line of
     units may follow it. Times may be numbers, dates as ISO 8601 has them, or times of a day.
 
     Raises:
-        RecordingError: No header, a row with too few or too many fields, or a field that is no number; the message
+        RecordingError: No header, a row with a wrong number of fields, or a field that is not a number; the message
             names the line.
-        MissingExtraError: It is packed by zstd, and pyarrow is not installed.
+        MissingExtraError: The file is compressed by zstd, and pyarrow is not installed.
     """
     table = table_of(decoded(_unpacked(path), path), path)
 
@@ -42,9 +40,9 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
         dates = seconds_of(table, name, path)
         return numbers_of(table, [name], path)[name] if dates is None else dates
 
-    selection = select(table.names, reading, path, robot, values=values)
+    selection = select(table.names, log_format, path, robot, values=values)
     dates = seconds_of(table, selection.time[0], path) if len(selection.time) == 1 else None
-    if dates is not None and (reading.time_unit or selection.guessed.get("time_unit", 1.0)) != 1.0:
+    if dates is not None and (log_format.time_unit or selection.guessed.get("time_unit", 1.0)) != 1.0:
         raise RecordingError(
             f"{path}: {selection.time[0]} holds dates, which have no unit.", remedy="leave time_unit out."
         )
@@ -52,7 +50,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
     columns = numbers_of(table, wanted, path)
     if dates is not None:
         columns[selection.time[0]] = dates
-    return assemble(selection, columns.__getitem__, reading, path)
+    return assemble(selection, columns.__getitem__, log_format, path)
 
 
 def _unpacked(path: Path) -> bytes:

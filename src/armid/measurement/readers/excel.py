@@ -17,23 +17,21 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["EXTRA", "SUFFIXES", "read"]
-
 SUFFIXES: tuple[str, ...] = (".xlsx", ".xlsm")
 EXTRA = "io"
 
 PACKAGE = "python_calamine"
 
 
-def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
+def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
     """Reads the first sheet of a workbook that has a row of names above rows of numbers.
 
     Raises:
-        RecordingError: No workbook, no table in it, or a cell that is no number.
+        RecordingError: The file is not a workbook, has no table, or a cell is not a number.
         MissingExtraError: python-calamine is not installed.
     """
     try:
-        # By name: it comes with an extra, and has no stubs.
+        # Imported by name: it comes with an extra, and has no stubs.
         calamine = importlib.import_module(PACKAGE)
     except ImportError as error:
         raise MissingExtraError("python-calamine", "Reading workbooks", EXTRA) from error
@@ -48,7 +46,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
     for rows in sheets:
         head = next((k for k, row in enumerate(rows) if _is_header(row)), None)
         if head is not None and len(rows) > head + 1:
-            return _recording(rows, head, reading, robot, path)
+            return _recording(rows, head, log_format, robot, path)
     raise RecordingError(
         f"{path} has no sheet with a table.", remedy="put a row with names of columns above the rows of numbers."
     )
@@ -61,7 +59,7 @@ def _is_header(row: Sequence[Any]) -> bool:
 
 
 def _recording(
-    rows: Sequence[Sequence[Any]], head: int, reading: LogFormat, robot: Robot | None, path: Path
+    rows: Sequence[Sequence[Any]], head: int, log_format: LogFormat, robot: Robot | None, path: Path
 ) -> Recording:
     names = [str(cell).strip() for cell in rows[head]]
     body = [row for row in rows[head + 1 :] if any(cell != "" for cell in row)]
@@ -70,8 +68,8 @@ def _recording(
         k = names.index(name)
         return np.array([_number(row[k], f"{path}, row {i + head + 2}: {name}") for i, row in enumerate(body)])
 
-    selection = select([name for name in names if name], reading, path, robot, values=column)
-    return assemble(selection, column, reading, path)
+    selection = select([name for name in names if name], log_format, path, robot, values=column)
+    return assemble(selection, column, log_format, path)
 
 
 def _number(cell: Any, where: str) -> float:
@@ -87,7 +85,7 @@ def _number(cell: Any, where: str) -> float:
     if cell == "":
         return float("nan")
     if isinstance(cell, date):
-        raise RecordingError(f"{where} is a day without a time.", remedy="name another column of times.")
+        raise RecordingError(f"{where} is a date without a time.", remedy="name another column of times.")
     try:
         return float(str(cell).replace(",", "."))
     except ValueError:

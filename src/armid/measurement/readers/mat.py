@@ -17,8 +17,6 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["EXTRA", "SUFFIXES", "read"]
-
 SUFFIXES: tuple[str, ...] = (".mat",)
 EXTRA = "io"
 
@@ -31,23 +29,23 @@ NUMERIC = frozenset("double single int8 int16 int32 int64 uint8 uint16 uint32 ui
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
+def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
     """Reads matrices from a MATLAB file, with one row per sample.
 
     Raises:
-        RecordingError: No MATLAB file, or a variable is missing, an object, a struct or a cell.
-        MissingExtraError: Version 7.3, and h5py is not installed.
+        RecordingError: The file is not a MATLAB file, or a variable is missing, an object, a struct or a cell.
+        MissingExtraError: The file has version 7.3, and h5py is not installed.
     """
     with path.open("rb") as stream:
         head = stream.read(520)
     if HDF5_SIGNATURE in (head[:8], head[512:520]):
-        return _read_v73(path, reading, robot)
-    return _read_v5(path, reading, robot)
+        return _read_v73(path, log_format, robot)
+    return _read_v5(path, log_format, robot)
 
 
-def _read_v5(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
+def _read_v5(path: Path, log_format: LogFormat, robot: Robot | None) -> Recording:
     """Reads a file of version 5 or older."""
-    # Imported here: it takes a third of a second, which only MATLAB files should cost.
+    # Imported here, since it takes 0.3 s, which only MATLAB files need.
     from scipy.io import loadmat, matlab, whosmat
 
     try:
@@ -57,7 +55,7 @@ def _read_v5(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
             _refuse_objects({name: classes[name]}, path)
             return numeric(loadmat(path, appendmat=False, variable_names=[name])[name], name, path)
 
-        selection = select(list(classes), reading, path, robot, matrices=True, values=values)
+        selection = select(list(classes), log_format, path, robot, matrices=True, values=values)
         _refuse_objects({name: classes[name] for name in selection.names}, path)
         labels = [name for name in NAMES if classes.get(name) in ("cell", "char")][:1]
         data = loadmat(path, appendmat=False, variable_names=[*selection.names, *labels])
@@ -73,10 +71,10 @@ def _read_v5(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
     ) as error:
         raise _unreadable(path, error) from error
     names = [str(cell).strip() for cell in _flat(data[labels[0]])] if labels else []
-    return _assembled(selection, data, reading, path, names)
+    return _assembled(selection, data, log_format, path, names)
 
 
-def _read_v73(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
+def _read_v73(path: Path, log_format: LogFormat, robot: Robot | None) -> Recording:
     """Reads a file of version 7.3, in which HDF5 stores every matrix transposed."""
     try:
         import h5py
@@ -90,7 +88,7 @@ def _read_v73(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
                 _refuse_objects({name: classes[name]}, path)
                 return numeric(np.asarray(file[name]), name, path)
 
-            selection = select(list(classes), reading, path, robot, matrices=True, values=values)
+            selection = select(list(classes), log_format, path, robot, matrices=True, values=values)
             _refuse_objects({name: classes[name] for name in selection.names}, path)
             data = {name: np.atleast_2d(np.asarray(file[name])).T for name in selection.names}
             label = next((name for name in NAMES if classes.get(name) == "cell"), None)
@@ -98,15 +96,15 @@ def _read_v73(path: Path, reading: LogFormat, robot: Robot | None) -> Recording:
             names = ["".join(map(chr, np.asarray(file[r]).reshape(-1))) for r in references]
     except (OSError, ValueError, TypeError, KeyError, RuntimeError) as error:
         raise _unreadable(path, error) from error
-    return _assembled(selection, data, reading, path, names)
+    return _assembled(selection, data, log_format, path, names)
 
 
 def _assembled(
-    selection: Selection, data: dict[str, NDArray[Any]], reading: LogFormat, path: Path, names: list[str]
+    selection: Selection, data: dict[str, NDArray[Any]], log_format: LogFormat, path: Path, names: list[str]
 ) -> Recording:
     """Recording from variables in MATLAB's orientation."""
-    # A vector may lie or stand in MATLAB. It is one channel where each channel has its own or there is one joint;
-    # otherwise it is a matrix of one row.
+    # A vector may be a row or a column in MATLAB. It is one channel where each channel has a variable or there is one
+    # joint; otherwise it is a matrix of one row.
     shapes = {data[name].shape for name in selection.names}
     one_joint = len({max(shape) for shape in shapes}) == 1 and all(min(shape) == 1 for shape in shapes)
     vectors = one_joint or len(selection.q) > 1
@@ -115,7 +113,7 @@ def _assembled(
         values = numeric(data[name], name, path)
         return values.reshape(-1) if (vectors or name in selection.time) and 1 in values.shape else values
 
-    return assemble(selection, column, reading, path, names)
+    return assemble(selection, column, log_format, path, names)
 
 
 def _class_v73(item: Any) -> str:
@@ -133,7 +131,7 @@ def _refuse_objects(classes: dict[str, str], path: Path) -> None:
     for name, kind in classes.items():
         if kind not in NUMERIC:
             raise RecordingError(
-                f"{path}: {name} is of class {kind!r}, not a matrix of numbers; it is not unpacked.",
+                f"{path}: {name} is of class {kind!r}, not a matrix of numbers; it is not read.",
                 remedy="save plain matrices: save('run.mat', 't', 'q', 'dq', 'tau').",
             )
 

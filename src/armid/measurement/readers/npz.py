@@ -16,15 +16,13 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array, load
 
-__all__ = ["SUFFIXES", "read"]
-
 SUFFIXES: tuple[str, ...] = (".npz",)
 
 NAMES = ("joint_names", "names")
 """Variables that may hold the names of the channels."""
 
 
-def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
+def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
     """Reads a NumPy archive; nothing in it is ever unpickled.
 
     Raises:
@@ -40,12 +38,12 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
                     remedy="save it as numpy.savez(path, t=t, q=q, tau=tau).",
                 )
             with archive:
-                return _recording(archive, reading, robot, path)
+                return _recording(archive, log_format, robot, path)
     except (OSError, EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         if "pickle" in str(error):
             raise RecordingError(
-                f"{path} is no NumPy archive of plain arrays: it would have to be unpickled, which can run any "
-                "code; refused.",
+                f"{path} is not a NumPy archive of plain arrays: it needs pickle, which can run any code, so it "
+                "is not read.",
                 remedy="save arrays of numbers with numpy.savez.",
             ) from error
         raise RecordingError(
@@ -53,17 +51,17 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
         ) from error
 
 
-def _recording(archive: np.lib.npyio.NpzFile, reading: LogFormat, robot: Robot | None, path: Path) -> Recording:
+def _recording(archive: np.lib.npyio.NpzFile, log_format: LogFormat, robot: Robot | None, path: Path) -> Recording:
     """Recording in an open archive."""
     if "value.json" in archive.files:
         saved = load(Recording, path)
-        consecutive = saved.consecutive if reading.consecutive is None else reading.consecutive
-        return replace(saved, rate=reading.rate or saved.rate, consecutive=consecutive)
+        consecutive = saved.consecutive if log_format.consecutive is None else log_format.consecutive
+        return replace(saved, rate=log_format.rate or saved.rate, consecutive=consecutive)
 
     def values(name: str) -> Array:
         return numeric(archive[name], name, path)
 
-    selection = select(archive.files, reading, path, robot, matrices=True, values=values)
+    selection = select(archive.files, log_format, path, robot, matrices=True, values=values)
     arrays = {name: archive[name] for name in selection.names}
 
     def column(name: str) -> Array:
@@ -71,4 +69,4 @@ def _recording(archive: np.lib.npyio.NpzFile, reading: LogFormat, robot: Robot |
 
     label = next((name for name in NAMES if name in archive.files), None)
     names = [] if label is None else [str(name) for name in archive[label].reshape(-1)]
-    return assemble(selection, column, reading, path, names)
+    return assemble(selection, column, log_format, path, names)

@@ -13,13 +13,11 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["EXTRA", "SUFFIXES", "read"]
-
 SUFFIXES: tuple[str, ...] = (".parquet", ".pq")
 EXTRA = "io"
 
 
-def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recording:
+def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
     """Reads the needed columns from a Parquet file.
 
     Raises:
@@ -37,7 +35,7 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
             def values(name: str) -> Array:
                 return numeric(np.asarray(file.read(columns=[name])[name].to_numpy()), name, path)
 
-            selection = select(file.schema_arrow.names, reading, path, robot, values=values)
+            selection = select(file.schema_arrow.names, log_format, path, robot, values=values)
             table = file.read(columns=list(selection.names))
     except (pa.ArrowException, OSError) as error:
         raise RecordingError(
@@ -47,4 +45,4 @@ def read(path: Path, reading: LogFormat, robot: Robot | None = None) -> Recordin
     def column(name: str) -> Array:
         return numeric(np.asarray(table[name].to_numpy()), name, path)
 
-    return assemble(selection, column, reading, path)
+    return assemble(selection, column, log_format, path)

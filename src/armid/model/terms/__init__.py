@@ -19,6 +19,7 @@ from armid.model.terms.rotor_inertia import RotorInertia
 from armid.model.terms.term import Law, Term
 
 __all__ = [
+    "DEFAULT_TERMS",
     "TERMS",
     "AsymmetricCoulomb",
     "AsymmetricViscous",
@@ -61,4 +62,8 @@ TERMS: dict[str, type[Term]] = {
         LoadViscous,
     )
 }
-"""Terms by their names in a study, in the order in which their parameters stand."""
+"""Terms by their names in a study, in the order of their parameters."""
+
+DEFAULT_TERMS: tuple[Term, ...] = (RigidBody(), Viscous(), Coulomb(width=0.02), Offset())
+"""Terms of a model for which none are given. The width of Coulomb friction [rad/s] keeps encoder noise from switching
+its sign at rest."""

@@ -1,4 +1,4 @@
-"""A drive that moves several joints: its inertia and friction act on a combination of joint coordinates.
+"""Drive that moves several joints: its inertia and friction act on a combination of joint coordinates.
 
 With the motor coordinate c = Σ w_j q_j, the drive's torque IAM · c̈ + FVM · ċ + FSM · sgn(ċ) acts on joint j with
 its weight w_j. Example: the wrist of the Stäubli TX40, where motor 6 turns with q̇_5 + q̇_6 [Janot2014].
@@ -16,16 +16,14 @@ from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.term import Law
 from armid.robot.robot import Robot
 
-__all__ = ["Coupling"]
-
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
     """Inertia, viscous and Coulomb friction of a drive shared by joints.
 
     Attributes:
-        joints: Weight of each joint by name, at least two of them.
-        width: Velocity over which the sign turns [rad/s]; 0 for a true sign.
+        joints: Weight of each joint by name, for at least two joints.
+        width: Velocity over which the sign of the friction changes [rad/s]; 0 for a true sign.
     """
 
     joints: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -36,7 +34,7 @@ class Coupling:
         if len(self.joints) < 2 or not all(self.joints.values()):
             raise ModelError(
                 f"A coupling needs at least two joints with weights that are not zero; found {dict(self.joints)}.",
-                remedy="write for instance coupling = { joints = { joint_5 = 1.0, joint_6 = 1.0 } }.",
+                remedy="give weights, for instance coupling = { joints = { joint_5 = 1.0, joint_6 = 1.0 } }.",
             )
         if not 0.0 <= self.width < float("inf"):
             raise ModelError(f"The width of Coulomb friction must be zero or positive; found {self.width}.")

@@ -1,4 +1,4 @@
-"""Constant torque offset: τ = FO, the bias of a sensor or an asymmetry of Coulomb friction."""
+"""Constant torque offset τ = FO, such as the bias of a sensor or an asymmetry of Coulomb friction."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ from armid.model.expression import number
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["Offset"]
-
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """A constant torque.
+    """Constant torque.
 
     Attributes:
         joints: Names of the joints that have it; `None` for all.

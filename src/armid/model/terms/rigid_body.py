@@ -1,6 +1,6 @@
 """Rigid links: the ten inertial parameters of every link, M MX MY MZ XX XY XZ YY YZ ZZ.
 
-The kernel makes these columns by the recursion of Newton and Euler; this term only says that they are there.
+The kernel computes these columns by the Newton-Euler recursion; this term only includes them in the model.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from typing import ClassVar
 
 from armid.model.terms.term import Law
 from armid.robot.robot import Robot
-
-__all__ = ["RIGID_BODY_SYMBOLS", "RigidBody", "rigid_body_units"]
 
 RIGID_BODY_SYMBOLS = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
 """Symbols in parameter order."""
@@ -29,6 +27,6 @@ class RigidBody:
     name: ClassVar[str] = "rigid-body"
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """None: the columns come from the kernel."""
+        """Empty: the columns come from the kernel."""
         del robot
         return ()

@@ -1,7 +1,7 @@
-"""Torque that repeats with the angle of the joint or of its motor: τ = Σ RS_k sin(k q) + RC_k cos(k q).
+"""Torque that is periodic in the angle of the joint or of its motor: τ = Σ RS_k sin(k q) + RC_k cos(k q).
 
-Sensors, gears and motors make it. The first harmonic of a joint whose weight is seen looks like its centre of mass,
-and low harmonics imitate gravity where poses are few: choose them by unseen motion.
+Sensors, gears and motors cause it. Where gravity acts on a joint, the first harmonic cannot be distinguished from its
+first moment; with few poses, neither can low harmonics. Choose harmonics by cross-validation.
 """
 
 from __future__ import annotations
@@ -15,17 +15,15 @@ from armid.model.terms.checks import require_positive, require_rising
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["Ripple"]
-
 
 @dataclass(frozen=True, slots=True)
 class Ripple:
-    """Periodic torque in the position.
+    """Torque that is periodic in the position.
 
     Attributes:
-        harmonics: Multiples of the joint's angle, rising; of a sliding joint, rad/m.
-        motor_harmonics: Multiples of the motor's angle, rising.
-        gear_ratio: Angle of the motor over that of the joint; needed for `motor_harmonics`.
+        harmonics: Multiples of the joint's angle, ascending; of a prismatic joint in rad/m.
+        motor_harmonics: Multiples of the motor's angle, ascending.
+        gear_ratio: Angle of the motor over that of the joint; required for `motor_harmonics`.
         joints: Names of the joints that have it; `None` for all.
     """
 
@@ -42,7 +40,7 @@ class Ripple:
         if not self.harmonics and not self.motor_harmonics:
             raise ModelError("Ripple needs at least one harmonic.", remedy="for instance harmonics = [2.0, 3.0].")
         if self.motor_harmonics and self.gear_ratio is None:
-            raise ModelError("Harmonics of the motor need its gear ratio.", remedy="give gear_ratio.")
+            raise ModelError("motor_harmonics needs the gear ratio.", remedy="give gear_ratio.")
         if self.gear_ratio is not None:
             require_positive("The gear ratio of ripple", self.gear_ratio)
 

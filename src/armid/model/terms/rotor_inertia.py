@@ -1,4 +1,4 @@
-"""Inertia of rotor and transmission, seen at the joint: τ = IA · q̈."""
+"""Inertia of rotor and transmission, reflected to the joint: τ = IA · q̈."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from typing import ClassVar
 from armid.model.expression import symbol
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
-
-__all__ = ["RotorInertia"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,10 @@
 """Torque terms: laws, each stated once as an expression.
 
-A law says τ = parameter · expression, where the expression may use position `q`, velocity `dq` and acceleration
-`ddq` of one coordinate c = Σ w_j q_j, the torque `load` of the rigid bodies on it, and the `state` of the law's
-memory. For most laws the coordinate is a single joint (w = 1). A law on a
-combination of joints, such as the friction of a motor that drives two of them, acts on each with its weight:
-τ_j = w_j · parameter · expression (virtual work). Columns, derivatives and formulas all follow from the law.
+A law is τ = parameter · expression. The expression may use position `q`, velocity `dq` and acceleration `ddq` of one
+coordinate c = Σ w_j q_j, the torque `load` of the rigid bodies on it, and the hysteresis `state` of the law. For most
+laws the coordinate is a single joint (w = 1). A law on a combination of joints, such as the friction of a motor that
+drives two of them, acts on each with its weight: τ_j = w_j · parameter · expression (virtual work). Columns,
+derivatives and formulas all follow from the law.
 """
 
 from __future__ import annotations
@@ -17,21 +17,19 @@ from armid.model.expression import Expression
 from armid.model.hysteresis_memory import Coordinate, Play
 from armid.robot.robot import Joint, Robot
 
-__all__ = ["Law", "Term", "select_joints", "single_joint_laws"]
-
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """One parameter and the torque it makes.
+    """Torque law of one parameter.
 
     Attributes:
-        symbol: Symbol of the parameter as the field writes it, for instance `FV`.
-        joint: Index of the joint whose number the parameter bears.
+        symbol: Usual symbol of the parameter, for instance `FV`.
+        joint: Index of the joint whose number the parameter has.
         unit: Unit of the parameter.
         coordinate: Pairs of joint index and weight w_j.
-        expression: In `q`, `dq`, `ddq` and `load` of the coordinate, and `state` where there is a memory.
+        expression: Expression in `q`, `dq`, `ddq` and `load` of the coordinate, and `state` with hysteresis.
         nonnegative: Whether physics forbids negative values of the parameter.
-        memory: What has to be remembered of the coordinate; its state is the symbol `state`.
+        memory: Operator with the hysteresis state `state` of the coordinate; `None` without hysteresis.
     """
 
     symbol: str
@@ -45,16 +43,16 @@ class Law:
 
 @runtime_checkable
 class Term(Protocol):
-    """A torque term: a frozen dataclass whose fields are its shapes.
+    """Torque term: a frozen dataclass whose fields are its shapes.
 
     Attributes:
-        name: Name in a study.
+        name: Name of the term in a study.
     """
 
     name: ClassVar[str]
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """The laws of this term on an arm, joint by joint."""
+        """Laws of this term on an arm, joint by joint."""
         ...
 
 
@@ -62,7 +60,7 @@ def select_joints(robot: Robot, joints: Sequence[str] | None) -> tuple[int, ...]
     """Indices of the named joints; all where none are named.
 
     Raises:
-        RobotError: An unknown joint.
+        RobotError: A joint is unknown.
     """
     if joints is None:
         return tuple(range(robot.n))
@@ -79,7 +77,7 @@ def single_joint_laws(
     nonnegative: bool,
     memory: Play | None = None,
 ) -> tuple[Law, ...]:
-    """The same law on each joint by itself.
+    """Same law on each joint separately.
 
     Args:
         robot: The arm.
@@ -88,7 +86,7 @@ def single_joint_laws(
         expression: The law.
         units: Unit of the parameter on a revolute and on a prismatic joint.
         nonnegative: Whether the parameter must not be negative.
-        memory: What has to be remembered of the joint's position.
+        memory: Operator with a hysteresis state of the joint's position.
     """
 
     def unit(joint: Joint) -> str:

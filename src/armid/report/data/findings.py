@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 
 from armid.errors import Finding
-
-__all__ = ["evidence_words", "remedy_words", "serious"]
+from armid.remedy import Assignment, Remedy
 
 NOT_ABOUT_MODEL = ("bodies-from-visuals", "mesh-missing", "visual-missing")
 """Codes of findings that do not concern the model; the provenance lists all findings."""
@@ -26,16 +24,8 @@ def evidence_words(finding: Finding) -> str:
 def remedy_words(finding: Finding) -> str:
     """Remedy as a sentence, code in backticks; it may consist of lines of a study, with a note after `#`."""
     remedy = finding.remedy
-    if not _is_toml(remedy):
+    if not isinstance(remedy, Remedy) or not remedy.keys:
         return remedy[:1].upper() + remedy[1:]
-    code, _, note = remedy.partition("  # ")
-    lines = " and ".join(f"`{line}`" for line in code.splitlines())
-    joint = "" if not note else " " if note.startswith("in [") else ": "
-    return f"In the study: {lines}{joint}{note}"
-
-
-def _is_toml(text: str) -> bool:
-    try:
-        return bool(tomllib.loads(text))
-    except tomllib.TOMLDecodeError:
-        return False
+    lines = " and ".join(f"`{part.text}`" for part in remedy.parts if isinstance(part, Assignment))
+    table = f" in [{remedy.table}]" if remedy.table else ""
+    return f"In the study: {lines}{table}" + (f": {remedy.note}" if remedy.note else "")

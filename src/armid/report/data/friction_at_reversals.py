@@ -11,8 +11,6 @@ import numpy as np
 from armid.report.data.recording_data import RecordingData
 from armid.values import Array
 
-__all__ = ["HALF_WINDOW", "Reversals", "find_reversals", "since_reversal"]
-
 HALF_WINDOW = 0.6
 """Time shown before and after a reversal [s]; several times the duration of presliding in a gear."""
 

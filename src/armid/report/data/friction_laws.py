@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from itertools import groupby
-from pathlib import Path
-from typing import Any
 
+from armid.estimation.friction.selection import SelectionEvidence
 from armid.model.expression import text
 from armid.model.terms.term import Law
 from armid.report.data.joint_names import label_of
@@ -16,13 +14,12 @@ from armid.report.data.number_format import fixed
 from armid.report.data.page_data import PageData
 from armid.report.data.recording_data import friction_columns
 from armid.report.tables import Column, Table, TableCell
-
-__all__ = ["law_tables", "law_text"]
+from armid.robot import Joint
 
 
 def law_tables(page_data: PageData) -> tuple[Table, ...]:
     """Tables of the laws by joint; if they were selected, with the gains, and a folded table of all candidates."""
-    joints, record = page_data.joints, _selection_record(page_data)
+    joints, selection = page_data.joints, page_data.records.friction
     laws = [law_text([law for law in _laws(page_data) if law.joint == j]) for j in range(len(joints))]
     note = "q: position, dq: velocity of the joint; the parameters are in the table of parameters."
     head = [Column("joint", words=True), Column("law", words=True)]
@@ -30,19 +27,19 @@ def law_tables(page_data: PageData) -> tuple[Table, ...]:
         [TableCell(label_of(joints, j), kind="name"), TableCell(law or "–", law, kind="formula")]
         for j, law in enumerate(laws)
     ]
-    if record is None:
+    if selection is None:
         return (Table("laws", "Law of friction, joint by joint", head, rows, note),)
-    for row, each in zip(rows, record["joints"], strict=True):
-        ratio = f"{fixed(each['ratio'], 2)} ± {fixed(each['deviation'], 2)}"
-        row[1:1] = [TableCell("; ".join(each["chosen"]) or "–"), TableCell(ratio, each["ratio"])]
+    for row, joint, ratio, deviation in zip(rows, joints, selection.ratio, selection.deviation, strict=True):
+        text_of_ratio = f"{fixed(ratio, 2)} ± {fixed(deviation, 2)}"
+        row[1:1] = [TableCell("; ".join(selection.chosen(joint.name)) or "–"), TableCell(text_of_ratio, float(ratio))]
     head[1:1] = [Column("selected in addition to viscous and Coulomb", words=True), Column("relative error")]
-    candidates = _candidate_table(record, joints)
+    candidates = _candidate_table(selection.evidence, joints)
     if candidates.rows:
         note += (
             " Relative error: error on held-out blocks with the selected friction over the error without it, ± its "
             "standard error. The selection used the same blocks, so it is optimistic; the validation error is not."
         )
-    note += f" {record['why']}" if record["why"] else ""
+    note += f" {selection.why}" if selection.why else ""
     laws_of_all = Table("laws", "Law of friction, joint by joint, and its selection", head, rows, note)
     return (laws_of_all, candidates) if candidates.rows else (laws_of_all,)
 
@@ -85,29 +82,22 @@ def _laws(page_data: PageData) -> list[Law]:
     return [law for (_, law), is_friction in zip(model.laws, chosen, strict=True) if is_friction]
 
 
-def _selection_record(page_data: PageData) -> dict[str, Any] | None:
-    """Record of the friction selection; `None` if the friction terms were given."""
-    path = Path(page_data.run.folder) / "friction.json"
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
-
-
-def _candidate_table(record: dict[str, Any], joints: Sequence[Any]) -> Table:
+def _candidate_table(evidence: Sequence[SelectionEvidence], joints: Sequence[Joint]) -> Table:
     """Table of all candidates by joint."""
-    evidence = record["evidence"]
     names = [joint.name for joint in joints]
     rows = [
         [
-            TableCell(each["candidate"]),
-            TableCell(fixed(each["ratio"], 3), each["ratio"]),
-            TableCell(fixed(each["deviation"], 3), each["deviation"]),
-            TableCell("chosen" if each["chosen"] else ""),
+            TableCell(each.candidate),
+            TableCell(fixed(each.ratio, 3), each.ratio),
+            TableCell(fixed(each.deviation, 3), each.deviation),
+            TableCell("chosen" if each.chosen else ""),
         ]
         for each in evidence
     ]
     groups = {
-        k: f"joint {label_of(joints, names.index(each['joint']))}"
+        k: f"joint {label_of(joints, names.index(each.joint))}"
         for k, each in enumerate(evidence)
-        if k == 0 or evidence[k - 1]["joint"] != each["joint"]
+        if k == 0 or evidence[k - 1].joint != each.joint
     }
     columns = (
         Column("candidate", words=True),

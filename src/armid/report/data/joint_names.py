@@ -1,4 +1,4 @@
-"""Labels of joints by name and number; names of parameters end in the number."""
+"""Labels of joints by name and number; parameters by joint."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import re
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
+from armid.model.parameter_name import ParameterName
 from armid.robot import Joint
-
-__all__ = ["MAX_NAMES", "by_joint", "groups_of", "heading_of", "label_of", "number_of", "residual_title"]
 
 MAX_NAMES = 6
 """Largest number of names that a list writes out; further ones are only counted."""
@@ -31,29 +30,23 @@ def residual_title(heading: str) -> str:
     return f"{heading}, residual"
 
 
-def number_of(parameter: str) -> int:
-    """Number of the joint that a parameter belongs to: 3 for `FV_3` or `FV_3[2]`; 0 if there is none."""
-    match = re.search(r"_(\d+)(?:\[\d+\])?$", parameter)
-    return 0 if match is None else int(match[1])
-
-
-def by_joint(parameters: Iterable[str], joints: Sequence[Joint]) -> str:
+def by_joint(parameters: Iterable[ParameterName], joints: Sequence[Joint]) -> str:
     """List of the first parameters as text, grouped by joint with its name, and the count of the others."""
     all_names = list(parameters)
     shown = all_names[:MAX_NAMES] if len(all_names) > MAX_NAMES + 1 else all_names
     parts: list[str] = []
-    for number, names in groupby(shown, number_of):
+    for number, names in groupby(shown, lambda name: name.number or 0):
         joint = f" ({joints[number - 1].name})" if 0 < number <= len(joints) else ""
         parts.append(", ".join(names) + joint)
     return "; ".join(parts) + (f" and {len(all_names) - len(shown)} more" if len(all_names) > len(shown) else "")
 
 
-def groups_of(parameters: Sequence[str], joints: Sequence[Joint]) -> tuple[list[int], dict[int, str]]:
+def groups_of(parameters: Sequence[ParameterName], joints: Sequence[Joint]) -> tuple[list[int], dict[int, str]]:
     """Order of the parameters by joint, and the heading of each joint by the index of its first parameter."""
-    order = sorted(range(len(parameters)), key=lambda k: number_of(parameters[k]))
+    order = sorted(range(len(parameters)), key=lambda k: parameters[k].number or 0)
     groups: dict[int, str] = {}
     for place, k in enumerate(order):
-        number = number_of(parameters[k])
-        if place == 0 or number != number_of(parameters[order[place - 1]]):
+        number = parameters[k].number or 0
+        if place == 0 or number != (parameters[order[place - 1]].number or 0):
             groups[place] = heading_of(joints, number - 1) if 0 < number <= len(joints) else "of no joint"
     return order, groups

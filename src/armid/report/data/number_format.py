@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["decimals_of", "fixed", "percent", "share", "short"]
-
 MOST_DECIMALS = 9
 """Largest number of decimals; more are noise in every unit of the tables."""
 

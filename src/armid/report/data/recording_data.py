@@ -8,22 +8,17 @@ from typing import Literal
 
 import numpy as np
 
-from armid.estimation.estimate import Estimate, torque_parameters
+from armid.estimation.estimate import torque_parameters
 from armid.information.residuals import compare
 from armid.maths.spectrum import spectrum
-from armid.measurement.observations import Observations, ObservedRun
+from armid.measurement.observations import ObservedRun
 from armid.model.dynamics import DynamicsModel
 from armid.model.expression import symbols
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
 from armid.study.processed import ProcessedRecording
-from armid.validation.prediction_interval import band_of_rows
+from armid.validation.prediction import PredictedRecording, predict_recording
 from armid.values import Array
-
-__all__ = ["RecordingData", "Spectrum", "concatenated", "evaluate_recording", "friction_columns"]
-
-INTERVAL_ROWS = 5000
-"""Rows, up to twice as many, at which the prediction interval is computed; it varies as slowly as the motion."""
 
 SPECTRUM_SAMPLES = 1 << 17
 """Largest number of samples of a spectrum: 16 s of an 8 kHz log, two minutes of a 1 kHz one."""
@@ -103,13 +98,16 @@ def concatenated(
     return np.concatenate([np.zeros(0), *(getattr(each, what)[:, j] for each in recordings)])
 
 
-def evaluate_recording(run: Run, recording: ProcessedRecording) -> RecordingData:
-    """Measured and predicted torque of a processed recording."""
+def evaluate_recording(
+    run: Run, recording: ProcessedRecording, prediction: PredictedRecording | None = None
+) -> RecordingData:
+    """Measured and predicted torque of a processed recording; `prediction` is computed where it is not given."""
     observations = recording.observations
     model, estimate, runs, band = run.model, run.estimate, observations.runs, observations.band
     theta = torque_parameters(estimate.base, estimate.fit)
     only_friction = np.where(friction_columns(model), theta, 0.0)
-    compared = [compare(model, theta, each, band) for each in runs]
+    prediction = prediction or predict_recording(model, estimate, observations)
+    compared = prediction.runs
     friction = [compare(model, only_friction, each, band).predicted for each in runs]
     grid = [each.motion[slice(each.offset, None, each.step)] for each in runs]
     time = np.concatenate([motion.time for motion in grid])
@@ -123,7 +121,7 @@ def evaluate_recording(run: Run, recording: ProcessedRecording) -> RecordingData
         np.where(mask, np.concatenate([each.measured for each in compared]), np.nan),
         np.where(mask, np.concatenate([each.predicted for each in compared]), np.nan),
         np.concatenate(friction),
-        _half_band(model, estimate, observations),
+        _half_band(prediction),
         tuple(int(k) for k in np.cumsum([0, *(motion.samples for motion in grid)])),
         _spectrum(model, theta, longest) if longest.consecutive else None,
     )
@@ -137,18 +135,15 @@ def friction_columns(model: DynamicsModel) -> Array:
     return chosen
 
 
-def _half_band(model: DynamicsModel, estimate: Estimate, observations: Observations) -> Array:
-    """Half width (M, n) of the 95 % prediction interval, interpolated between the rows at which it is computed."""
-    counts = [len(run.rows) for run in observations.runs]
-    step = max(1, sum(counts) // INTERVAL_ROWS)
-    sampled = [np.arange(0, count, step) for count in counts]
-    half_widths = np.split(
-        band_of_rows(model, estimate, observations, step), np.cumsum([len(rows) for rows in sampled])[:-1]
-    )
+def _half_band(prediction: PredictedRecording) -> Array:
+    """Half width (M, n) of the 95 % prediction interval, interpolated between the rows on which it is known."""
+    counts = [len(run.mask) for run in prediction.runs]
+    known = [np.arange(0, count, prediction.every) for count in counts]
+    half_widths = np.split(prediction.half_widths, np.cumsum([len(rows) for rows in known])[:-1])
     return np.concatenate(
         [
             np.stack([np.interp(np.arange(count), rows, of_joint) for of_joint in widths.T], axis=1)
-            for count, rows, widths in zip(counts, sampled, half_widths, strict=True)
+            for count, rows, widths in zip(counts, known, half_widths, strict=True)
         ]
     )
 

@@ -14,8 +14,6 @@ from armid.report.data.friction_at_reversals import HALF_WINDOW, since_reversal
 from armid.report.data.recording_data import RecordingData, concatenated
 from armid.values import Array
 
-__all__ = ["LARGE_SHARE", "ResidualShares", "explained", "residual_shares"]
-
 BINS = 12
 """Classes of velocity, position and time: coarse enough for a dozen rows in each of short recordings."""
 

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from armid.study.config import Study
+from armid.study.records import plain, study_record
 from armid.toml import to_toml
 
-__all__ = ["study_to_toml"]
 
-
-def study_to_toml(study: Mapping[str, Any]) -> str:
+def study_to_toml(study: Study) -> str:
     """Text of a `study.toml` with all values of a run's study; read in the study's folder, it gives the same study.
 
     Args:
-        study: The record `study.json` of a run.
+        study: The resolved study of a run.
     """
-    estimation = study["estimation"]
+    record = plain(study_record(study))
+    estimation = record["estimation"]
     options = {f"estimation.{name}": table for name, table in estimation["options"].items() if table}
     recordings = [
         {**{key: value for key, value in each.items() if key != "reading"}, **each["reading"]}
-        for each in study["recordings"]
+        for each in record["recordings"]
     ]
     tables = {
-        "robot": study["robot"],
-        "model": {"terms": study["model"]["terms"], **study["model"]["shapes"]},
+        "robot": record["robot"],
+        "model": {"terms": record["model"]["terms"], **record["model"]["shapes"]},
         "recording": recordings,
-        "processing": study["processing"],
+        "processing": record["processing"],
         "estimation": {key: value for key, value in estimation.items() if key != "options"},
     }
     return to_toml({**tables, **options})

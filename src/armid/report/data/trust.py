@@ -14,14 +14,15 @@ from armid.report.data.page_data import PageData, velocity_unit
 from armid.report.data.residual_analysis import LARGE_SHARE, residual_shares
 from armid.report.section import effort_unit
 
-__all__ = ["POOR_COVERAGE", "TrustJudgement", "judge_trust", "outside_intervals"]
-
 GOOD_SHARE = 0.1
 """Largest relative RMS, over the torque's standard deviation, of a well predicted joint; as in Figure 4.3 of the
 thesis."""
 
 POOR_COVERAGE = 0.85
 """Share of rows inside the 95 % prediction interval below which the interval counts as too narrow."""
+
+MANY_BLOCKS = 20
+"""Number of blocks from which the scatter between them is known to a sixth, so that more would hardly change it."""
 
 MAX_ERROR_RATIO = 2.0
 """Ratio of validation error to training error above which more motions are recommended."""
@@ -73,7 +74,7 @@ Sentences = tuple[list[str], list[str], list[str]]
 
 def _torque(page_data: PageData) -> Sentences:
     """Sentences about the torque error in validation, of all joints together and of each."""
-    if not page_data.validation["recordings"]:
+    if not page_data.validation.recordings:
         return (
             [],
             ["Nothing here was checked on held-out motion."],
@@ -81,20 +82,16 @@ def _torque(page_data: PageData) -> Sentences:
         )
     held_out, unit = page_data.validation_rms(), effort_unit(page_data)
     total, training = (float(np.linalg.norm(x[np.isfinite(x)])) for x in (held_out, page_data.training_rms()))
-    prior = page_data.validation_column("prior_rms")
+    prior = page_data.validation_column(lambda score: score.prior_rms)
     known = np.isfinite(prior) & np.isfinite(held_out)
     words = f"Torque in validation: {short(total)} {unit} RMS, root of the sum over joints"
     if known.any():
         ratio = float(np.linalg.norm(held_out[known]) / np.linalg.norm(prior[known]))
         words += f"; {share(ratio)} of the error of the CAD/URDF model"
-    failed = [
-        f"{c['name']}: {short(c['value'])} > {short(c['bound'])}"
-        for c in page_data.validation["checks"]
-        if not c["ok"]
-    ]
+    failed = [f"{c.name}: {short(c.value)} > {short(c.bound)}" for c in page_data.validation.checks if not c.ok]
     good, bad, next_ = ([], [f"{words}."], []) if failed else ([f"{words}."], [], [])
     bad += [f"Check failed: {each}." for each in failed]
-    relative = page_data.validation_column("relative")
+    relative = page_data.validation_column(lambda score: score.relative)
     fine = [j for j, x in enumerate(relative) if x <= GOOD_SHARE]
     if fine:
         good.append(f"Relative RMS of at most {share(GOOD_SHARE)} on {_joints(page_data, fine)}.")
@@ -136,7 +133,7 @@ def _moving(page_data: PageData) -> tuple[float, float]:
 
 def _intervals(page_data: PageData) -> Sentences:
     """Sentences about the coverage of the 95 % prediction intervals of the torque."""
-    coverage = page_data.validation_column("coverage95")
+    coverage = page_data.validation_column(lambda score: score.coverage95)
     poor = [j for j, x in enumerate(coverage) if x < POOR_COVERAGE]
     if not np.isfinite(coverage).any():
         return [], [], []
@@ -150,10 +147,18 @@ def _intervals(page_data: PageData) -> Sentences:
             [],
         )
     joints = _listed(f"{label_of(page_data.joints, j)} ({share(float(coverage[j]))})" for j in poor)
+    fit = page_data.run.estimate.fit
+    few = fit.covariance_kind == "block" and fit.report.parts < MANY_BLOCKS
     return (
         [],
         [f"The 95 % prediction intervals of the torque are too narrow on {joints}; parameter intervals may be, too."],
-        ["Repeat the motion, or record longer: intervals follow from the scatter between blocks, here only a few."],
+        [
+            f"Repeat the motion, or record longer: intervals follow from the scatter between {fit.report.parts} "
+            "blocks of rows."
+            if few
+            else "Another law of friction, or terms that the model lacks: intervals contain the noise of training "
+            "motion, and the error in validation is larger; more recordings of the same motion do not cure it."
+        ],
     )
 
 
@@ -180,7 +185,7 @@ def _parameters(page_data: PageData) -> Sentences:
         bad.append(
             f"Negative including their intervals, which physics forbids: {by_joint(negative, page_data.joints)}."
         )
-    rotors = [name for name in insignificant + negative if name.startswith("IA")]
+    rotors = [name for name in insignificant + negative if name.symbol == "IA"]
     if rotors:
         next_.append(
             f"Fast reversals of single joints while the others rest, to separate "
@@ -194,7 +199,8 @@ def outside_intervals(page_data: PageData) -> bool:
     if page_data.verdict is None or page_data.verdict.certificate.feasible:
         return False
     fit = page_data.run.estimate.fit
-    half = dict(zip((name.split("[", 1)[0] for name in fit.names), 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
+    widths = np.ptp(fit.intervals, axis=1)
+    half: dict[str, float] = {name.of_all: 0.5 * width for name, width in zip(fit.names, widths, strict=True)}
     return any(abs(each.change) > half[each.name] for each in page_data.verdict.certificate.blame)
 
 
@@ -238,7 +244,7 @@ def _findings_of(page_data: PageData, severity: str) -> Sentences:
 def _motion(page_data: PageData) -> Sentences:
     """Request for faster motion of joints that were too slow to identify their viscous friction."""
     train, fit = page_data.of_role("train"), page_data.run.estimate.fit
-    relative = dict(zip(fit.names, fit.poorly_identified, strict=True))
+    relative: dict[str, bool] = dict(zip(fit.names, fit.poorly_identified, strict=True))
     slow: list[str] = []
     for j, joint in enumerate(page_data.joints):
         fastest = max((float(np.abs(each.dq[:, j]).max()) for each in train), default=np.inf)
@@ -271,8 +277,10 @@ def _laws(page_data: PageData) -> Sentences:
 
 
 def _sticks(page_data: PageData, j: int) -> bool:
-    """True if a joint was found to stick: its rows at standstill are masked, while other joints' rows are not."""
+    """True if a joint mostly rests, or if its rows at standstill are masked while those of other joints are not."""
     channels = {each.channel for each in page_data.run.estimate.findings if each.code == "sticking"}
+    if page_data.joints[j].name in channels:
+        return True
     rows = [np.isfinite(each.measured) for each in page_data.drawn] if channels else []
     return any(bool((mask.any(axis=1) & ~mask[:, j]).any()) for mask in rows)
 

@@ -12,8 +12,6 @@ from armid.robot import Robot
 from armid.robot.kinematics import forward_kinematics, frame_pose
 from armid.values import Array
 
-__all__ = ["picture_of", "skeleton"]
-
 SIZE = 240.0
 """Edge of the picture [px]."""
 

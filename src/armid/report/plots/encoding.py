@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["compressed", "embedded", "packed"]
-
 
 def packed(values: ArrayLike, kind: str = "f4") -> dict[str, str]:
     """Numbers as little-endian binary data in base 64, a form that plotly.js reads.

@@ -42,8 +42,6 @@ from armid.runs.run import Run
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-__all__ = ["figure_of", "plot_friction", "plot_plan", "plot_residuals", "plot_torque"]
-
 MAX_COLUMNS = 4
 """Largest number of plots in a row; a notebook is about as wide as the report."""
 

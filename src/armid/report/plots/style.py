@@ -16,8 +16,6 @@ from armid.report.plots.traces import Plot, PlotTrace
 from armid.report.rendering import text_of
 from armid.values import Array
 
-__all__ = ["Theme", "axes_of", "colours", "levels_of", "plot_record", "resolved", "trace_style"]
-
 Theme = Literal["light", "dark"]
 
 Line = tuple[str, float, str]

@@ -15,21 +15,6 @@ from numpy.typing import NDArray
 
 from armid.values import Array
 
-__all__ = [
-    "MAX_POINTS",
-    "Axes",
-    "Plot",
-    "PlotRange",
-    "PlotTrace",
-    "binned",
-    "crest",
-    "envelope",
-    "every",
-    "line",
-    "points",
-    "spread",
-]
-
 LINE_INTERVALS = 700
 """Number of intervals of a line; each keeps its smallest and largest value, enough for the width of a plot."""
 

@@ -22,8 +22,6 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["NearestBodies", "bodies_to_watch", "closest"]
-
 MOMENTS = 600
 """Largest number of moments at which distances are computed; the page interpolates between them."""
 
@@ -57,7 +55,8 @@ def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> Colli
         return None
     limits = described_limits(robot)
     moving = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
-    return looked_at(make_collision_model(robot, replace(limits, velocity=moving), surroundings))
+    cell = make_collision_model(robot, replace(limits, velocity=moving), surroundings)
+    return looked_at(cell.without_dispensable())
 
 
 def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBodies | None:

@@ -12,8 +12,6 @@ from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.values import Array
 
-__all__ = ["FRAMES", "Clip", "clip_of_motion", "clip_of_plan", "clip_of_recording", "still"]
-
 FRAMES = 30.0
 """Frame rate [Hz]; the page interpolates between frames, with errors below a millimetre at the speeds of arms."""
 

@@ -12,8 +12,6 @@ from armid.maths.inertia import vector_to_com_inertia
 from armid.robot.robot import Robot
 from armid.values import Array
 
-__all__ = ["MassLayer", "ellipsoid_of", "layer_of_description"]
-
 LIGHTEST = 1e-4
 """Mass below which a link counts as massless [kg]."""
 

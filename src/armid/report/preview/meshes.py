@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from armid.report.plots.encoding import packed
 from armid.values import Array
 
-__all__ = ["MAX_TRIANGLES", "mesh_record", "simplified"]
-
 MAX_TRIANGLES = 80_000
 """Largest number of triangles of a page: about a megabyte, which a phone can draw."""
 

@@ -23,8 +23,6 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array, replace_file
 
-__all__ = ["Preview", "render_preview", "write_preview"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Preview:

@@ -15,8 +15,6 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.values import Array
 
-__all__ = ["Bodies", "bodies_of", "joint_records", "reach_of", "surroundings_of"]
-
 NOT_DRAWN = ("mesh-missing", "visual-left-out", "visual-missing")
 """Codes of findings about bodies that cannot be drawn."""
 

@@ -9,9 +9,7 @@ import numpy as np
 
 from armid.errors import ArmidError
 from armid.excitation.collision.collision_model import CollisionOptions
-from armid.excitation.point_to_point import Moves
 from armid.measurement.log_format import LogFormat
-from armid.report.data.page_data import choices_of, records_of
 from armid.report.preview.approach import bodies_to_watch
 from armid.report.preview.clip import Clip, clip_of_motion, clip_of_plan, clip_of_recording, still
 from armid.report.preview.masses import MassLayer, layer_of_description
@@ -19,14 +17,14 @@ from armid.report.preview.page import Preview
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.runs.locate_recording import read_recording_of
+from armid.runs.records import read_records, trained_and_validated
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice
-from armid.study.identify import read_recording
+from armid.study.identify import read_choice
 from armid.study.plans.design import Designed
+from armid.study.plans.moves import DesignedMoves
 from armid.study.plans.plan_files import is_plan, motion_of_plan, read_whole_plan
 from armid.values import Array
-
-__all__ = ["estimate_layer", "preview_of", "preview_of_design", "preview_of_moves"]
 
 
 def preview_of(
@@ -71,20 +69,13 @@ def preview_of(
     return Preview(robot, clip, around, collision, _layers(robot, estimate), note)
 
 
-def preview_of_design(designed: Designed) -> Preview:
+def preview_of_design(designed: Designed | DesignedMoves) -> Preview:
     """Preview of a plan that has just been designed."""
-    robot, collision = designed.problem.goal.model.robot, designed.collision
+    robot, collision = designed.robot, designed.collision
     clip = clip_of_plan(designed.plan, "designed plan")
     around = () if collision is None else collision.surroundings
     note = designed.preflight.sentence
     return Preview(robot, clip, around, collision, _layers(robot, None), note[:1].upper() + note[1:])
-
-
-def preview_of_moves(moves: Moves, robot: Robot, surroundings: Sequence[Shape]) -> Preview:
-    """Preview of static poses or sweeps."""
-    around = tuple(surroundings)
-    collision, note = _collision_options(robot, around)
-    return Preview(robot, clip_of_plan(moves, "poses and sweeps"), around, collision, _layers(robot, None), note)
 
 
 def _collision_options(robot: Robot, around: tuple[Shape, ...]) -> tuple[CollisionOptions | None, str]:
@@ -107,7 +98,7 @@ def _of_file(path: str, robot: Robot, reading: LogFormat) -> Clip:
     motion = motion_of_plan(path, robot, 1000.0)
     if motion is not None:
         return clip_of_motion(motion, Path(path).name)
-    recording, _ = read_recording(RecordingChoice(path, reading=reading), ".", robot)
+    recording, _ = read_choice(RecordingChoice(path, reading=reading), ".", robot)
     return clip_of_recording(recording, Path(path).name)
 
 
@@ -117,11 +108,11 @@ def _of_run(run: Run, data: Path | str | None) -> Clip:
     Raises:
         ArmidError: No recording can be read.
     """
-    study = records_of(run).study
+    study = read_records(run).study
     missing: list[str] = []
-    for choice, sha256 in sorted(choices_of(run, study), key=lambda each: each[0].role != "validate"):
+    for choice, sha256 in sorted(trained_and_validated(run, study), key=lambda each: each[0].role != "validate"):
         try:
-            recording = read_recording_of(run, choice, sha256, str(study["folder"]), data)
+            recording = read_recording_of(run, choice, sha256, study.folder, data)
         except ArmidError as error:
             missing.append(error.problem)
             continue

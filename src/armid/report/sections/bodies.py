@@ -11,8 +11,6 @@ from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
-__all__ = ["show_bodies"]
-
 ORDER = (0, 1, 2, 3, 4, 6, 9, 5, 7, 8)
 """Quantities in the order of the columns: the moments of inertia before the products."""
 

@@ -9,10 +9,7 @@ from armid.report.data.number_format import decimals_of, fixed, share, short
 from armid.report.data.page_data import PageData
 from armid.report.data.trust import outside_intervals
 from armid.report.section import Section, one_of
-from armid.report.sections.parameters import plain_name
 from armid.report.tables import Column, Table, TableCell
-
-__all__ = ["show_consistency"]
 
 MAX_BLAMED = 10
 """Largest number of listed values; further ones hardly change."""
@@ -73,8 +70,9 @@ def _bodies(page_data: PageData) -> Table:
 def _blame(page_data: PageData) -> Table:
     assert page_data.verdict is not None
     fit = page_data.run.estimate.fit
-    half = dict(zip((plain_name(n) for n in fit.names), 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
-    value = dict(zip((plain_name(n) for n in fit.names), fit.values, strict=True))
+    names: list[str] = [name.of_all for name in fit.names]
+    half = dict(zip(names, 0.5 * np.ptp(fit.intervals, axis=1), strict=True))
+    value = dict(zip(names, fit.values, strict=True))
     rows: list[list[TableCell]] = []
     for each in page_data.verdict.certificate.blame[:MAX_BLAMED]:
         width = float(half[each.name])

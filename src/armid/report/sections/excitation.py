@@ -12,8 +12,6 @@ from armid.report.data.page_data import PageData
 from armid.report.section import Section, effort_unit, one_of
 from armid.report.tables import Column, Table, TableCell
 
-__all__ = ["show_excitation"]
-
 
 def show_excitation(page_data: PageData) -> Section:
     """Section of condition numbers and of each joint's motion in training."""

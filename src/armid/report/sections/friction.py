@@ -21,8 +21,6 @@ from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
-__all__ = ["show_friction"]
-
 CURVE_POINTS = 241
 """Points of a plotted law; enough to show a sign change over a hundredth of the range as a slope."""
 
@@ -73,7 +71,7 @@ def _table(page_data: PageData, recordings: Sequence[RecordingData], reversals: 
     units = {symbol: next(p.unit for p in chosen if p.symbol == symbol) for symbol in kinds}
     estimate = page_data.run.estimate
     mean = averaged(estimate.base.names, estimate.fit)
-    ends = dict(zip(mean.names, mean.intervals, strict=True))
+    ends: dict[str, Array] = dict(zip(mean.names, mean.intervals, strict=True))
     columns = (
         Column("joint", words=True),
         *(Column(symbol, units[symbol]) for symbol in kinds),

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from armid.model.base_formulas import column_formulas
+from armid.model.base_formulas import column_names, column_sums
 from armid.report.data.page_data import PageData
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
-
-__all__ = ["show_groupings"]
 
 
 def show_groupings(page_data: PageData) -> Section | None:
@@ -17,14 +15,13 @@ def show_groupings(page_data: PageData) -> Section | None:
         return None
     names = base.standard_names
     idle = {names[k] for k in base.zero_columns}
-    text, latex = column_formulas(base), column_formulas(base, "latex")
+    latex = column_names(base, "latex")
+    sums = column_sums(base, names), column_sums(base, column_names(base)), column_sums(base, latex, "latex")
     rows: list[list[TableCell]] = []
-    for k, plain, tex in zip(base.removed, text, latex, strict=True):
-        right, (left_tex, _, right_tex) = plain.partition(" = ")[2], tex.partition(" = ")
-        dependence = right.replace("Y_{", "").replace("}", "").replace("-", "−")
+    for k, shown, text, tex in zip(base.removed, *sums, strict=True):
         if names[k] not in idle:
-            head = TableCell(names[k], latex=f"${left_tex}$", kind="name")
-            rows.append([head, TableCell(dependence, right, f"${right_tex}$", "formula")])
+            head = TableCell(names[k], latex=f"${latex[k]}$", kind="name")
+            rows.append([head, TableCell(shown.replace("-", "−"), text, f"${tex}$", "formula")])
     columns = (Column("parameter", words=True), Column("acts on the torque as", words=True))
     table = Table("groupings", "Standard parameters that are contained in others", columns, rows, folded=True)
     content = {"standard": len(names), "base": base.count, "idle": sorted(idle, key=names.index)}

@@ -9,10 +9,7 @@ from armid.report.data.joint_names import groups_of
 from armid.report.data.number_format import decimals_of, fixed, share, short
 from armid.report.data.page_data import PageData
 from armid.report.section import Section
-from armid.report.sections.parameters import plain_name
 from armid.report.tables import Column, Table, TableCell
-
-__all__ = ["show_links"]
 
 MARKS = {"identified": "", "prior-dominated": " ○", "not identifiable": " ×"}
 
@@ -56,7 +53,7 @@ def _table(page_data: PageData, fit: StandardFit) -> Table:
         name, known = fit.names[k], fit.status[k] != "not identifiable"
         value, (low, high) = float(fit.values[k]), (float(end) for end in fit.intervals[k])
         decimals = decimals_of(0.5 * (high - low))
-        described = prior.get(plain_name(name), np.nan) if plain_name(name) in inertial else np.nan
+        described = prior.get(name.of_all, np.nan) if name.of_all in inertial else np.nan
         share_of_data = 100.0 * float(fit.resolution[k])
         rows.append(
             [

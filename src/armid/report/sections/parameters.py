@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from armid.model.base_formulas import base_formulas
+from armid.estimation.fit import POORLY_IDENTIFIED
+from armid.model.base_formulas import base_sums, parameter_latex
 from armid.report.data.joint_names import groups_of
 from armid.report.data.number_format import decimals_of, fixed, percent
 from armid.report.data.page_data import PageData
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
-
-__all__ = ["plain_name", "show_parameters"]
 
 
 def show_parameters(page_data: PageData) -> Section:
@@ -30,7 +29,7 @@ def show_parameters(page_data: PageData) -> Section:
 def _kinds(page_data: PageData) -> str:
     """Number of inertial, rotor inertia and friction parameters, as text."""
     model, base = page_data.run.model, page_data.run.estimate.base
-    which = [base.names.index(plain_name(name)) for name in page_data.run.estimate.fit.names]
+    which = [base.names.index(name.of_all) for name in page_data.run.estimate.fit.names]
     inertial = np.isin(base.kept, model.inertial_columns)[which]
     rotor = np.array([model.parameters[k].symbol == "IA" for k in base.kept])[which]
     counts = (
@@ -41,16 +40,11 @@ def _kinds(page_data: PageData) -> str:
     return " + ".join(f"{count} {what}" for count, what in counts if count)
 
 
-def plain_name(name: str) -> str:
-    """Base name of a parameter that is separate for each recording: `FV_1` of `FV_1[2]`."""
-    return name.split("[", 1)[0]
-
-
 def _table(page_data: PageData) -> Table:
     estimate = page_data.run.estimate
     fit, base = estimate.fit, estimate.base
     number = {name: k for k, name in enumerate(base.names)}
-    text, latex = base_formulas(base), base_formulas(base, "latex")
+    text, latex = base_sums(base), base_sums(base, "latex")
     nominal = page_data.run.model.nominal_parameters()
     prior = None if nominal is None else base.values_of(nominal)
     inertial = np.isin(base.kept, page_data.run.model.inertial_columns)
@@ -68,31 +62,29 @@ def _table(page_data: PageData) -> Table:
     order, groups = groups_of(fit.names, page_data.joints)
     for k in order:
         name, (low, high) = fit.names[k], estimate.intervals[k]
-        which, decimals = number[plain_name(name)], decimals_of(0.5 * float(high - low))
+        which, decimals = number[name.of_all], decimals_of(0.5 * float(high - low))
         poor = bool(fit.poorly_identified[k])
-        sum_text, sum_latex = (formula[which].partition(" = ")[2] for formula in (text, latex))
-        is_sum = sum_text != plain_name(name)  # a single parameter needs no formula
+        is_sum = text[which] != name.of_all  # a single parameter needs no formula
         relative = float(fit.relative_deviation[k])
         rows.append(
             [
-                TableCell(name, latex=f"${_latex(name)}$", kind="name"),
+                TableCell(name, latex=f"${parameter_latex(name)}$", kind="name"),
                 *_values(decimals, float(fit.values[k])),
                 TableCell(base.units[which]),
                 *_values(decimals, float(low), float(high)),
                 TableCell(percent(relative) + ("*" if poor else ""), relative),
                 *(_prior(float(prior[which]), inertial[which], decimals) if prior is not None else ()),
                 TableCell(
-                    sum_text.replace("-", "−") if is_sum else "",
-                    sum_text,
-                    f"${sum_latex}$" if is_sum else " ",
+                    text[which].replace("-", "−") if is_sum else "",
+                    text[which],
+                    f"${latex[which]}$" if is_sum else " ",
                     "formula",
                 ),
             ]
         )
     note = (
-        "σ: relative standard deviation if residuals were uncorrelated. * More than ten times the smallest: poorly "
-        "identified, or near zero. CAD/URDF: the "
-        "value of the description, if it has one; descriptions have no friction."
+        f"σ: relative standard deviation. * Above {POORLY_IDENTIFIED:g} %: poorly identified, or near zero. "
+        "CAD/URDF: the value of the description, if it has one; descriptions have no friction."
     )
     title = f"Base parameters of {estimate.robot}, joint by joint: {_kinds(page_data)}"
     return Table("parameters", title, columns, rows, note, folded=True, groups=groups)
@@ -107,9 +99,3 @@ def _prior(value: float, inertial: bool, decimals: int) -> list[TableCell]:
     if not inertial:
         return [TableCell("–", "")]
     return [TableCell(fixed(value, decimals), value)]
-
-
-def _latex(name: str) -> str:
-    symbol, _, place = name.partition("_")
-    copy = place.partition("[")
-    return f"{symbol}_{{{copy[0]}}}" + (f"^{{({copy[2].rstrip(']')})}}" if copy[1] else "")

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Sequence
 from importlib.metadata import version
 
+from armid.estimation.estimate import InputDigest
+from armid.information.information import FactorOrigin
 from armid.report.data.findings import remedy_words
 from armid.report.data.page_data import PageData
 from armid.report.data.study_toml import study_to_toml
 from armid.report.section import Section
 from armid.report.tables import Column, Table, TableCell
-
-__all__ = ["show_provenance"]
 
 PACKAGES = ("armid", "numpy", "scipy", "plotly")
 
@@ -19,10 +20,9 @@ PACKAGES = ("armid", "numpy", "scipy", "plotly")
 def show_provenance(page_data: PageData) -> Section:
     """Section of inputs, versions, findings and study."""
     estimate = page_data.run.estimate
-    digests = [entry.partition(" ") for entry in estimate.made_from]
     rows = [
         (TableCell(what, kind="path"), TableCell(sha256, kind="digest"))
-        for what, _, sha256 in _with_paths(page_data, digests)
+        for what, sha256 in _with_paths(page_data, estimate.made_from)
     ]
     table = Table(
         "provenance",
@@ -45,24 +45,23 @@ def show_provenance(page_data: PageData) -> Section:
     content = {
         "made": made,
         "study": study_to_toml(page_data.study),
-        "folder": page_data.study["folder"],
+        "folder": page_data.study.folder,
         "findings": findings,
     }
     return Section("Provenance", content, (table,))
 
 
-def _kernel(made_by: str) -> str:
+def _kernel(made_by: FactorOrigin) -> str:
     """Build of the kernel and its factorisation, as text."""
-    build, _, way = made_by.partition(" ")
     ways = {"qr": "QR factors", "cholesky": "Cholesky factors", "products": "products of columns"}
-    return f"{build}, {ways.get(way, way)}" if way else made_by
+    return f"{made_by.kernel}, {ways.get(made_by.method, made_by.method)}" if made_by.method else made_by.kernel
 
 
-def _with_paths(page_data: PageData, digests: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+def _with_paths(page_data: PageData, digests: Sequence[InputDigest]) -> list[tuple[str, str]]:
     """Digests with the paths of the recordings."""
-    paths = iter(each["path"] for each in page_data.study["recordings"])
-    named: list[tuple[str, str, str]] = []
-    for role, space, sha256 in digests:
-        path = next(paths, "") if role in ("train", "validate") else ""
-        named.append((f"{role}: {path}" if path else role, space, sha256))
+    paths = iter(each.path for each in page_data.study.recordings)
+    named: list[tuple[str, str]] = []
+    for each in digests:
+        path = next(paths, "") if each.role in ("train", "validate") else ""
+        named.append((f"{each.role}: {path}" if path else each.role, each.sha256))
     return named

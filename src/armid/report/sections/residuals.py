@@ -15,8 +15,6 @@ from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
 from armid.values import Array
 
-__all__ = ["show_residuals"]
-
 RANGE_SHARE = 0.1
 """Share of the torque's range that residuals are compared with, as in Figure 4.3 of the thesis."""
 

@@ -14,13 +14,11 @@ from armid.report.plots.traces import Axes, Plot, PlotRange, line, spread
 from armid.report.section import Section, clipped_caption, effort_unit
 from armid.report.tables import Column, Table, TableCell
 
-__all__ = ["show_torque"]
-
 
 def show_torque(page_data: PageData) -> Section:
     """Section of torque errors, with plots of the available recordings and their residuals."""
     drawn = page_data.drawn
-    names = names_apart(each["path"] for each in page_data.study["recordings"])
+    names = names_apart(each.path for each in page_data.study.recordings)
     rows = tuple(
         (
             _heading(each, names[each.choice.path]),
@@ -65,8 +63,9 @@ def _table(page_data: PageData) -> Table:
     )
     training = page_data.run.estimate.fit.residual_rms
     held_out = page_data.validation_rms()
-    keys = ("rms_raw", "prior_rms", "relative", "peak", "coverage95")
-    raw, prior, relative, peak, coverage = (page_data.validation_column(key) for key in keys)
+    column = page_data.validation_column
+    raw, prior, peak = column(lambda s: s.rms_raw), column(lambda s: s.prior_rms), column(lambda s: s.peak)
+    relative, coverage = column(lambda s: s.relative), column(lambda s: s.coverage95)
     rows = [
         (
             TableCell(label_of(page_data.joints, j), kind="name"),

@@ -11,8 +11,6 @@ from armid.report.heading import commands_of
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
 
-__all__ = ["show_verdict"]
-
 FIRST = 5
 """Number of sentences shown at once in each column; more would hide the numbers below."""
 
@@ -25,7 +23,7 @@ SENTENCES = {
 
 def show_verdict(page_data: PageData) -> Section:
     """Section of the verdict with its checks and the main numbers."""
-    verdict = str(page_data.validation["verdict"])
+    verdict = page_data.validation.verdict
     content = {
         "verdict": verdict,
         "sentence": SENTENCES.get(verdict, ""),
@@ -36,12 +34,12 @@ def show_verdict(page_data: PageData) -> Section:
     }
     rows = [
         (
-            TableCell(each["name"]),
-            TableCell(short(_number(each["value"])), _number(each["value"])),
-            TableCell(short(_number(each["bound"])), _number(each["bound"])),
-            TableCell("holds" if each["ok"] else "fails", kind="" if each["ok"] else "poor"),
+            TableCell(each.name),
+            TableCell(short(each.value), each.value),
+            TableCell(short(each.bound), each.bound),
+            TableCell("holds" if each.ok else "fails", kind="" if each.ok else "poor"),
         )
-        for each in page_data.validation["checks"]
+        for each in page_data.validation.checks
     ]
     columns = (Column("check", words=True), Column("value"), Column("bound"), Column("", words=True))
     table = Table("checks", "Checks of the verdict", columns, rows, folded=True)
@@ -58,14 +56,10 @@ def _figures(page_data: PageData) -> list[tuple[str, str, str]]:
         figures.append((short(float(np.linalg.norm(held_out[np.isfinite(held_out)]))), unit, f"validation {error}"))
     training = float(np.linalg.norm(fit.residual_rms))
     figures.append((short(training), unit, f"training {error}"))
-    coverage = page_data.validation_column("coverage95")
+    coverage = page_data.validation_column(lambda score: score.coverage95)
     if np.isfinite(coverage).any():
         figures.append((share(float(np.nanmean(coverage))), "", "of held-out rows inside 95 % prediction intervals"))
     low, high = page_data.run.estimate.intervals.T
     significant = int(np.sum((low > 0.0) | (high < 0.0)))
     figures.append((f"{significant} of {len(fit.names)}", "", "parameters whose interval excludes zero"))
     return figures
-
-
-def _number(value: float | None) -> float:
-    return np.nan if value is None else float(value)

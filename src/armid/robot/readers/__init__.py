@@ -16,7 +16,7 @@ class DescriptionReader(Protocol):
     """Interface of a reader module."""
 
     SUFFIXES: tuple[str, ...]
-    """Endings of the file names it reads, lower case, with the dot."""
+    """Suffixes of its files, in lower case, with the dot."""
 
     @staticmethod
     def recognises(text: str) -> bool:

@@ -32,10 +32,10 @@ A file reads so::
     xyz = [0.0, 0.0, 0.045]
     rpy = [0, 0, 0]
 
-Angles are numbers in `units`, or strings such as "pi/2", "-pi", "3*pi/4", which are radians and stand for the
-exact value. Velocities of turning joints are in `units` per second. A mass without inertia is a point mass.
+Angles are numbers in `units`, or strings such as "pi/2", "-pi", "3*pi/4" for exact radians. Velocities of revolute
+joints are in `units` per second. A mass without inertia is a point mass.
 
-The conventions, with q added to the angle of a turning joint and to the length d of a sliding one:
+The conventions, with q added to the angle of a revolute joint and to the length d of a prismatic one:
 
 =========  ==============================================  ==============================================
 standard   T = Rz(theta) Tz(d) Tx(a) Rx(alpha)             row i ends in frame i
@@ -70,8 +70,6 @@ from armid.robot.shapes import Shape, capsule_between, shape_name
 from armid.robot.xml import check_locked
 from armid.values import Array
 
-__all__ = ["SUFFIXES", "outline", "read", "recognises"]
-
 SUFFIXES: tuple[str, ...] = (".toml",)
 
 ROWS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -99,11 +97,11 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     Args:
         text: The TOML text.
         source: Its path or the name of a built-in arm.
-        locked: Joints to be held still; all are still joints of the result.
-        tip: Name of the tip frame: the table's own tip, or a link (`link_1`, …); `None` takes the table's own.
+        locked: Joints to be locked; all are still joints of the result.
+        tip: Name of the tip frame: the table's own tip, or a link (`link_1`, …); `None` is the table's own.
 
     Raises:
-        RobotError: Not such a table; the message names the key and lists the known ones.
+        RobotError: The text is not such a table; the message names the key and lists the known ones.
     """
     try:
         document = tomllib.loads(text)
@@ -151,7 +149,7 @@ def outline(text: str, *, source: str) -> JointOutline:
     """Joints of a DH table, each carried by the one before.
 
     Raises:
-        RobotError: Not such a table.
+        RobotError: The text is not such a table.
     """
     robot = read(text, source=source, locked={}, tip=None)
     joints = (
@@ -197,11 +195,11 @@ def _joint(row: _Table, parent: int, placement: Array) -> Joint:
     name = _name(row)
     if position[0] >= position[1]:
         raise RobotError(
-            f"{row.where}: the limits {row.data['position']} of {name!r} leave no room.",
+            f"{row.where}: the limits {row.data['position']} of {name!r} are not ascending.",
             remedy="give a lower limit below the upper one.",
         )
     if kind == "continuous" and "position" in row.data:
-        raise RobotError(f"{row.where}: {name!r} is continuous and has position limits.", remedy="call it revolute.")
+        raise RobotError(f"{row.where}: {name!r} is continuous but has position limits.", remedy="make it revolute.")
     return Joint(
         name,
         kind,
@@ -249,7 +247,7 @@ def _inertial(row: _Table, to_end: Array, findings: list[Finding]) -> InertialPa
             Finding("inertia-missing", "info", _name(row), "no inertia is given; the link is a point mass")
         )
     body = InertialParameters.from_com(table.number("mass"), com, tensor)
-    # Untouched where the frames agree, so that the numbers stay those of the file.
+    # Unchanged where the frames agree, so that the numbers stay those of the file.
     return body if (to_end == np.eye(4)).all() else body.seen_from(to_end[:3, :3], to_end[:3, 3])
 
 

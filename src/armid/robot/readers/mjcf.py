@@ -1,7 +1,7 @@
 """Reader of MJCF, by a plain form (`armid.robot.mjcf_plain`) and Pinocchio; meshes are never opened.
 
-Bodies with several hinges or slides become a chain of links of nothing. Limits on effort come from the joint, or
-from the actuator on it. Gravity is what the file says.
+Bodies with several hinges or slides become a chain of massless links. Effort limits come from the joint, or from its
+actuator. Gravity is that of the file.
 """
 
 from __future__ import annotations
@@ -23,8 +23,6 @@ from armid.robot.pinocchio_model import build, pinocchio, robot_from_model
 from armid.robot.robot import Robot
 from armid.robot.xml import check_locked, parse_xml, root_tag
 
-__all__ = ["SUFFIXES", "outline", "read", "recognises"]
-
 SUFFIXES: tuple[str, ...] = (".mjcf", ".xml")
 
 
@@ -38,13 +36,13 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
 
     Args:
         text: The MJCF.
-        source: Its path; included files are sought beside it, and count for the digest.
-        locked: Joints to be held still, with positions [rad or m]. Those of more than one degree of freedom are
-            left out here; the others are still joints of the result.
-        tip: Name of the body or site that stands for the flange; `None` finds a body (see `find_tip`).
+        source: Its path; included files are searched beside it and enter the digest.
+        locked: Joints to be locked, with positions [rad or m]. Those of more than one degree of freedom are left out
+            here; the others are still joints of the result.
+        tip: Name of the body or site of the flange; `None` finds a body (see `find_tip`).
 
     Raises:
-        RobotError: Not an MJCF, or not a tree of joints with one degree of freedom.
+        RobotError: The text is not an MJCF, or not a tree of joints with one degree of freedom.
     """
     root = _root(text, source)
     included = root.find(".//include") is not None
@@ -84,7 +82,7 @@ def outline(text: str, *, source: str) -> JointOutline:
     """Joints of an MJCF text, and the joint that moves each body and site.
 
     Raises:
-        RobotError: Not an MJCF, or something that has no plain form.
+        RobotError: The text is not an MJCF, or an element has no plain form.
     """
     root = flatten(_root(text, source), source)
     plain = plain_mjcf(root, source, dict.fromkeys(joint_names(root), 0.0))
@@ -105,6 +103,6 @@ def _root(text: str, source: str) -> ET.Element:
     if root.tag != "mujoco":
         raise RobotError(
             f"{source} is not an MJCF: its root is <{root.tag}>, not <mujoco>.",
-            remedy="give a robot description, or the file the ending of its format.",
+            remedy="give a robot description, or the file the suffix of its format.",
         )
     return root

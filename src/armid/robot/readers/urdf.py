@@ -20,8 +20,6 @@ from armid.robot.robot import Robot
 from armid.robot.urdf_shapes import shapes_of_urdf
 from armid.robot.xml import check_locked, floating, identity_only, numbers, parse_xml, root_tag
 
-__all__ = ["SUFFIXES", "outline", "read", "recognises"]
-
 SUFFIXES: tuple[str, ...] = (".urdf", ".xml")
 
 ONE_DEGREE = ("revolute", "continuous", "prismatic")
@@ -39,17 +37,17 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     Args:
         text: The URDF.
         source: Its path.
-        locked: Joints to be held still, with positions [rad or m]. Those of more than one degree of freedom are
-            made fixed here; the others are still joints of the result.
-        tip: Name of the link that stands for the flange; `None` finds it (see `find_tip`).
+        locked: Joints to be locked, with positions [rad or m]. Those of more than one degree of freedom are made
+            fixed here; the others are still joints of the result.
+        tip: Name of the link of the flange; `None` finds it (see `find_tip`).
 
     Raises:
-        RobotError: Not a URDF, or not a tree of joints with one degree of freedom.
+        RobotError: The text is not a URDF, or not a tree of joints with one degree of freedom.
     """
     root = _root(text, source)
     if any("ros.org/wiki/xacro" in element.tag for element in root.iter()):
         raise RobotError(
-            f"{source} holds unexpanded xacro.", remedy="give the file the ending .xacro, or expand it with xacro."
+            f"{source} has unexpanded xacro.", remedy="give the file the suffix .xacro, or expand it with xacro."
         )
     moving = [joint.get("name", "") for joint in _joints(root) if joint.get("type") != "fixed"]
     check_locked(locked, moving, source)
@@ -61,7 +59,7 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
         if finding is not None:
             findings.append(finding)
     bare = copy.deepcopy(root)
-    bare.set("name", root.get("name") or Path(source).stem)  # urdfdom wants one
+    bare.set("name", root.get("name") or Path(source).stem)  # urdfdom requires one
     for link in bare.iter("link"):
         for drawn in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(drawn)
@@ -84,7 +82,7 @@ def outline(text: str, *, source: str) -> JointOutline:
     """Joints of a URDF text that are not fixed, and the joint that moves each link.
 
     Raises:
-        RobotError: Not a URDF, or limits that are no numbers.
+        RobotError: The text is not a URDF, or limits are not numbers.
     """
     root = _root(text, source)
     moving = [joint for joint in _joints(root) if joint.get("type") != "fixed"]
@@ -115,7 +113,7 @@ def _root(text: str, source: str) -> ET.Element:
             f"{source} is not a URDF: its root is <{root.tag}>, not <robot>.",
             remedy="give the file that includes this one."
             if root.tag.endswith("include")
-            else "give a robot description, or the file the ending of its format.",
+            else "give a robot description, or the file the suffix of its format.",
         )
     return root
 
@@ -179,7 +177,7 @@ def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) ->
     if name not in locked:
         leader = mimic.get("joint")
         raise RobotError(
-            f"{source}: joint {name!r} is of kind mimic: it follows {leader!r} and is no freedom of its own.",
+            f"{source}: joint {name!r} is of kind mimic: it follows {leader!r} and is not independent.",
             remedy=f"lock {name!r} (and {leader!r} if it should not move either), or remove <mimic>.",
         )
     joint.remove(mimic)

@@ -1,6 +1,6 @@
 """Reader of xacro, which xacrodoc expands to a URDF.
 
-The digest is that of the expanded text, since included files shape the robot too.
+The digest is that of the expanded text, since included files change the robot, too.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from armid.robot.readers import urdf
 from armid.robot.robot import Robot
 from armid.robot.xml import parse_xml, root_tag
 
-__all__ = ["SUFFIXES", "expand", "outline", "read", "recognises"]
-
 SUFFIXES: tuple[str, ...] = (".xacro",)
 
 
@@ -34,13 +32,13 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
 
     Args:
         text: The xacro.
-        source: Its path; packages named by $(find …) are sought in the folders above it.
-        locked: Joints to be held still, with positions [rad or m].
-        tip: Name of the link that stands for the flange; `None` finds it.
+        source: Its path; packages named by $(find …) are searched in the folders above it.
+        locked: Joints to be locked, with positions [rad or m].
+        tip: Name of the link of the flange; `None` finds it.
 
     Raises:
         MissingExtraError: xacrodoc is not installed.
-        RobotError: It cannot be expanded, or is no robot once expanded.
+        RobotError: The text cannot be expanded, or the result is not a robot.
     """
     expanded = expand(text, source)
     robot = urdf.read(expanded, source=source, locked=locked, tip=tip)
@@ -52,7 +50,7 @@ def outline(text: str, *, source: str) -> JointOutline:
 
     Raises:
         MissingExtraError: xacrodoc is not installed.
-        RobotError: It cannot be expanded, or is no robot once expanded.
+        RobotError: The text cannot be expanded, or the result is not a robot.
     """
     return urdf.outline(expand(text, source), source=source)
 
@@ -62,7 +60,7 @@ def expand(text: str, source: str) -> str:
 
     Raises:
         MissingExtraError: xacrodoc is not installed.
-        RobotError: It cannot be expanded.
+        RobotError: The text cannot be expanded.
     """
     try:
         import xacro
@@ -84,7 +82,7 @@ def expand(text: str, source: str) -> str:
     asked: set[str] = set()
     while True:
         try:
-            # xacro resolves relative includes against the file at the bottom of a stack that it keeps in a global.
+            # xacro resolves relative includes against the first file of a global stack.
             xacro.init_stacks(str(Path(source).resolve()))
             document = xacrodoc.XacroDoc.from_string(text, resolve_packages=False)
             return document.dom.toxml()

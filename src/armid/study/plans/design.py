@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 
 from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.certification import Margin, certified, fine_grid
-from armid.excitation.collision.closest_approach import RATE, closest_approaches
+from armid.excitation.collision.closest_approach import closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.design.multistart import Progress, Search, search, single_threaded_pool
 from armid.excitation.design.objective import CriterionGoal
@@ -22,10 +23,11 @@ from armid.excitation.limits.constraints import ConstraintChannel
 from armid.excitation.limits.joint_limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.plan import Plan, seconds_for
-from armid.excitation.preflight import Preflight, preflight, worst
+from armid.excitation.preflight import Expectation, Preflight, preflight, worst
 from armid.excitation.series_basis import SeriesBasis
 from armid.excitation.settled import unsettled
 from armid.excitation.start_pose import Holds, TorqueHolds, any_pose
+from armid.excitation.weak_motion import weak_motion
 from armid.notebook import Displayed, Summary
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.missing_inertia import inertial_key, massless_joints
@@ -33,8 +35,6 @@ from armid.robot.robot import Robot
 from armid.study.plans.goals import LIMIT_KINDS, DesignConstraints, DesignGoal, SearchBudget
 from armid.study.plans.placement import place_motion
 from armid.values import Array
-
-__all__ = ["LIMIT_KINDS", "DesignConstraints", "DesignGoal", "Designed", "SearchBudget", "design_plan"]
 
 LEAD_SHARE = 0.5
 """Share of the velocity limits that the motions to and from the start use."""
@@ -52,8 +52,15 @@ DRAWN, DRAWN_BY = 0.1, 0.85
 """Smallest factor, and factor of each step, by which a plan is shrunk towards its start pose to separate bodies whose
 distance has no gradient in the search."""
 
+TRIED = 50.0
+"""Rate at which such bodies are tested before a plan is certified [Hz]; the certified plan is tested at `RATE`."""
+
 LEAD_ACCELERATION = 2.0
 """Acceleration of the motions to and from the start where no limit is given [rad/s² or m/s²]."""
+
+
+Stage = Callable[[str], None]
+"""Callback with the name of a stage of a design."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -80,6 +87,35 @@ class Designed(Displayed):
     findings: tuple[Finding, ...]
     collision: CollisionOptions | None = None
 
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self.problem.goal.model.robot
+
+    @property
+    def start(self) -> Array:
+        """Pose at the beginning of the series, shape (n,) [rad or m]."""
+        return self.plan.excitation.at([0.0]).q[0]
+
+    @property
+    def expected(self) -> Expectation:
+        """Predicted uncertainty of the parameters."""
+        assert self.preflight.expected is not None
+        return self.preflight.expected
+
+    @property
+    def torque(self) -> Torque | None:
+        """Limits of the torque; `None` where torque is not judged."""
+        return next((each for each in self.problem.channels if isinstance(each, Torque)), None)
+
+    @property
+    def heading(self) -> str:
+        """Number of harmonics, period, repetitions and duration."""
+        plan, series = self.plan, self.plan.excitation
+        times = "once" if plan.repetitions == 1 else f"{plan.repetitions} times"
+        leads = f"; {plan.duration:.1f} s with the ways to and from it" if plan.lead_in + plan.lead_out else ""
+        return f"{series.harmonics} harmonics over {series.period:g} s, {times}{leads}"
+
     def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
         """Lowest and highest position of a joint and its limits, for a position limit; `None` for other limits."""
         if margin.limit != "position" or margin.label not in self.limits.joints:
@@ -95,7 +131,7 @@ class Designed(Displayed):
             (each.limit, each.label, f"{each.value:.4g} of {each.bound:.4g} {each.unit}", f"{each.certified:.1%}")
             for each in worst(self.preflight.margins)
         )
-        note = f"expected condition number {self.preflight.expected.condition:.4g}; {len(self.findings)} findings"
+        note = f"expected condition number {self.expected.condition:.4g}; {len(self.findings)} findings"
         return Summary(self.plan.summary().title, ("limit", "of", "nearest", "certified"), rows, note)
 
 
@@ -106,6 +142,7 @@ def design_plan(
     *,
     progress: Progress | None = None,
     executor: Executor | None = None,
+    stage: Stage = lambda name: None,
 ) -> Designed:
     """Designs a motion.
 
@@ -115,21 +152,22 @@ def design_plan(
         budget: Time, workers and seed of the search.
         progress: Called after every descent.
         executor: Runs the search; by default processes are started for it.
+        stage: Called with the name of each stage before and after the search.
 
     Raises:
         ArmidError: Limits are missing, contradict each other or the start pose, or cannot be kept.
     """
     if budget.budget is not None and not budget.budget > 0.0:
         raise ArmidError(f"The budget is {budget.budget} s.", remedy="give some seconds; ten are enough for one arm.")
-    criterion = goal.goal
-    robot = criterion.model.robot
+    criterion, robot = goal.goal, goal.goal.model.robot
     if not goal.duration > 0.0:
         raise ArmidError(f"The duration must be positive; found {goal.duration} s.")
     limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
     if constraints.envelope is not None:
         limits = limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)
-    torque, torque_findings = _torque(criterion, limits, constraints)
-    placed = place_motion(robot, limits, constraints, goal.start, _holds(criterion, torque))
+    torque, torque_findings = judged_torque(criterion, limits, constraints)
+    stage("start pose")
+    placed = place_motion(robot, limits, constraints, goal.start, pose_holds(criterion, torque))
     collision = placed.collision
     basis = SeriesBasis(
         2.0 * math.pi / goal.duration,
@@ -149,12 +187,13 @@ def design_plan(
         seed, seconds, rounds = budget.seed, budget.budget, budget.rounds
         found = search(problem, seed=seed, budget=seconds, rounds=rounds, executor=workers, progress=progress)
     whole = replace(problem, channels=(*channels, *every))
-    x, margins = _finished(whole, found.best.x, robot, collision)
+    x, report = _finished(whole, found.best.x, collision, placed.unchecked, stage)
     plan = _with_leads(basis, x, goal, limits, robot.name)
     _check_leads(plan, robot, collision)
-    report = preflight(whole, x, collision, margins, placed.unchecked)
-    remarks = (unsettled(found, criterion.criterion, budget.budget), _unlimited(plan, limits, robot))
-    findings = (*placed.findings, *torque_findings, *(each for each in remarks if each is not None))
+    unfinished = unsettled(found, criterion.criterion, budget.budget)
+    report = replace(report, weak=weak_motion(whole, x, limits, collision, settled=unfinished is None))
+    remarks = filter(None, (report.weak, unfinished, _unlimited(plan, limits, robot)))
+    findings = (*placed.findings, *torque_findings, *remarks)
     return Designed(plan, whole, x, limits, found, report, findings, collision)
 
 
@@ -171,22 +210,29 @@ def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:
 
 
 def _finished(
-    problem: DescentProblem, x: Array, robot: Robot, collision: CollisionOptions | None
-) -> tuple[Array, tuple[Margin, ...]]:
-    """Unknowns and margins of the plan with every limit certified, shrunk while bodies with exact geometry touch.
+    problem: DescentProblem, x: Array, collision: CollisionOptions | None, unchecked: str, stage: Stage
+) -> tuple[Array, Preflight]:
+    """Unknowns and preflight of the plan with every limit certified, shrunk while bodies with exact geometry touch.
 
     Where shrinking does not separate them, the report names the bodies that touch.
     """
     grid, basis = fine_grid(problem), problem.basis
-    trial, margins = certified(problem, grid, x)
-    if collision is None or not len(collision.measured):
-        return trial, margins
-    times = basis.times(max(100, round(RATE * basis.period)))
-    factor = 1.0
-    while factor > DRAWN and not collision.clear_as_they_are(robot, basis.excitation(trial).at(times).q):
+    times, robot = basis.times(max(100, round(TRIED * basis.period))), problem.goal.model.robot
+    factor, trial = 1.0, x
+    while True:
+        while factor > DRAWN and collision is not None:
+            if collision.clear_as_they_are(robot, basis.excitation(trial).at(times).q):
+                break
+            factor *= DRAWN_BY
+            trial = about_start(basis, x, factor)
+        stage("certificate of the limits")
+        done, margins = certified(problem, grid, trial)
+        stage("closest approaches")
+        report = preflight(problem, done, collision, margins, unchecked)
+        if factor <= DRAWN or all(each.kept for each in report.approaches):
+            return done, report
         factor *= DRAWN_BY
-        trial, margins = certified(problem, grid, about_start(basis, x, factor))
-    return trial, margins
+        trial = about_start(basis, x, factor)
 
 
 def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) -> tuple[ConstraintChannel, ...]:
@@ -209,18 +255,21 @@ def _motion(limits: Limits, basis: SeriesBasis, constraints: DesignConstraints) 
     return (*thesis_channels(limits, basis, form=form), *other)
 
 
-def _torque(
+def judged_torque(
     goal: CriterionGoal, limits: Limits, constraints: DesignConstraints
 ) -> tuple[Torque | None, tuple[Finding, ...]]:
     """Constraint on torque, with findings on the masses that it is computed with."""
-    if constraints.torque_margin is None or not np.isfinite(limits.effort).any():
+    if constraints.torque_margin is None:
         return None, ()
-    values, findings = constraints.parameters, ()
+    unlimited = [limits.joints[j] for j in np.flatnonzero(~np.isfinite(limits.effort))]
+    values, findings = constraints.parameters, (() if not unlimited else (_unjudged(unlimited, goal.model.robot),))
+    if len(unlimited) == len(limits.joints):
+        return None, findings
     if values is None:
         nominal = goal.model.nominal_parameters()
         values = None if nominal is None or not nominal.any() else goal.base.values_of(nominal)
         evidence = "torque is computed from the description's links, without friction"
-        findings = (Finding("torque-nominal", "info", "", evidence),)
+        findings = (*findings, Finding("torque-nominal", "info", "", evidence))
         robot = goal.model.robot
         limited = [name for name, limit in zip(limits.joints, limits.effort, strict=True) if np.isfinite(limit)]
         if values is not None and (empty := [name for name in massless_joints(robot) if name in limited]):
@@ -228,13 +277,21 @@ def _torque(
             remedy = f"give {inertial_key(robot)} for what they move, or a run of an identification with --after."
             findings = (*findings, Finding("torque-unknown", "warning", ", ".join(empty), evidence, remedy))
     if values is None:
-        evidence = f"{goal.model.robot.name} gives no masses, so torque is not limited"
+        evidence = f"torque is not judged: {goal.model.robot.name} gives no masses, so torque is not limited"
         remedy = "give a run of an identification with --after."
-        return None, (Finding("torque-unknown", "warning", "", evidence, remedy),)
+        return None, (Finding("torque-unknown", "warning", "", evidence, remedy), *findings[: bool(unlimited)])
     return torque_channel(limits, values, constraints.torque_margin), findings
 
 
-def _holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
+def _unjudged(joints: Sequence[str], robot: Robot) -> Finding:
+    """Finding that the torque of joints without an effort limit is not judged."""
+    which = "any joint" if len(joints) == robot.n else ", ".join(joints)
+    masses = ", and no mass" if len(massless_joints(robot)) == robot.n else ""
+    evidence = f"torque of {which} is not judged: no effort limit is given{masses}"
+    return Finding("torque-unjudged", "info", "", evidence, "give it with --limit JOINT.effort=VALUE.")
+
+
+def pose_holds(goal: CriterionGoal, torque: Torque | None) -> Holds:
     """Test for poses that the joints can hold with torque to spare."""
     if torque is None:
         return any_pose

@@ -15,19 +15,11 @@ from armid.excitation.preflight import worst
 from armid.robot.robot import Robot
 from armid.study.atomic_folder import refuse, whole_folder
 from armid.study.plans.design import Designed
+from armid.study.plans.moves import DesignedMoves
 from armid.study.plans.plan_files import PLAN_FILE, shape_records
 from armid.study.plans.preflight_text import report_record, report_text
 from armid.study.records import finding_record, to_json
 from armid.values import replace_file
-
-__all__ = [
-    "choose_formats",
-    "design_record",
-    "refuse_plan_folder",
-    "save_design",
-    "save_moves",
-    "track_of",
-]
 
 
 def refuse_plan_folder(folder: Path | str) -> None:
@@ -51,8 +43,13 @@ def choose_formats(names: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(names or FORMATS)
 
 
-def design_record(designed: Designed) -> dict[str, Any]:
+def plan_record(designed: Designed | DesignedMoves) -> dict[str, Any]:
     """The contents of `plan.json`."""
+    return design_record(designed) if isinstance(designed, Designed) else _moves_record(designed)
+
+
+def design_record(designed: Designed) -> dict[str, Any]:
+    """The contents of `plan.json` for a series."""
     plan, report, goal = designed.plan, designed.preflight, designed.problem.goal
     series = plan.excitation
     limits = {
@@ -67,8 +64,8 @@ def design_record(designed: Designed) -> dict[str, Any]:
         "a": series.a,
         "b": series.b,
         "criterion": goal.criterion,
-        "condition": report.expected.condition,
-        "log_det": report.expected.log_det,
+        "condition": designed.expected.condition,
+        "log_det": designed.expected.log_det,
         "seconds": designed.search.seconds,
         "limits": limits,
         "repetitions": plan.repetitions,
@@ -80,16 +77,40 @@ def design_record(designed: Designed) -> dict[str, Any]:
         "rate": goal.rate,
         "descents": designed.search.descents,
         "interrupted": designed.search.interrupted,
-        "verdict": report.verdict,
-        "said": report.sentence,
-        "left_out": [each.pair for each in report.skipped],
-        "findings": [finding_record(finding) for finding in designed.findings],
+        **_verdict_record(designed),
         "surroundings": [] if designed.collision is None else shape_records(designed.collision.surroundings),
     }
 
 
+def _moves_record(designed: DesignedMoves) -> dict[str, Any]:
+    """The contents of `plan.json` for poses or sweeps."""
+    moves = designed.plan
+    return {
+        "robot": designed.robot.name,
+        "joints": moves.joints,
+        "poses": moves.poses,
+        "speeds": moves.speeds,
+        "stretches": [
+            {"kind": kind, "seconds": seconds} for kind, seconds in zip(moves.kinds, moves.seconds, strict=True)
+        ],
+        "duration": moves.duration,
+        **_verdict_record(designed),
+    }
+
+
+def _verdict_record(designed: Designed | DesignedMoves) -> dict[str, Any]:
+    """Verdict, pairs that are left out, and findings."""
+    report = designed.preflight
+    return {
+        "verdict": report.verdict,
+        "said": report.sentence,
+        "left_out": [each.pair for each in report.skipped],
+        "findings": [finding_record(finding) for finding in designed.findings],
+    }
+
+
 def save_design(
-    designed: Designed,
+    designed: Designed | DesignedMoves,
     folder: Path | str,
     *,
     formats: Sequence[str] = tuple(FORMATS),
@@ -105,40 +126,14 @@ def save_design(
         rate: Sample rate in every format [Hz]; each format's default if not given.
         rehearsal: Speed of the rehearsal as a share of the plan's.
     """
-    record = design_record(designed)
+    record = plan_record(designed)
     with whole_folder(folder, PLAN_FILE, "plan") as draft:
         if designed.preflight.verdict != "fail":
-            _write_motions(draft, designed.plan, designed.problem.goal.model.robot, formats, rate, rehearsal)
+            _write_motions(draft, designed.plan, designed.robot, formats, rate, rehearsal)
         replace_file(draft / "preflight.json", to_json(report_record(designed)) + "\n")
         replace_file(draft / "preflight.txt", report_text(designed))
         replace_file(draft / PLAN_FILE, to_json(record) + "\n")
     return Path(folder)
-
-
-def save_moves(
-    moves: Moves,
-    robot: Robot,
-    folder: Path | str,
-    *,
-    formats: Sequence[str] = tuple(FORMATS),
-    rate: float | None = None,
-    rehearsal: float = 0.2,
-) -> dict[str, Any]:
-    """Writes poses or sweeps like a design, and returns the contents of their `plan.json`."""
-    record = {
-        "robot": robot.name,
-        "joints": moves.joints,
-        "poses": moves.poses,
-        "speeds": moves.speeds,
-        "stretches": [
-            {"kind": kind, "seconds": seconds} for kind, seconds in zip(moves.kinds, moves.seconds, strict=True)
-        ],
-        "duration": moves.duration,
-    }
-    with whole_folder(folder, PLAN_FILE, "plan") as draft:
-        _write_motions(draft, moves, robot, formats, rate, rehearsal)
-        replace_file(draft / PLAN_FILE, to_json(record) + "\n")
-    return record
 
 
 def _write_motions(

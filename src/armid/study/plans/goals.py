@@ -13,8 +13,6 @@ from armid.robot.shapes import Shape
 from armid.study.plans.surroundings import AssumedFloor
 from armid.values import Array
 
-__all__ = ["LIMIT_KINDS", "DesignConstraints", "DesignGoal", "SearchBudget"]
-
 LIMIT_KINDS = ("true", "thesis", "thesis-literal")
 """Forms of position and velocity limits: on the motion itself, or on sums of amplitudes as in (3.55d-f)."""
 

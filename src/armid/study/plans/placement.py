@@ -18,14 +18,12 @@ from armid.excitation.collision.collision_model import (
 )
 from armid.excitation.collision.required_distances import ALWAYS
 from armid.excitation.limits.joint_limits import Limits
-from armid.excitation.start_pose import Holds, Start, any_pose, choose_start, free_range, usual_pose
+from armid.excitation.start_pose import Holds, Start, any_pose, choose_start, find_start, free_range, usual_pose
 from armid.notebook import plural
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.study.plans.goals import DesignConstraints
 from armid.values import Array
-
-__all__ = ["Placement", "place_motion"]
 
 TIGHT = 0.1
 """Share of swings that are free about a start pose below which capsules are replaced by hulls."""
@@ -98,30 +96,37 @@ def _among_bodies(
     findings: tuple[Finding, ...] = ()
     start = given
     if start is not None:
+        if (cell.too_close(start[None])[0] & cell.required.dispensable).any():
+            cell = cell.without_dispensable()
         cell = cell if free_range(cell, limits, start, holds) >= TIGHT else cell.tightened()
     else:
         cell, chosen = _choose(cell, limits, holds)
         start = chosen.pose
         if not chosen.usual:
             evidence = (
-                f"the usual start pose leaves less room; the series starts at {_numbers(start)}, "
+                f"the usual start pose leaves less room; the motion is planned about {_numbers(start)}, "
                 f"about which {100 * chosen.free_share:.0f} % of the swings that were tried are free"
             )
             findings = (_chosen(evidence),)
     collision = kept_apart(cell, start)
-    return Placement(start, collision, (*findings, *_skipped_pairs(collision)))
+    return Placement(start, collision, (*findings, *_without_shapes(robot), *_skipped_pairs(collision)))
 
 
 def _choose(cell: CollisionModel, limits: Limits, holds: Holds) -> tuple[CollisionModel, Start]:
-    """A start pose among bodies, measured by hulls where capsules are so wide that they leave none with room."""
-    try:
-        chosen = choose_start(cell, limits, holds)
-        if chosen.free_share >= TIGHT:
-            return cell, chosen
-    except ArmidError:
-        pass
+    """A start pose among bodies, measured by hulls where capsules are so wide that they leave none with room.
+
+    Where that leaves none either, neighbours whose bodies overlap in most poses are left out.
+    """
+    chosen = find_start(cell, limits, holds)
+    if chosen is not None and chosen.free_share >= TIGHT:
+        return cell, chosen
     tight = cell.tightened()
-    return tight, choose_start(tight, limits, holds)
+    if not tight.required.dispensable.any():
+        return tight, choose_start(tight, limits, holds)
+    chosen = find_start(tight, limits, holds)
+    if chosen is not None and chosen.free_share >= TIGHT:
+        return tight, chosen
+    return _choose(cell.without_dispensable(), limits, holds)
 
 
 def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, tuple[Finding, ...]]:
@@ -130,7 +135,7 @@ def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, 
     if holds(usual[None])[0]:
         return usual, ()
     chosen = choose_start(empty_collision_model(robot), limits, holds)
-    evidence = f"the joints cannot hold the usual start pose; the series starts at {_numbers(chosen.pose)}"
+    evidence = f"the joints cannot hold the usual start pose; the motion is planned about {_numbers(chosen.pose)}"
     return chosen.pose, (_chosen(evidence),)
 
 
@@ -165,6 +170,15 @@ def _no_floor(why: str) -> Finding:
     """Finding that no floor is assumed, and why."""
     remedy = "say with --floor HEIGHT, in metres over the base, where there is one."
     return Finding("floor-left-out", "info", "", f"no floor is assumed: {why}", remedy)
+
+
+def _without_shapes(robot: Robot) -> tuple[Finding, ...]:
+    """Finding that names the moving links without bodies, which nothing keeps apart."""
+    bare = [link.name for k, link in enumerate(robot.links) if all(shape.link != k for shape in robot.shapes)]
+    if not bare:
+        return ()
+    evidence = f"{plural(len(bare), 'link')} without bodies in the description, which nothing keeps apart"
+    return (Finding("links-without-bodies", "info", "", f"{evidence}: {', '.join(bare)}"),)
 
 
 def _skipped_pairs(collision: CollisionOptions) -> tuple[Finding, ...]:

@@ -19,8 +19,6 @@ from armid.model.motion import Motion
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 
-__all__ = ["PLAN_FILE", "is_plan", "motion_of_plan", "read_whole_plan", "series_of", "shape_records"]
-
 
 def is_plan(name: str) -> bool:
     """True for the name of a built-in plan, of a `plan.json` or of a folder with one."""

@@ -1,4 +1,4 @@
-"""Preflight report of a design, as text and as JSON."""
+"""Preflight report of a series, or of poses or sweeps, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -8,27 +8,38 @@ import numpy as np
 
 from armid.errors import Finding
 from armid.excitation.certification import Margin
+from armid.excitation.preflight import Expectation
 from armid.study.plans.design import Designed
+from armid.study.plans.moves import DesignedMoves
 from armid.study.records import finding_record
 
-__all__ = ["findings_of", "report_record", "report_text"]
+Checked = Designed | DesignedMoves
+"""A motion with its pre-flight check."""
 
 MOST_LINES = 12
 """Parameters and pairs that the text shows; the JSON has all of them."""
 
-MARKS = {"pass": "✓", "fail": "✗", "not checked": "–"}
+MARKS = {"pass": "✓", "fail": "✗", "weak": "!", "not checked": "–"}
 """Before each verdict."""
 
+NOT_LOOKED_AT = (
+    "(share of random poses in which they touch, findings pairs-touching-always and pairs-touching-mostly; or who "
+    "left them out, finding pairs-ignored)"
+)
+"""Explanation of the pairs of bodies that are left out."""
 
-def findings_of(designed: Designed) -> tuple[Finding, ...]:
+MEASURED = "measured between the bodies as described, convex hulls around them, or triangles of meshes"
+"""Kinds of distances in the rows of closest approaches."""
+
+
+def findings_of(designed: Checked) -> tuple[Finding, ...]:
     """Findings of the description and of the design, each once."""
-    return tuple(dict.fromkeys((*designed.problem.goal.model.robot.findings, *designed.findings)))
+    return tuple(dict.fromkeys((*designed.robot.findings, *designed.findings)))
 
 
-def report_record(designed: Designed) -> dict[str, Any]:
+def report_record(designed: Checked) -> dict[str, Any]:
     """The contents of `preflight.json`."""
     report = designed.preflight
-    expected = report.expected
     return {
         "verdict": report.verdict,
         "said": report.sentence,
@@ -43,16 +54,30 @@ def report_record(designed: Designed) -> dict[str, Any]:
                 "time": m.time,
                 "share": m.share,
                 "certified_share": m.certified,
+                **({"measured": "capsules or hulls, as in the search"} if m.limit == "collision" else {}),
             }
             for m in report.margins
         ],
         "approaches": [
-            {"pair": a.pair, "distance": a.distance, "time": a.time, "asked": a.asked} for a in report.approaches
+            {"pair": a.pair, "distance": a.distance, "time": a.time, "asked": a.asked, "measured": a.measured}
+            for a in report.approaches
         ],
         "skipped_pairs": [
             {"pair": each.pair, "touching": None if each.reason else each.share, "reason": each.reason or "touching"}
             for each in report.skipped
         ],
+        **(_expected_record(designed.expected) if isinstance(designed, Designed) else {}),
+        "torque_units": [joint.effort_unit for joint in designed.robot.joints],
+        "start": dict(zip(designed.limits.joints, designed.start.tolist(), strict=True)),
+        "velocity_share": 1.0,
+        "torque_share": torque_share(designed),
+        "findings": [finding_record(finding) for finding in findings_of(designed)],
+    }
+
+
+def _expected_record(expected: Expectation) -> dict[str, Any]:
+    """Predicted uncertainty after the recording of a series, as JSON."""
+    return {
         "condition": expected.condition,
         "log_det": expected.log_det,
         "base_parameters": [
@@ -60,49 +85,56 @@ def report_record(designed: Designed) -> dict[str, Any]:
             for name, unit, deviation in zip(expected.names, expected.units, expected.deviation, strict=True)
         ],
         "torque_deviation": expected.torque,
-        "findings": [finding_record(finding) for finding in findings_of(designed)],
     }
 
 
-def report_text(designed: Designed, *, findings: bool = True) -> str:
+def report_text(designed: Checked, *, findings: bool = True) -> str:
     """The report for people.
 
     Args:
         designed: The design.
         findings: Whether findings are appended; on a screen they are printed separately.
     """
-    report, goal, plan = designed.preflight, designed.problem.goal, designed.plan
-    series, expected = plan.excitation, report.expected
-    times = "once" if plan.repetitions == 1 else f"{plan.repetitions} times"
-    leads_text = f"; {plan.duration:.1f} s with the ways to and from it" if plan.lead_in + plan.lead_out else ""
+    report = designed.preflight
     lines = [
         f"{MARKS[report.verdict]} {report.sentence}",
         "",
-        f"{series.robot}: {series.harmonics} harmonics over {series.period:g} s, {times}{leads_text}",
-        f"designed for {goal.criterion}; condition number {expected.condition:.2f}, "
-        f"log-determinant of the Fisher information {expected.log_det:.2f}",
+        f"{designed.robot.name}: {designed.heading}",
+        *(_criterion_lines(designed) if isinstance(designed, Designed) else []),
+        f"start pose: {start_text(designed)}",
         "",
         "limits (share of the limit on a grid of 1 kHz, and certified between its points)",
+        f"  {margins_text(designed)}",
         *(_limit_line(m, designed) for m in report.margins if m.limit != "collision"),
     ]
     if report.approaches:
-        lines += ["", "closest approaches (what each pair should keep)"]
+        lines += ["", f"closest approaches (what each pair should keep; {MEASURED})"]
         lines += [
-            f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s  ({1000 * a.asked:.0f} mm)"
+            f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s  ({1000 * a.asked:.0f} mm; {a.measured})"
             for a in report.approaches[:MOST_LINES]
         ]
         if len(report.approaches) > MOST_LINES:
             lines.append(f"  … {len(report.approaches) - MOST_LINES} more pairs are further apart")
     if report.skipped:
         left = "; ".join(each.account for each in report.skipped)
-        lines += ["", f"not looked at, as they touch in most poses (share of poses) or were left out by hand: {left}"]
-    lines += _expected_lines(designed)
+        lines += ["", f"not looked at {NOT_LOOKED_AT}: {left}"]
+    if isinstance(designed, Designed):
+        lines += _expected_lines(designed)
     if findings:
         lines += ["", *(_finding_line(finding) for finding in findings_of(designed))]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _limit_line(margin: Margin, designed: Designed) -> str:
+def _criterion_lines(designed: Designed) -> list[str]:
+    """Line with the criterion of a series, and its values."""
+    expected = designed.expected
+    return [
+        f"designed for {designed.problem.goal.criterion}; condition number {expected.condition:.2f}, "
+        f"log-determinant of the Fisher information {expected.log_det:.2f}"
+    ]
+
+
+def _limit_line(margin: Margin, designed: Checked) -> str:
     """Line for one limit; for positions with the range."""
     when = "" if np.isnan(margin.time) else f" at {margin.time:6.2f} s"
     shares = f"{100 * margin.share:6.1f} %  {100 * margin.certified:6.1f} %{when}"
@@ -117,24 +149,44 @@ def _limit_line(margin: Margin, designed: Designed) -> str:
 
 def _expected_lines(designed: Designed) -> list[str]:
     """Lines with the standard deviations that the recording will give."""
-    goal, expected = designed.problem.goal, designed.preflight.expected
-    noise = ", ".join(f"{x:g}" for x in goal.noise)
-    lines = [
-        "",
-        f"predicted standard deviations, for uncorrelated torque noise of {noise} (N·m or N) at {goal.rate:g} Hz",
-    ]
+    goal, expected = designed.problem.goal, designed.expected
+    units = [joint.effort_unit for joint in goal.model.robot.joints]
+    noises = [f"{x:g} {unit}" for x, unit in zip(goal.noise, units, strict=True)]
+    noise = ", ".join(noises if len(set(noises)) > 1 else noises[:1])
+    lines = ["", f"predicted standard deviations, for uncorrelated torque noise of {noise} at {goal.rate:g} Hz"]
     order = np.argsort(-expected.deviation)
     for k in order[:MOST_LINES]:
         lines.append(f"  {expected.names[k]:<12}{expected.deviation[k]:12.3g} {expected.units[k]}")
     if len(order) > MOST_LINES:
         lines.append(f"  … {len(order) - MOST_LINES} more are smaller; preflight.json has all")
-    torque = ", ".join(f"{x:.3g}" for x in expected.torque)
-    lines.append(f"  of the torque predicted afterwards: {torque} (N·m or N, joint by joint)")
+    torque = ", ".join(f"{x:.3g} {unit}" for x, unit in zip(expected.torque, units, strict=True))
+    lines.append(f"  of the torque predicted afterwards, joint by joint: {torque}")
     return lines
+
+
+def start_text(designed: Checked) -> str:
+    """Start pose, joint by joint with units."""
+    q, joints = designed.start.tolist(), designed.robot.joints
+    return ", ".join(f"{joint.name} {round(x, 4) + 0.0:g} {joint.unit}" for joint, x in zip(joints, q, strict=True))
+
+
+def torque_share(designed: Checked) -> float | None:
+    """Share of the torque limits that the plan may use; `None` where torque is not judged."""
+    torque = designed.torque
+    return None if torque is None else float(torque.limit[0] / designed.limits.effort[torque.joints[0]])
+
+
+def margins_text(designed: Checked) -> str:
+    """Shares of the velocity and torque limits that the plan may use."""
+    share = torque_share(designed)
+    torque = "torque is not judged" if share is None else f"of torque limits, {100.0 * share:.0f} % may be used"
+    more = "" if share is None else f" (bounds below are without the other {100.0 * (1.0 - share):.0f} %)"
+    return f"of velocity limits, 100 % may be used; {torque}{more if share != 1.0 else ''}"
 
 
 def _finding_line(finding: Finding) -> str:
     """Line with a finding and its remedy."""
     where = f"{finding.channel}: " if finding.channel else ""
     stop = "; " if finding.remedy and finding.evidence[-1:] not in (".", ";") else " "
-    return f"{finding.severity}: {stop.join(part for part in (where + finding.evidence, finding.remedy) if part)}"
+    said = stop.join(part for part in (where + finding.evidence, finding.remedy) if part)
+    return f"{finding.severity} {finding.code}: {said}"

@@ -21,8 +21,6 @@ from armid.study.plans.plan_files import series_of
 from armid.study.records import to_json
 from armid.values import replace_file, sha256_of_file
 
-__all__ = ["WrittenSimulation", "refuse_format", "simulate_to", "the_plan"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WrittenSimulation:

@@ -16,8 +16,6 @@ from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
 from armid.robot.visual_bodies import missing_bodies
 
-__all__ = ["AssumedFloor", "assumed_floor", "meshes_are_missing", "surroundings_of"]
-
 UPRIGHT = 0.996
 """Cosine of the largest angle, five degrees, between gravity and -z of the base of a standing arm."""
 

@@ -36,13 +36,13 @@ CHAPTERS: Mapping[str, Callable[[Thesis], Section]] = {
 
 
 def thesis_sections(thesis: Thesis) -> dict[str, Section]:
-    """Every chapter by name."""
+    """Chapters of the page by name."""
     return {name: show(thesis) for name, show in CHAPTERS.items()}
 
 
 def render_thesis(sections: Mapping[str, Section]) -> str:
-    """The page as HTML."""
-    subtitle = "Identification of the dynamic parameters of the KUKA LBR iiwa R820: run again, corrected, and judged"
+    """HTML of the page."""
+    subtitle = "Identification of the dynamic parameters of the KUKA LBR iiwa R820: reproduced, corrected, assessed"
     return assemble("The thesis retold", subtitle, sections, with_plots=True)
 
 
@@ -50,12 +50,12 @@ def write_thesis(thesis: Thesis, folder: Path | str) -> Path:
     """Write `thesis.html`, `thesis.json` and every table as CSV and LaTeX.
 
     Args:
-        thesis: The study.
-        folder: Where to; there whole or not at all.
+        thesis: Results of the study.
+        folder: Target folder; it is written completely or not at all.
 
     Raises:
         MissingExtraError: jinja2 or plotly is not installed.
-        OutputError: The folder cannot be written, or holds something else.
+        OutputError: The folder cannot be written, or has other contents.
     """
     require_extra()
     sections = thesis_sections(thesis)

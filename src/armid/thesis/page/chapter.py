@@ -1,4 +1,4 @@
-"""A chapter of the thesis's page: paragraphs, tables and figures in the order in which they are read."""
+"""Chapters of the thesis's page: paragraphs, tables and figures in reading order."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from armid.model.parameter_name import ParameterName
 from armid.report.plots.traces import Plot
 from armid.report.section import Section
 from armid.report.tables import Table, TableCell
 
-__all__ = ["Block", "Figures", "List", "Numbers", "Text", "chapter", "counted", "named", "number", "subscripts"]
-
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A paragraph, in HTML; nothing in it comes from outside the program.
+    """Paragraph of trusted HTML, without text from outside the program.
 
     Attributes:
         html: The paragraph.
@@ -28,7 +27,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class List:
-    """Points, in HTML.
+    """List of points in HTML.
 
     Attributes:
         items: The points.
@@ -40,10 +39,10 @@ class List:
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """A few numbers that stand for the whole, large.
+    """Key numbers in large type.
 
     Attributes:
-        items: Number, unit and what it is.
+        items: Number, unit and description of each.
     """
 
     items: Sequence[tuple[str, str, str]]
@@ -55,10 +54,10 @@ class Figures:
     """Figures side by side.
 
     Attributes:
-        heading: What they are together.
+        heading: Common heading.
         plots: The figures.
-        columns: How many stand side by side on a wide screen.
-        legend: Roles of the traces, and what they are.
+        columns: Number of figures side by side on a wide screen.
+        legend: Role and description of each trace.
     """
 
     heading: str
@@ -72,7 +71,7 @@ Block = Text | List | Numbers | Figures | Table
 
 
 def chapter(title: str, *blocks: Block) -> Section:
-    """The section that the template `chapter` shows."""
+    """Section of the page with the template `chapter`."""
     tables = tuple(block for block in blocks if isinstance(block, Table))
     figures = tuple((block.heading, tuple(block.plots)) for block in blocks if isinstance(block, Figures))
     shown = [("table", block) if isinstance(block, Table) else (block.kind, block) for block in blocks]
@@ -80,27 +79,28 @@ def chapter(title: str, *blocks: Block) -> Section:
 
 
 SMALL = str.maketrans("0123456789ijlnx−", "₀₁₂₃₄₅₆₇₈₉ᵢⱼₗₙₓ₋")
-"""Letters that have a small form below the line; others keep their underscore."""
+"""Characters that have a subscript form; others keep their underscore."""
 
 
 def subscripts(text: str) -> str:
-    """`MY_2` as MY₂, `d_3` as d₃, `β_i` as βᵢ, `M_{n−2}` as Mₙ₋₂."""
+    """Text with subscripts: `MY_2` as MY₂, `d_3` as d₃, `β_i` as βᵢ, `M_{n−2}` as Mₙ₋₂."""
     return re.sub(
         r"_(?:(\d+|[ijlnx](?![A-Za-z]))|\{([\dn−]+)\})", lambda found: (found[1] or found[2]).translate(SMALL), text
     )
 
 
 def counted(number: int, what: str) -> str:
-    """`1 seed`, `2 seeds`."""
+    """Number with a noun: `1 seed`, `2 seeds`."""
     return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def named(name: str) -> TableCell:
-    """A parameter's name."""
-    symbol, _, index = name.rpartition("_")
-    return TableCell(subscripts(name), name, rf"$\mathrm{{{symbol}}}_{{{index}}}$")
+    """Table cell with a parameter's name, possibly one in print."""
+    parts = ParameterName.read(name)
+    symbol = parts.symbol + "R" * parts.grouped
+    return TableCell(subscripts(name), name, rf"$\mathrm{{{symbol}}}_{{{parts.number}}}$")
 
 
 def number(value: float, text: str, kind: str = "") -> TableCell:
-    """A number with its text; the full one goes into CSV."""
+    """Table cell with a number and its text; CSV gets the full number."""
     return TableCell(text, float(value), kind=kind)

@@ -16,16 +16,14 @@ from armid.thesis.retell import Thesis
 from armid.thesis.steps import Step
 from armid.values import Array
 
-__all__ = ["show_parameters", "show_steps", "show_torque"]
-
 GROUPS = 3
-"""Columns of names and values side by side in Table 4.1."""
+"""Groups of columns side by side in Table 4.1."""
 
 LARGEST = 9999.0
-"""Relative deviations above it are of parameters that are zero, [%]."""
+"""Relative deviation above which a parameter is zero for practical purposes [%]."""
 
 SMALLEST = 0.01
-"""Relative deviations below it would read 0.00 [%]."""
+"""Relative deviation below which two decimals would show 0.00 [%]."""
 
 PHYSICAL = (
     ("m", "m"), ("r_x", "r_{x}"), ("r_y", "r_{y}"), ("r_z", "r_{z}"), ("I_xx", "I_{xx}"), ("I_xy", "I_{xy}"),
@@ -35,10 +33,10 @@ PHYSICAL = (
 
 
 def _noise_of(rate: float) -> str:
-    """Return what the noise of 8 kHz is at another rate."""
+    """Text on the noise at a rate other than 8 kHz."""
     if rate == NOISE.rate:
         return ""
-    return f" for 8&nbsp;kHz, times {short(np.sqrt(rate / NOISE.rate), 2)} at this rate, which is as much in any band"
+    return f" at 8&nbsp;kHz, times {short(np.sqrt(rate / NOISE.rate), 2)} at this rate, for the same noise density"
 
 
 def show_steps(thesis: Thesis) -> Section:
@@ -51,24 +49,25 @@ def show_steps(thesis: Thesis) -> Section:
             "The virtual arm has the inertials of its public description and the friction of Table 4.1. It follows "
             f"Table A.1 in 27&nbsp;s exactly, five times, and is logged at {setting.extent.rate:g}&nbsp;Hz with "
             f"noise of 10⁻⁵&nbsp;rad and 0.3&nbsp;N·m{_noise_of(setting.extent.rate)}. Each row estimates the base "
-            "parameters in another way; each is held against the truth, and against the true torque along Table A.2, "
-            "which no estimate has seen."
+            "parameters by another method; the result is compared with the true parameters and, for validation, with "
+            "the true torque along Table A.2."
         ),
         _steps(thesis.steps.rows),
         Text(
-            f"<b>Over {spread.seeds} seeds of the noise</b>, periodic edges: as printed, the base parameters are off "
-            f"by {fixed(printed[0], 4)} (largest {fixed(spread.printed[:, 0].max(), 4)}) of their length and Table "
-            f"A.2 by {fixed(printed[1], 3)}&nbsp;N·m ({fixed(spread.printed[:, 1].max(), 3)}); with filtered columns "
-            f"by {short(corrected[0], 2)} ({short(spread.corrected[:, 0].max(), 2)}) and "
-            f"{short(corrected[1], 2)}&nbsp;N·m ({short(spread.corrected[:, 1].max(), 2)}), medians and worst of the "
-            "seeds. None of the bias as printed is noise: friction turns round in an instant, the low-pass smears "
-            "that on the side of the torque alone, and viscous friction takes what Coulomb friction loses."
+            f"<b>Over {spread.seeds} seeds of the noise</b>, periodic edges, median (largest): as printed, the "
+            f"relative error of the base parameters is {fixed(printed[0], 4)} (largest "
+            f"{fixed(spread.printed[:, 0].max(), 4)}) and the torque error on Table A.2 is {fixed(printed[1], 3)}"
+            f"&nbsp;N·m ({fixed(spread.printed[:, 1].max(), 3)}); with filtered columns {short(corrected[0], 2)} "
+            f"({short(spread.corrected[:, 0].max(), 2)}) and {short(corrected[1], 2)}&nbsp;N·m "
+            f"({short(spread.corrected[:, 1].max(), 2)}). The bias as printed is not noise: friction jumps at "
+            "reversals, the low-pass smooths the jump in the torque but not in the columns, and the estimate shifts "
+            "from Coulomb to viscous friction."
         ),
         Text(
-            "<b>The sign of gravity</b> hardly shows as printed: the wrong one raises the residual "
-            f"{fixed(float(np.median(spread.printed_ratio)), 2)} times. With filtered columns it raises it "
-            f"{fixed(float(np.median(spread.corrected_ratio)), 1)} times in the median and "
-            f"{fixed(float(spread.corrected_ratio.min()), 1)} times at least. A wrong sign cannot be missed there."
+            "<b>The sign of gravity</b> has little effect as printed: the residual for the wrong sign is "
+            f"{fixed(float(np.median(spread.printed_ratio)), 2)} times that for the right one. With filtered columns "
+            f"it is {fixed(float(np.median(spread.corrected_ratio)), 1)} times as large in the median and "
+            f"{fixed(float(spread.corrected_ratio.min()), 1)} times at least, so that a wrong sign is evident."
         ),
     )
 
@@ -90,10 +89,10 @@ def _steps(rows: tuple[Step, ...]) -> Table:
         for e in (step.errors,)
     ]
     note = (
-        "All, inertial, friction: distance of the base parameters from the truth over its length. Table A.2: RMS "
-        "over all joints of predicted less true torque. Residual: RMS in the method's own band. The thesis does not "
-        "say how it treats the ends of the recording; padded, the transient of a filter of order 20 at 3 Hz is part "
-        "of the data."
+        "All, inertial, friction: norm of the base parameters' error over the norm of the truth. Table A.2: RMS over "
+        "all joints of predicted less true torque. Residual: RMS in the method's own band. The thesis does not state "
+        "how it treats the ends of the recording; with padding the data contain the transient of a filter of order "
+        "20 at 3 Hz."
     )
     return Table("steps", "Algorithm 3 as printed, and corrections", columns, cells, note)
 
@@ -107,8 +106,8 @@ def show_parameters(thesis: Thesis) -> Section:
         "Tables 4.1 and 4.2",
         Text(
             "The tables of the thesis, and the same tables from the virtual arm: by Algorithm 3 as it is printed, "
-            "and with filtered columns. The virtual arm is not the thesis's arm, so that inertials differ; its "
-            "friction is that of Table 4.1, and what an estimate makes of it can be seen line by line."
+            "and with filtered columns. The virtual arm is not the thesis's arm, so the inertial parameters differ; "
+            "its friction is that of Table 4.1, so the friction can be compared line by line."
         ),
         _base_table("table-4-1", "Table 4.1 in print: π̂_b", found.names, values, relative),
         _base_table(
@@ -129,8 +128,8 @@ def show_parameters(thesis: Thesis) -> Section:
         ),
         _physical_table("table-4-2-true", "Table 4.2 of the virtual arm, the truth", found.true_physical),
         Text(
-            "Single masses do not show in torques: the estimates of Table 4.2 differ from the truth by kilograms and "
-            "predict the same. Only the base parameters that they stand for can be compared, as in the table of "
+            "The torque does not depend on single masses: the estimates of Table 4.2 differ from the truth by "
+            "kilograms but predict the same torque. Only their base parameters can be compared, as in the table of "
             "steps."
         ),
     )  # fmt: skip
@@ -149,7 +148,7 @@ def _about(printed: Table41, corrected: Table41) -> str:
 def _base_table(
     key: str, caption: str, names: tuple[str, ...], values: Array, relative: Array, truth: Array | None = None
 ) -> Table:
-    """Base parameters in the thesis's form, three groups of columns side by side, with the truth where known."""
+    """Table of base parameters in the thesis's form, in groups side by side, with the truth where known."""
     group = [Column("name", words=True), Column("value"), Column("σ", "%")]
     group += [Column("truth")] if truth is not None else []
     columns = [Column(column.title + " " * k, column.unit, column.words) for k in range(GROUPS) for column in group]
@@ -168,7 +167,7 @@ def _base_table(
 
 
 def _percent(value: float) -> str:
-    """A relative deviation with two decimals as in print; one digit where these say nothing."""
+    """Text of a relative deviation with two decimals as in print, or with one digit where these would be zero."""
     if value > LARGEST:
         return f"> {LARGEST:g}"
     return fixed(value, 2) if value >= SMALLEST else short(value, 1)
@@ -190,14 +189,12 @@ def show_torque(thesis: Thesis) -> Section:
     return chapter(
         "Figures 4.2 and 4.3",
         Text(
-            "Torque along Table A.1 in 27&nbsp;s as it is measured and processed, and as the two estimates predict "
-            "it. As printed, the low-pass has rounded the jumps of friction in the measurement but not in the "
-            "prediction: what the thesis calls overestimated oscillations are these corners."
+            "Measured and processed torque along Table A.1 in 27&nbsp;s, and its predictions by the two estimates. "
+            "As printed, the low-pass smooths the jumps of friction in the measurement but not in the prediction; "
+            "these jumps are what the thesis calls overestimated oscillations."
         ),
         *_figures("printed", "as printed", found.printed_pictures),
-        Text(
-            "With the same filter on the columns the prediction has the same corners, and the two lie on each other."
-        ),
+        Text("With the same filter on the columns the prediction is smoothed alike, and the two curves coincide."),
         *_figures("corrected", "columns filtered", found.corrected_pictures),
     )
 
@@ -244,7 +241,7 @@ def _range(torque: Array) -> str:
 
 def _beyond(pictures: Pictures, j: int) -> str:
     return (
-        f"{fixed(100.0 * pictures.beyond[j], 1)} % of it beyond ± {short(pictures.band[j])} N·m"
+        f"{fixed(100.0 * pictures.beyond[j], 1)} % of samples beyond ± {short(pictures.band[j])} N·m"
         if pictures.beyond[j] > 0.0
-        else f"none of it beyond ± {short(pictures.band[j])} N·m"
+        else f"no sample beyond ± {short(pictures.band[j])} N·m"
     )

@@ -1,4 +1,4 @@
-"""Section 3.1: Table 3.1, forward kinematics, the dynamics in its forms, friction, and base parameters."""
+"""Section 3.1: Table 3.1, forward kinematics, forms of the dynamics, friction, and base parameters."""
 
 from __future__ import annotations
 
@@ -13,13 +13,11 @@ from armid.thesis.published import published
 from armid.thesis.reduction import Dependence, Grouping, Identity
 from armid.thesis.retell import Thesis
 
-__all__ = ["show_base", "show_dynamics", "show_kinematics"]
-
 FASTEST = 1.5
 """End of the abscissa of Figure 3.2 [rad/s]."""
 
 ROUNDING = 1e-12
-"""Errors below it are rounding and not told apart by their size."""
+"""Largest error that counts as rounding."""
 
 
 def show_kinematics(thesis: Thesis) -> Section:
@@ -31,8 +29,8 @@ def show_kinematics(thesis: Thesis) -> Section:
         Text(
             "The KUKA LBR iiwa 14 R820 hangs: gravity is the acceleration (0, 0, +9.81)&nbsp;m/s² in its base. "
             "Transformations are <i>H</i> = T<sub>y</sub>(d<sub>y</sub>) T<sub>z</sub>(d<sub>z</sub>) "
-            "R<sub>z</sub>(φ) R<sub>x</sub>(θ) R<sub>z</sub>(ψ), (3.1); the thesis leaves the lengths as symbols, "
-            "here they are those of the arm."
+            "R<sub>z</sub>(φ) R<sub>x</sub>(θ) R<sub>z</sub>(ψ), (3.1). The thesis gives the lengths as symbols; the "
+            "numbers here are those of the arm."
         ),
         _table_31(),
         Text(
@@ -45,7 +43,7 @@ def show_kinematics(thesis: Thesis) -> Section:
 
 
 def _size(error: float) -> str:
-    """The size of a difference; rounding is called what it is."""
+    """Text of a difference; a note marks rounding."""
     return short(error, 2) if error > ROUNDING else f"{short(error, 1)}, which is rounding,"
 
 
@@ -63,7 +61,7 @@ def _table_31() -> Table:
         ]
         for k, row in enumerate(published().frames)
     ]
-    note = "The last column is not in the thesis; it is the length that the row's d stands for."
+    note = "The last column is not in the thesis; it gives the value of the row's d."
     return Table("table-3-1", "Table 3.1: parameters of the KUKA LBR iiwa R820", columns, rows, note)
 
 
@@ -82,15 +80,15 @@ def _origins(thesis: Thesis, pose: str) -> Table:
 
 
 def show_dynamics(thesis: Thesis) -> Section:
-    """Lagrange against Newton and Euler, M, C and g, the sign of gravity, Figure 3.2."""
+    """Comparison of Lagrange with Newton-Euler, M, C and g, the sign of gravity, and Figure 3.2."""
     found = thesis.dynamics
     return chapter(
         "Lagrange, Newton and Euler",
         Text(
-            "The thesis finds its regressor by differentiating the Lagrangian, (2.37). So does this study: β of "
-            "(2.33) is computed from Table 3.1 by (3.9) in hyper-dual numbers, which carry second derivatives "
-            "exactly, and Y<sub>ij</sub> = d/dt ∂β/∂q̇ − ∂β/∂q follows without any recursion of forces. armid's "
-            f"kernel gets the same matrix from Newton and Euler. At {found.states} random states the two differ by "
+            "The thesis derives its regressor by differentiation of the Lagrangian, (2.37). So does this study: "
+            "β of (2.33) is computed from Table 3.1 by (3.9) in hyper-dual numbers, which give exact second "
+            "derivatives, and Y<sub>ij</sub> = d/dt ∂β/∂q̇ − ∂β/∂q. armid's kernel computes the same matrix by the "
+            f"Newton-Euler recursion. At {found.states} random states the two differ by "
             f"{_size(found.regressor_error)} of the largest entry."
         ),
         Text(
@@ -100,11 +98,11 @@ def show_dynamics(thesis: Thesis) -> Section:
             f"{_size(found.torque_error)} of the largest torque."
         ),
         Text(
-            "<b>The sign of gravity.</b> (2.21) writes U = +Σ m g<sub>0</sub>ᵀ p with g<sub>0</sub> along gravity, "
-            "(3.2); potential energy falls along gravity, so that the sign is minus. With it power is balanced along "
-            f"Table A.1 in 20&nbsp;s to {short(found.imbalance, 2)}&nbsp;W, the error of a difference quotient; with "
-            f"the sign in print it is off by up to {fixed(found.literal_imbalance, 1)}&nbsp;W. The equations in "
-            "print are those of an arm that stands."
+            "<b>The sign of gravity.</b> (2.21) gives U = +Σ m g<sub>0</sub>ᵀ p with g<sub>0</sub> along gravity, "
+            "(3.2); but potential energy falls along gravity, so the sign must be minus. With minus, power is "
+            f"balanced along Table A.1 in 20&nbsp;s to {short(found.imbalance, 2)}&nbsp;W, the error of a difference "
+            f"quotient; with the printed sign the imbalance is up to {fixed(found.literal_imbalance, 1)}&nbsp;W. The "
+            "printed equations are those of a standing arm."
         ),
         _torques(thesis),
         _friction(thesis),
@@ -127,7 +125,7 @@ def _torques(thesis: Thesis) -> Table:
 
 
 def _friction(thesis: Thesis) -> Figures:
-    of = dict(zip(thesis.results.names, thesis.results.truth.tolist(), strict=True))
+    of: dict[str, float] = dict(zip(thesis.results.names, thesis.results.truth.tolist(), strict=True))
     viscous, coulomb = of["FV_1"], of["FS_1"]
     half = np.linspace(0.0, FASTEST, 50)
     dq = np.concatenate([-half[::-1], half])
@@ -164,10 +162,10 @@ def show_base(thesis: Thesis) -> Section:
         _identities(found.identities),
         _groupings(found.groupings),
         Text(
-            "<b>Algorithm 1</b> ends in a check: τ(μ) from M, C and g with physical parameters μ against "
-            "Y<sub>b</sub> π<sub>b</sub>(π(μ)). The largest difference is "
-            f"{_size(found.torque_error)} of the largest torque. Its last lines, the functions func_Y, func_Y_b, "
-            "func_pi and func_pi_b, are what <code>armid export RUN --to matlab</code> writes."
+            "<b>Algorithm 1</b> ends with a check of Y<sub>b</sub> π<sub>b</sub>(π(μ)) against τ(μ) from M, C and g "
+            "with physical parameters μ. The largest difference is "
+            f"{_size(found.torque_error)} of the largest torque. <code>armid export RUN --to matlab</code> writes "
+            "the functions of its last lines: func_Y, func_Y_b, func_pi and func_pi_b."
         ),
     )
 
@@ -177,7 +175,7 @@ def _listed(names: tuple[str, ...] | list[str]) -> str:
 
 
 def _verdict(error: float) -> TableCell:
-    """The error of a line that ought to hold."""
+    """Table cell with the error of an identity."""
     if not np.isfinite(error):
         return TableCell("unreadable", kind="poor")
     good = error < ROUNDING
@@ -201,9 +199,9 @@ def _dependences(lines: tuple[Dependence, ...]) -> Table:
         for line in lines
     ]
     note = (
-        "In the text at hand. A name stands for its column of Y. ▼ marks labels that are not the removed column's, "
-        "many of them perhaps of typesetting; a sum under a label that is a column is held against that column. "
-        "Errors are over the largest entry of the two sides."
+        "From the copy of the text in use. A name denotes its column of Y. ▼ marks labels of another column than the "
+        "removed one, many of them perhaps errors of typesetting; where the label is a column, the sum is compared "
+        "with that column. Errors are over the largest entry of the two sides."
     )
     return Table("a-1", "(A.1): columns that are removed", columns, rows, note)
 
@@ -222,8 +220,8 @@ def _identities(found: tuple[Identity, ...]) -> Table:
                     _verdict(each.right_error),
                 ]
             )
-    note = "A name stands for its β. Error: largest difference of the sides over the largest left side, all links."
-    return Table("identities", "The derivation of (A.1), held against β itself", columns, rows, note)
+    note = "A name denotes its β. Error: largest difference of the sides over the largest left side, all links."
+    return Table("identities", "Identities in the derivation of (A.1), checked with β", columns, rows, note)
 
 
 def _groupings(found: tuple[Grouping, ...]) -> Table:
@@ -232,5 +230,5 @@ def _groupings(found: tuple[Grouping, ...]) -> Table:
         [named(each.name), TableCell(subscripts(each.printed), each.printed, kind="formula"), _verdict(each.error)]
         for each in found
     ]
-    note = "Error: largest difference of a coefficient from what the geometry says. Every line of (3.39) is right."
-    return Table("groupings", "(3.39): what the base parameters stand for", columns, rows, note)
+    note = "Error: largest difference of a coefficient from that of the geometry. Every line of (3.39) is right."
+    return Table("groupings", "(3.39): base parameters by standard parameters", columns, rows, note)

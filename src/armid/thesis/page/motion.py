@@ -14,13 +14,11 @@ from armid.thesis.page.chapter import Block, Figures, Text, chapter, counted, nu
 from armid.thesis.published import published
 from armid.thesis.retell import Thesis
 
-__all__ = ["joint_legend", "show_excitation"]
-
 SYMBOLS = 9
 """Symbols along a joint's line."""
 
 DRAWN_RATE = 25.0
-"""Points a second of a joint's line [Hz]."""
+"""Rate of points of a joint's line [Hz]."""
 
 JOINTS = tuple(f"joint-{j}" for j in range(1, 8))
 
@@ -43,10 +41,10 @@ def show_excitation(thesis: Thesis) -> Section:
         ),
         Text(
             f"<b>Algorithm 2</b> from {counted(len(found.trials), 'random start')} in [−1.5, 1.5]: each start is "
-            "drawn into the limits (3.55d) to (3.55f), the last without its 1/L, and descends on the condition "
-            "number; the result is run in MuJoCo under inverse dynamics of a model 5&nbsp;% too heavy with nine "
-            "tenths of the friction fed forward, and its recording goes through Algorithm 3. Among those that the "
-            "arm could run, the one whose parameters predict Table A.2 best is kept."
+            "scaled into the limits (3.55d) to (3.55f), the last without its 1/L, and the condition number is "
+            "minimised from there. The result is simulated in MuJoCo under inverse dynamics control, with a model "
+            "5&nbsp;% too heavy and feedforward of 90&nbsp;% of the friction, and Algorithm 3 is applied to the "
+            "recording. Of the feasible trajectories the one whose parameters predict Table A.2 best is kept."
         ),
         _trials(thesis),
         Text(_kept(thesis)),
@@ -74,21 +72,22 @@ def show_excitation(thesis: Thesis) -> Section:
 def _kept(thesis: Thesis) -> str:
     found = thesis.designs
     if found.kept < 0:
-        return "None of the designs could be run; Table A.1 in 27&nbsp;s stays."
+        return "None of the designs is feasible; Table A.1 in 27&nbsp;s is kept."
     best, used = found.best, found.published[-1]
     return (
         f"Kept: {best.name}, condition number {fixed(best.condition, 2)} against "
-        f"{fixed(found.published[0].condition, 2)} of Table A.1 in 20&nbsp;s. As printed, Algorithm 3 then errs by "
-        f"{short(best.printed.unseen)}&nbsp;N·m on Table A.2 (Table A.1 in 27&nbsp;s: {short(used.printed.unseen)}), "
-        f"with filtered columns by {short(best.corrected.unseen)} ({short(used.corrected.unseen)}): the filter "
-        f"matters more than the motion{_otherwise(thesis)}. What is left are joints that stick for a moment at "
-        "reversals, where friction takes any value up to F<sub>s</sub> and no law of the velocity says which: rows "
-        f"below 0.05&nbsp;rad/s left out, {short(best.moving.unseen)} ({short(used.moving.unseen)})."
+        f"{fixed(found.published[0].condition, 2)} of Table A.1 in 20&nbsp;s. The torque error on Table A.2 by "
+        f"Algorithm 3 as printed is {short(best.printed.unseen)}&nbsp;N·m (Table A.1 in 27&nbsp;s: "
+        f"{short(used.printed.unseen)}), with filtered columns {short(best.corrected.unseen)} "
+        f"({short(used.corrected.unseen)}): the filter matters more than the motion{_otherwise(thesis)}. The "
+        "remaining error comes from joints that stick briefly at reversals, where friction may have any value up to "
+        "F<sub>s</sub>, which no law of the velocity describes: without rows below 0.05&nbsp;rad/s it is "
+        f"{short(best.moving.unseen)} ({short(used.moving.unseen)})."
     )
 
 
 def _otherwise(thesis: Thesis) -> str:
-    """Tell which trajectory filtered columns would keep, where that is another."""
+    """Text that names the best trajectory for filtered columns, where it is another one."""
     better = min((each for each in thesis.designs.trials if each.feasible), key=lambda each: each.corrected.unseen)
     if better is thesis.designs.best:
         return ""
@@ -96,12 +95,12 @@ def _otherwise(thesis: Thesis) -> str:
 
 
 def joint_legend() -> tuple[tuple[str, str], ...]:
-    """The lines of the joints."""
+    """Legend of the joints' lines."""
     return tuple((role, f"q{subscripts(f'_{j}')}") for j, role in enumerate(JOINTS, 1))
 
 
 def positions(key: str, plan: Excitation) -> Plot:
-    """Every joint's position over one period, told apart by dash, symbol and colour."""
+    """Plot of every joint's position over one period, distinguished by dash, symbol and colour."""
     motion = plan.sample(DRAWN_RATE)
     degrees = np.degrees(motion.q)
     traces: list[PlotTrace] = []
@@ -116,7 +115,7 @@ def positions(key: str, plan: Excitation) -> Plot:
 
 
 def coefficients(key: str, caption: str, plan: Excitation, note: str = "") -> Table:
-    """A table of Fourier coefficients in the thesis's form: a row for each a_l and b_l, a column for each joint."""
+    """Table of Fourier coefficients in the thesis's form: a row for each a_l and b_l, a column for each joint."""
     columns = [Column(" ", words=True), *(Column(f"q{subscripts(f'_{j + 1}')}") for j in range(plan.n))]
     rows = [
         [TableCell(subscripts(f"{letter}_{k + 1}"), f"{letter}_{k + 1}", f"${letter}_{{{k + 1}}}$"),
@@ -141,8 +140,8 @@ def _conditions(thesis: Thesis) -> Table:
         )
     ]
     note = (
-        "Rows at 100 Hz from t = 0 to one before the end. The number in print belongs to the columns as they are and "
-        f"to about 27 s. Of all 84 columns, which (3.54) names, it is {_infinite(found.every_column)}."
+        "Rows at 100 Hz from t = 0 to one before the end. The printed number is that of unscaled columns for about "
+        f"27 s. With all 84 columns, which (3.54) names, the condition number is {_infinite(found.every_column)}."
     )
     return Table("conditions", "Condition number of the stacked base regressor along Table A.1", columns, rows, note)
 

@@ -1,4 +1,4 @@
-"""First statements of the study, the audit of the published results, the errata, and how it was all made."""
+"""Summary of the study, audit of the published results, errata, and provenance."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ from armid.thesis.published import published
 from armid.thesis.retell import Thesis
 from armid.thesis.setting import Extent
 
-__all__ = ["show_audit", "show_errata", "show_provenance", "show_summary"]
-
 TELLING = ("MYR_2", "MYR_4", "MYR_5", "MYR_6", "XXR_2", "ZZR_2", "ZZR_1")
-"""Parameters by which the sign of gravity shows."""
+"""Parameters that reveal the sign of gravity."""
 
 
 def _extent(thesis: Thesis) -> str:
-    """That a study is shorter than the whole one, where it is."""
+    """Note that the study is shortened, or nothing."""
     had, whole = thesis.setting.extent, Extent()
     if had == whole:
         return ""
@@ -32,7 +30,7 @@ def _extent(thesis: Thesis) -> str:
 
 
 def show_summary(thesis: Thesis) -> Section:
-    """The abstract."""
+    """Summary of the study."""
     steps = {step.key: step.errors for step in thesis.steps.rows}
     spread, audit, designs = thesis.steps.spread, thesis.audit, thesis.designs
     printed, columns = steps["printed"], steps["columns"]
@@ -40,45 +38,45 @@ def show_summary(thesis: Thesis) -> Section:
         (fixed(printed.unseen, 3), "N·m", "error on validation motion, Algorithm 3 as printed"),
         (short(columns.unseen, 2), "N·m", "the same with the filter on both sides"),
         (fixed(float(np.median(spread.corrected_ratio)), 0), "×", "residual of the wrong sign of gravity"),
-        (fixed(audit.base.certificate.distance, 3), "", "distance of Table 4.1 from any real body"),
+        (fixed(audit.base.certificate.distance, 3), "", "distance of Table 4.1 from the nearest real body"),
         (fixed(designs.best.condition, 1), "", "condition number of the trajectory that is kept"),
     )
     return chapter(
-        "What comes of it",
+        "Summary",
         Numbers(items),
         Text(
             "This page runs the study of [Halper2024], the identification of the dynamic parameters of a hanging "
-            "KUKA LBR iiwa 14 R820, from its first table to its last figure on a simulated arm, so that "
-            "every estimate can be held against the truth. Nothing on it is copied but what is marked as being in "
-            f"print.{_extent(thesis)}"
+            "KUKA LBR iiwa 14 R820, with all its tables and figures, on a simulated arm, so that every estimate can "
+            "be compared with the truth. All numbers are computed, except those that are marked as printed."
+            f"{_extent(thesis)}"
         ),
         List(
             (
-                f"The model is right: the Lagrangian regressor equals Newton and Euler's, the "
-                f"{len(thesis.reduction.names)} base parameters of (3.38) and every line of (3.39) hold. (A.1) and "
-                "the equations have errors of print.",
-                "The sign of the potential energy is not: as printed the equations are those of a standing arm, and "
-                f"the moments of Table 4.1 have the sign that this gives. {_suspicion(audit.gravity)}",
-                "The torque is filtered and the model is not. That alone makes an error of "
-                f"{fixed(printed.unseen, 3)}&nbsp;N·m on validation motion; the same filter on both sides leaves "
+                f"The model is right: the Lagrangian regressor equals the Newton-Euler one, and the "
+                f"{len(thesis.reduction.names)} base parameters of (3.38) and every line of (3.39) are correct. "
+                "(A.1) and the equations have printing errors.",
+                "The sign of the potential energy is wrong: the printed equations are those of a standing arm, and "
+                f"the first moments of Table 4.1 have the corresponding sign. {_suspicion(audit.gravity)}",
+                "The torque is filtered but the model is not. This alone causes an error of "
+                f"{fixed(printed.unseen, 3)}&nbsp;N·m on validation motion; with the same filter on both sides it is "
                 f"{short(columns.unseen, 2)}.",
-                "Table 4.1 belongs to no real body, although its mass matrix is positive definite; Table 4.2 breaks "
-                f"{len(audit.broken)} of its own constraints.",
-                "The standard deviations in print are those of white residuals; on the virtual arm the true error as "
-                f"printed is {fixed(audit.deviations.error_median, 1)} times as large in the median and "
-                f"{fixed(audit.deviations.error_largest, 0)} times at most.",
+                "No real body has the values of Table 4.1, although its mass matrix is positive definite; Table 4.2 "
+                f"violates {len(audit.broken)} of its own constraints.",
+                "The printed standard deviations assume white residuals; on the virtual arm, with Algorithm 3 as "
+                f"printed, the true error is {fixed(audit.deviations.error_median, 1)} times as large in the median "
+                f"and {fixed(audit.deviations.error_largest, 0)} times at most.",
             )
         ),
     )
 
 
 def _evidence(gravity: str) -> str:
-    """Return what armid's test says, for running text."""
+    """Result of armid's test of the gravity sign, for running text."""
     return subscripts(gravity).replace("-", "−") if gravity else "armid's test finds nothing."
 
 
 def _suspicion(gravity: str) -> str:
-    return "" if gravity else "armid's own test finds nothing against it."
+    return "" if gravity else "armid's own test finds no evidence against it."
 
 
 def show_audit(thesis: Thesis) -> Section:
@@ -91,9 +89,9 @@ def show_audit(thesis: Thesis) -> Section:
     return chapter(
         "The published results",
         Text(
-            "<b>Sign of gravity.</b> Table 4.1 alone gives it away. "
-            f"{_evidence(found.gravity)} Data of the hanging virtual arm, identified under the sign in print, show "
-            "the same pattern: moments of the other sign, and inertias that make up for it."
+            "<b>Sign of gravity.</b> Table 4.1 alone shows the error. "
+            f"{_evidence(found.gravity)} Data of the hanging virtual arm, identified with the printed sign, show the "
+            "same pattern: first moments of the opposite sign, and inertias that compensate for it."
         ),
         _signs(thesis),
         Text(
@@ -103,33 +101,32 @@ def show_audit(thesis: Thesis) -> Section:
             f"{worst}; with no link above {base.heaviest:g}&nbsp;kg, {fixed(base.limited.distance, 3)}. Rounding to "
             f"three decimals explains {fixed(found.rounding, 3)}. Yet M(q) is positive definite at every pose within "
             f"the joint limits (smallest eigenvalue {short(base.pose.min_eigenvalue)}&nbsp;kg·m² at the worst that a "
-            f"search finds, {short(along.min_eigenvalue)} along Table A.2; Table 4.2: "
+            f"search finds, {short(along.min_eigenvalue)} along Table A.2; for Table 4.2 "
             f"{short(physical.pose.min_eigenvalue)} and {short(physical_along.min_eigenvalue)}): the thesis's test "
             "is necessary, not sufficient."
         ),
         Text(
-            f"<b>Constraints.</b> Table 4.2 breaks {len(found.broken)} of the constraints that it was made under, "
-            "beyond what rounding explains, and no link has a pseudo-inertia without a negative eigenvalue but "
-            f"{_sound(found.eigenvalues)}."
+            f"<b>Constraints.</b> Table 4.2 violates {len(found.broken)} of its own constraints by more than "
+            f"rounding. Links with a positive definite pseudo-inertia: {_sound(found.eigenvalues)}."
         ),
         _broken(thesis),
         Text(
-            "Carried to base parameters, Table 4.2 differs from Table 4.1 by "
+            "Converted to base parameters, Table 4.2 differs from Table 4.1 by "
             f"{fixed(100.0 * found.carried.mismatch, 1)}&nbsp;% in the inertial part."
         ),
         Text(
-            f"<b>Standard deviations.</b> {deviations.below_ten} of 57 are below 10&nbsp;%, as the thesis says. "
-            "Their pattern is that of Table A.1 in 27&nbsp;s: printed over computed deviations scatter least there. "
-            "So the trajectory, the stretching, the order of the columns and plain least squares are confirmed by "
-            "Table 4.1 itself. They mean little, though: a filter to 3.5&nbsp;Hz leaves residuals that are not "
-            "white, and what they leave out is the bias. On the virtual arm as printed the true error is "
-            f"{fixed(deviations.error_median, 1)} of these deviations in the median and "
-            f"{fixed(deviations.error_largest, 0)} at most."
+            f"<b>Standard deviations.</b> {deviations.below_ten} of 57 are below 10&nbsp;%, as the thesis states. "
+            "The ratio of printed to computed deviations scatters least for Table A.1 in 27&nbsp;s. So Table 4.1 "
+            "itself confirms the trajectory, its stretching, the order of the columns and ordinary least squares. "
+            "But these deviations are too small: residuals filtered to 3.5&nbsp;Hz are not white, and deviations do "
+            "not contain the bias. On the virtual arm, with Algorithm 3 as printed, the true error is "
+            f"{fixed(deviations.error_median, 1)} times the deviation in the median and "
+            f"{fixed(deviations.error_largest, 0)} times at most."
         ),
         _scatter(thesis),
         Text(
-            f"<b>Condition number.</b> {published().condition:g} in print; {_condition(thesis)} in 27&nbsp;s. It is "
-            "certainly not that of the 20&nbsp;s for which the trajectory was designed."
+            f"<b>Condition number.</b> {published().condition:g} in print; {_condition(thesis)} in 27&nbsp;s. The "
+            "printed number does not belong to the 20&nbsp;s for which the trajectory was designed."
         ),
         _tables(thesis),
     )
@@ -142,12 +139,12 @@ def _sound(eigenvalues: np.ndarray) -> str:
 
 def _condition(thesis: Thesis) -> str:
     found = thesis.audit.conditions
-    return f"{fixed(found.hanging[1], 2)} as the arm hangs and {fixed(found.literal[1], 2)} under the sign in print"
+    return f"{fixed(found.hanging[1], 2)} for the hanging arm and {fixed(found.literal[1], 2)} for the printed sign"
 
 
 def _signs(thesis: Thesis) -> Table:
     found = thesis.results
-    place = {name: k for k, name in enumerate(found.names)}
+    place: dict[str, int] = {name: k for k, name in enumerate(found.names)}
     columns = [
         Column("parameter", words=True), Column("truth of the virtual arm"), Column("identified, right sign"),
         Column("identified, sign in print"), Column("Table 4.1"),
@@ -165,7 +162,7 @@ def _signs(thesis: Thesis) -> Table:
         ]
         for name in TELLING
     ]  # fmt: skip
-    return Table("signs", "What the sign of gravity does to an estimate (columns filtered)", columns, rows)
+    return Table("signs", "Effect of the sign of gravity on an estimate (columns filtered)", columns, rows)
 
 
 def _broken(thesis: Thesis) -> Table:
@@ -175,7 +172,7 @@ def _broken(thesis: Thesis) -> Table:
          number(each.value, fixed(each.value, 4), "poor"), number(each.bound, fixed(each.bound, 4))]
         for each in thesis.audit.broken
     ]  # fmt: skip
-    return Table("broken", "Constraints that Table 4.2 breaks beyond rounding", columns, rows)
+    return Table("broken", "Constraints that Table 4.2 violates by more than rounding", columns, rows)
 
 
 def _scatter(thesis: Thesis) -> Table:
@@ -205,13 +202,14 @@ def _tables(thesis: Thesis) -> Table:
         for name, each in zip(("A.1", "A.2"), thesis.audit.tables, strict=True)
     ]
     note = (
-        "Sums: largest over the joints, of five printed digits. Shares: largest over the joints. Above: pairs (a, b)."
+        "Sums: largest over the joints, from five printed digits. Shares: largest over the joints. Above: number of "
+        "pairs (a, b)."
     )
     return Table("coefficients", "Tables A.1 and A.2 against (3.55)", columns, rows, note)
 
 
 def show_errata(thesis: Thesis) -> Section:
-    """Return what is printed, what is right, and the number that shows it."""
+    """Table of errata."""
     columns = [
         Column("where", words=True), Column("in print", words=True), Column("right", words=True),
         Column("what shows it", words=True), Column("in print "), Column("right "),
@@ -226,7 +224,7 @@ def show_errata(thesis: Thesis) -> Section:
         ]
         for each in thesis.errata
     ]
-    note = "○ perhaps of typesetting, or of the copy of the text that was at hand."
+    note = "○ perhaps an error of typesetting, or of the copy of the text in use."
     return chapter("Errata", Table("errata", "Errata, each with the number that shows it", columns, rows, note))
 
 
@@ -245,7 +243,7 @@ def _values(each: Erratum) -> tuple[TableCell, TableCell]:
 
 
 def show_provenance(thesis: Thesis) -> Section:
-    """Tell how it was made."""
+    """Extent and method of the study, and its open questions."""
     extent = thesis.setting.extent
     return chapter(
         "How this was made",
@@ -260,8 +258,8 @@ def show_provenance(thesis: Thesis) -> Section:
             "CSV and LaTeX."
         ),
         Text(
-            "What remains open: the thesis's recordings are not published, so that what is said of the sign of "
-            "gravity in them rests on its tables. An arm that stood under equations of a hanging one would give "
-            "the same signs. The virtual arm has no elasticity; in the table of steps its tracking is perfect."
+            "Open questions: the thesis's recordings are not published, so the statement on their sign of gravity "
+            "relies on its tables. A standing arm with the equations of a hanging one would give the same signs. The "
+            "virtual arm has no elasticity; in the table of steps its tracking is perfect."
         ),
     )

@@ -21,8 +21,6 @@ from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Stribeck
 from armid.values import Array
 
-__all__ = ["check", "delay_of", "explain"]
-
 CODE = "channel-delay"
 
 GAIN = 0.1
@@ -70,11 +68,10 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if sharp is None:
         return found
     delay, deviation, _ = delay_of(sharp)
-    text = _delay_text(delay, deviation, evidence.explanations[0].gain, sharp.log.rate)
-    trial = found[0].evidence[len(evidence.explanations[0].evidence) :]
-    return [
-        replace(each, evidence=text + trial, remedy=lines("s", delay=_total_delay(evidence, delay))) for each in found
-    ]
+    first = evidence.explanations[0]
+    text = f"{_delay_text(delay, deviation, first.gain, sharp.log.rate)} {evidence.trial_of(first)}"
+    remedy = lines("s", delay=_total_delay(evidence, delay)).marked()
+    return [replace(each, evidence=text, remedy=remedy) for each in found]
 
 
 def _in_wider_band(evidence: LogEvidence) -> LogState | None:

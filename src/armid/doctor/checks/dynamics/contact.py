@@ -15,8 +15,6 @@ from armid.errors import Finding
 from armid.measurement.remedy import excluding
 from armid.values import Array
 
-__all__ = ["check", "explain"]
-
 CODE = "contact"
 
 WINDOW = 0.5

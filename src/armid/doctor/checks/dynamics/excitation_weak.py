@@ -16,8 +16,6 @@ from armid.model.terms import RotorInertia
 from armid.robot import Robot
 from armid.values import Array
 
-__all__ = ["WEAK_CONDITION", "check", "excitation_severity", "poorly_determined"]
-
 WEAK_CONDITION = 100.0
 """Condition number with columns of unit length above which an estimate may fail on other motion: well recorded arms
 have 8 to 42, those whose estimates fail elsewhere 200 and more."""

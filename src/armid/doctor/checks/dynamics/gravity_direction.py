@@ -12,13 +12,11 @@ from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, solve
 from armid.errors import Finding
 from armid.information.column_source import column_source
-from armid.measurement.remedy import lines
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
+from armid.remedy import Remedy, setting
 from armid.validation.gravity_sign import gravity_sign_finding
 from armid.values import Array
-
-__all__ = ["check", "explain"]
 
 CODE = "gravity-direction"
 
@@ -132,12 +130,13 @@ def _by_description(state: LogState, strength: float) -> Explanation | None:
     )
 
 
-def _remedy(directions: Sequence[Array]) -> str:
+def _remedy(directions: Sequence[Array]) -> Remedy:
     """Line of a study with the direction, or all directions that the log cannot distinguish."""
-    options = [lines(gravity=[float(f"{x + 0.0:.4g}") for x in np.round(g, 2)]) for g in directions]
-    return (
-        f"{options[0]}  # in [robot]" if len(options) == 1 else f"find out how the arm stands: {' or '.join(options)}"
-    )
+    options = [setting("gravity", [float(f"{x + 0.0:.4g}") for x in np.round(g, 2)]) for g in directions]
+    if len(options) == 1:
+        return Remedy(options[0], table="robot")
+    alternatives = [part for each in options for part in (" or ", each)]
+    return Remedy("find out how the arm stands: ", *alternatives[1:])
 
 
 def _unexplained(state: LogState) -> float:

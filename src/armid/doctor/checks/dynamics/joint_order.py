@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 
@@ -13,13 +13,11 @@ from armid.doctor.checks.signals import velocity_mismatch
 from armid.doctor.downsample import DownsampledLog
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
-from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products
+from armid.doctor.quick_fit import QuickRows, cost_of, make_rows, products, tables
 from armid.errors import Finding
 from armid.measurement.columns.channels import channels_of_joints
 from armid.measurement.remedy import lines, naming
 from armid.values import Array
-
-__all__ = ["check", "explain"]
 
 CODE = "joint-order"
 
@@ -78,10 +76,7 @@ def explain(state: LogState) -> Explanation | None:
     others: list[_Order] = []
     takes = _allowed(state)
     for step in range(EXCHANGES):
-        rows = make_rows(state.source, coarse.reordered(best.motion, same))
-        trials = [
-            t for pair in combinations(range(n), 2) for t in _exchanged(state, coarse, best, rows, takes, *pair)
-        ]
+        trials = list(_exchanged(state, coarse, best, takes))
         if step == 0:
             guesses = [(same, _assigned(state)), (same[::-1], same[::-1]), (same[::-1], same)]
             trials += [_evaluated(state, coarse, *order) for order in guesses if _possible(takes, *order)]
@@ -161,7 +156,7 @@ def _renamed(evidence: LogEvidence, channels: list[int], order: NDArray[np.intp]
 
 def _evaluated(state: LogState, log: DownsampledLog, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
     same = np.arange(len(motion))
-    return _with_torque(make_rows(state.source, log.reordered(motion, same)), log, motion, torque)
+    return next(_with_torques(make_rows(state.source, log.reordered(motion, same)), log, motion, [torque]))
 
 
 def _distinct(orders: Iterable[_Order]) -> list[_Order]:
@@ -169,27 +164,42 @@ def _distinct(orders: Iterable[_Order]) -> list[_Order]:
     return list({(*order.motion, *order.torque): order for order in orders}.values())
 
 
-def _with_torque(rows: QuickRows, log: DownsampledLog, motion: NDArray[np.intp], torque: NDArray[np.intp]) -> _Order:
-    """Order of motion and torque with its cost, from columns that are computed already."""
-    mask = log.mask[:, motion] & log.mask[:, torque]
-    changed = replace(rows, torque=rows.torque[:, torque], mask=mask)
-    return _Order(motion, torque, cost_of(changed, products(changed)))
-
-
-def _exchanged(
-    state: LogState, log: DownsampledLog, order: _Order, rows: QuickRows, takes: tuple[Flags, Flags], i: int, j: int
+def _with_torques(
+    rows: QuickRows, log: DownsampledLog, motion: NDArray[np.intp], torques: Sequence[NDArray[np.intp]]
 ) -> Iterator[_Order]:
+    """Orders of motion and torque with their costs, from columns that are computed already.
+
+    Products of columns are computed once for all orders of the torque where the rows of all joints count alike.
+    """
+    alike = len(torques) > 1 and bool((log.mask == log.mask[:, :1]).all())
+    shared = [table @ table.T for table in tables(rows, np.tile(rows.torque.T[:, :, None], rows.n))] if alike else []
+    for torque in torques:
+        changed = replace(rows, torque=rows.torque[:, torque], mask=log.mask[:, motion] & log.mask[:, torque])
+        picked = (_picked(P, rows.n, k) for P, k in zip(shared, torque, strict=alike))
+        pairs = tuple(picked) if alike else products(changed)
+        yield _Order(motion, torque, cost_of(changed, pairs))
+
+
+def _picked(P: Array, n: int, k: int) -> Array:
+    """Products of a joint's columns and torque k, from those of its columns, all n torques and its own."""
+    at = np.append(np.arange(len(P) - n - 1), len(P) - n - 1 + k)
+    return P[at[:, None], at]
+
+
+def _exchanged(state: LogState, log: DownsampledLog, order: _Order, takes: tuple[Flags, Flags]) -> Iterator[_Order]:
     """Orders with two more channels exchanged: of the positions alone, of all quantities, of the torque alone."""
-    motion, torque = order.motion.copy(), order.torque.copy()
-    for each in (motion, torque):
-        each[[i, j]] = each[[j, i]]
-    if _possible(takes, motion, order.torque):
-        moved = make_rows(state.source, log.reordered(motion, np.arange(len(motion))))
-        yield _with_torque(moved, log, motion, order.torque)
-        if _possible(takes, motion, torque):
-            yield _with_torque(moved, log, motion, torque)
-    if _possible(takes, order.motion, torque):
-        yield _with_torque(rows, log, order.motion, torque)
+    same = np.arange(len(order.motion))
+    pairs = [same.copy() for _ in combinations(same, 2)]
+    for exchange, (i, j) in zip(pairs, combinations(same, 2), strict=True):
+        exchange[[i, j]] = j, i
+    torques = [order.torque[exchange] for exchange in pairs]
+    for motion, torque in zip((order.motion[exchange] for exchange in pairs), torques, strict=True):
+        possible = [each for each in (order.torque, torque) if _possible(takes, motion, each)]
+        if possible:
+            yield from _with_torques(make_rows(state.source, log.reordered(motion, same)), log, motion, possible)
+    possible = [each for each in torques if _possible(takes, order.motion, each)]
+    rows = make_rows(state.source, log.reordered(order.motion, same))
+    yield from _with_torques(rows, log, order.motion, possible)
 
 
 def _allowed(state: LogState) -> tuple[Flags, Flags]:

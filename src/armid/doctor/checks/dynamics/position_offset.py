@@ -17,8 +17,6 @@ from armid.errors import Finding
 from armid.measurement.remedy import lines
 from armid.values import Array
 
-__all__ = ["check", "explain", "offsets_of"]
-
 CODE = "position-offset"
 
 STEP = 1e-4

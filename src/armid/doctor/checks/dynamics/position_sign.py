@@ -12,8 +12,6 @@ from armid.errors import Finding
 from armid.measurement.remedy import lines
 from armid.values import Array
 
-__all__ = ["check", "explain"]
-
 CODE = "position-sign"
 
 GAIN = 0.15

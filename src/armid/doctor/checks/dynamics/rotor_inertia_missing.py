@@ -12,8 +12,7 @@ from armid.doctor.quick_fit import QuickRows, solve
 from armid.doctor.remedy_trial import try_remedy
 from armid.errors import Finding
 from armid.measurement.remedy import lines
-
-__all__ = ["check"]
+from armid.model.terms import DEFAULT_TERMS
 
 GAIN = 0.04
 """Fall of the log residual that rotor inertia must bring."""
@@ -45,15 +44,15 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "warning",
             ", ".join(symbols[k].joint for k in shown),
             f"With rotor inertia the residual is {1 - np.exp(-gain):.0%} smaller: {listed} kg·m². {trial}",
-            lines("in [model]", terms=[*_term_names(evidence), "rotor-inertia"]),
+            lines(table="model", terms=[*_term_names(evidence), "rotor-inertia"]),
         )
     ]
 
 
 def _term_names(evidence: LogEvidence) -> list[str]:
-    """Names of the study's terms, or of the usual ones if it names none."""
-    terms = () if evidence.model is None else evidence.model.terms
-    return [term.name for term in terms] or ["rigid-body", "viscous", "coulomb", "offset"]
+    """Names of the study's terms; `default` for the default ones, whose shapes it keeps."""
+    terms = DEFAULT_TERMS if evidence.model is None else evidence.model.terms
+    return ["default"] if terms == DEFAULT_TERMS else [term.name for term in terms]
 
 
 def _without_rotors(state: LogState) -> QuickRows:

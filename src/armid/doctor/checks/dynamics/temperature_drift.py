@@ -8,8 +8,6 @@ from armid.doctor.evidence import LogEvidence
 from armid.doctor.quick_fit import solve
 from armid.errors import Finding
 
-__all__ = ["check"]
-
 CHANGE = 0.15
 """Smallest relative change of friction over the log that is reported."""
 

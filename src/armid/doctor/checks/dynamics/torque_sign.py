@@ -15,8 +15,6 @@ from armid.errors import Finding
 from armid.measurement.remedy import lines
 from armid.values import Array
 
-__all__ = ["FLIP", "check", "cost_with_signs", "explain", "relative_signs", "signs_value"]
-
 FLIP = 0.05
 """Fall of the log residual from which another sign of one joint is accepted. Clean logs show none; a wrong sign of a
 joint that carries others costs several times as much."""

@@ -9,8 +9,6 @@ from armid.doctor.stuck_channels import longest
 from armid.errors import Finding
 from armid.measurement.remedy import excluding
 
-__all__ = ["check"]
-
 STANDSTILL = 1.0
 """Shortest standstill of all joints that is reported [s]."""
 
@@ -47,7 +45,8 @@ def check(evidence: LogEvidence) -> list[Finding]:
                 "channel-dead",
                 "error",
                 names[j],
-                f"{quantity} stays at {value:.6g} for {(b - a) / rate:.2f} s, rows {a} to {b}, while the arm moves.",
+                f"{quantity} stays at {value:.6g} for {(b - a) / rate:.2f} s, rows {a} to {b}, while the arm moves. "
+                "Look first at its sensor, cable and logger.",
                 excluding(evidence.reading, [_times(evidence, a, b)], "or record it again"),
             )
         )

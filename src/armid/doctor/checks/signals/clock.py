@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,11 +14,14 @@ from armid.errors import Finding
 from armid.measurement.processing.resampling import Stretch, is_even, jitter, stretches
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
-
-__all__ = ["check"]
+from armid.remedy import Remedy
 
 CUTOFF = 5.0
 """Cut-off by which a step counts as a gap [Hz]: the one that most studies use."""
+
+NEAR_WHOLE = 0.15
+"""Largest mean deviation of long steps from whole multiples of the median, in steps, at which they are missing rows.
+Steps of any length deviate by a quarter."""
 
 
 def check(evidence: LogEvidence) -> list[Finding]:
@@ -33,20 +37,36 @@ def check(evidence: LogEvidence) -> list[Finding]:
     if uneven:
         steps = np.concatenate([np.diff(piece.time) for piece in uneven])
         offset = max(jitter(piece.time, piece.number) for piece in uneven)
+        lost = _missing(uneven)
+        missing = f"; about {lost} rows are missing, where a step is a multiple of the median" if lost else ""
         steps_text = (
             f"Steps from {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
-            f"{1e3 * np.median(steps):.3g} ms; samples lie {offset:.2g} steps off an even clock."
+            f"{1e3 * np.median(steps):.3g} ms{missing}; the stamps deviate from an even clock by {offset:.2g} steps "
+            "(standard deviation)."
         )
         rate = _round_rate(pieces[0], offset)
         trial = None if gaps else _trial(evidence, rate)
         if trial is not None and trial.helps:
             note = "Hz; where the robot samples evenly and only the stamps jitter"
-            remedy = "\n".join([naming(evidence.reading, {"time": ""}), lines(note, rate=rate)])
+            remedy = Remedy(*naming(evidence.reading, {"time": ""}).parts, *lines(rate=rate).parts, note=note)
             findings.append(Finding("clock-jitter", "warning", "time", f"{steps_text} {trial}", remedy))
         else:
             used = "The samples are resampled on an even grid by these stamps; there is nothing to do."
             findings.append(Finding("clock-jitter", "info", "time", f"{steps_text} {used}"))
     return findings
+
+
+def _missing(pieces: Sequence[Stretch]) -> int:
+    """Number of rows that are missing between stamps a whole number of steps apart; 0 where long steps are none."""
+    lost = 0
+    for piece in pieces:
+        steps = np.diff(piece.time) / (1 if piece.number is None else np.diff(piece.number))
+        ratio = steps / np.median(steps)
+        whole = np.round(ratio)
+        long = whole > 1.0
+        if long.any() and np.abs(ratio - whole)[long].mean() < NEAR_WHOLE:
+            lost += int((whole[long] - 1.0).sum())
+    return lost
 
 
 def _as_logged(raw: Recording) -> Recording | None:

@@ -12,8 +12,6 @@ from armid.measurement.log_format import LogFormat
 from armid.measurement.remedy import lines
 from armid.values import Array
 
-__all__ = ["check", "explain"]
-
 CODE = "degrees"
 
 DEGREES = 180.0 / np.pi

@@ -10,8 +10,6 @@ from armid.maths.spectrum import power_spectrum
 from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.values import Array
 
-__all__ = ["check"]
-
 SEGMENT = 512
 """Samples of a segment: a resolution of 0.2 Hz at 100 Hz, and enough segments in a log to average."""
 

@@ -9,8 +9,6 @@ from armid.doctor.explanation import Explanation, LogState
 from armid.errors import Finding
 from armid.measurement.remedy import lines
 
-__all__ = ["check", "explain"]
-
 MOTOR, CURRENT = "motor-side", "current-without-gain"
 
 SMALL = 0.3

@@ -11,8 +11,6 @@ from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.measurement.remedy import lines
 from armid.values import Array
 
-__all__ = ["check"]
-
 LATE_SAMPLES, LATE_SECONDS = 1.5, 0.005
 """Smallest shift of a repetition that is reported: above the one sample of rounding, and above the time in which a
 fast joint moves by half a degree."""

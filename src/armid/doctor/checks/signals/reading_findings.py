@@ -5,8 +5,6 @@ from __future__ import annotations
 from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 
-__all__ = ["CODES", "check"]
-
 CODES = (
     "clock-gap",
     "clock-jitter",
@@ -19,6 +17,7 @@ CODES = (
     "current-without-gain",
     "degrees",
     "description-rounded",
+    "effort-missing",
     "gravity-direction",
     "joints-extra",
     "joints-merged",

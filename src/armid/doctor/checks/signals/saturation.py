@@ -10,8 +10,6 @@ from armid.errors import Finding
 from armid.measurement.remedy import excluding, lines
 from armid.values import Array
 
-__all__ = ["check"]
-
 FEWEST, SHARE = 10, 0.002
 """Smallest number of samples at the same extreme value that make a plateau, and their smallest share of all."""
 
@@ -51,7 +49,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
                 f"{at_limit} of {len(tau)} samples reach {LIMIT:g} of the description's limit, "
                 f"{joint.effort_limit:.4g} {joint.effort_unit}."
             )
-            remedy = lines("in [processing]", saturation=LIMIT)
+            remedy = lines(table="processing", saturation=LIMIT)
         else:
             continue
         findings.append(Finding("saturation", "warning", joint.name, text, remedy))

@@ -15,8 +15,6 @@ from armid.measurement.recording import Recording
 from armid.measurement.remedy import naming
 from armid.values import Array
 
-__all__ = ["check"]
-
 CUTOFF = 4.0
 """Cut-off of the low-pass before both are compared [Hz]."""
 

@@ -1,6 +1,6 @@
 """Coulomb friction that differs with the direction: τ = FSA · |sgn(q̇)|, beside FS · sgn(q̇) of `coulomb`.
 
-Forward it is FS + FSA, backward FS - FSA. What physics asks is |FSA| ≤ FS, not a sign of FSA by itself.
+In the positive direction it is FS + FSA, in the negative FS - FSA. Physics requires |FSA| ≤ FS, not a sign of FSA.
 """
 
 from __future__ import annotations
@@ -14,17 +14,15 @@ from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["AsymmetricCoulomb"]
-
 
 @dataclass(frozen=True, slots=True)
 class AsymmetricCoulomb:
     """Excess of Coulomb friction in the positive direction over the mean of both.
 
-    Away from rest it is a constant, so only motion through standstill tells it from an offset.
+    It is constant while the joint moves, so only data near standstill distinguish it from an offset.
 
     Attributes:
-        width: Velocity over which the sign turns [rad/s or m/s], best that of `coulomb`; 0 for a true sign.
+        width: Velocity over which the sign changes [rad/s or m/s], best that of `coulomb`; 0 for a true sign.
         joints: Names of the joints that have it; `None` for all.
     """
 

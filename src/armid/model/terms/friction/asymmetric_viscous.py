@@ -1,6 +1,6 @@
 """Viscous friction that differs with the direction: τ = FVA · |q̇|, beside FV · q̇ of `viscous`.
 
-Forward it is FV + FVA, backward FV - FVA. What physics asks is |FVA| ≤ FV, not a sign of FVA by itself.
+In the positive direction it is FV + FVA, in the negative FV - FVA. Physics requires |FVA| ≤ FV, not a sign of FVA.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ from typing import ClassVar
 from armid.model.expression import magnitude, symbol
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
-
-__all__ = ["AsymmetricViscous"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Coulomb friction: τ = FS · sgn(q̇), or FS · tanh(q̇ / width) where a width is given.
 
-A sign loses a factor of two on arms that rest (its value flips with the noise of the encoder); a width loses a
-newton metre where the truth is a sign. So the width is a shape of the term, and 0 is the sign with sgn(0) = 0.
+On arms that rest, the sign follows the noise of the encoder, which doubles the error. Where the true friction is a
+sign, a width costs a newton metre. So the width is a shape of the term, and 0 gives the sign with sgn(0) = 0.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from armid.errors import ModelError
 from armid.model.expression import Expression, sign, symbol, tanh
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
-
-__all__ = ["Coulomb", "coulomb_law"]
 
 
 def coulomb_law(width: float) -> Expression:
@@ -28,7 +26,7 @@ class Coulomb:
     """Friction of constant size against the motion.
 
     Attributes:
-        width: Velocity over which the sign turns [rad/s or m/s]; 0 for a true sign.
+        width: Velocity over which the sign changes [rad/s or m/s]; 0 for a true sign.
         joints: Names of the joints that have it; `None` for all.
     """
 

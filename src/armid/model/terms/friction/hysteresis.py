@@ -1,7 +1,7 @@
-"""Hysteresis at reversals as Maxwell slip: τ = Σ FH_k · (q - z_k) / r_k, springs that slip at a deflection r_k.
+"""Hysteresis at reversals by the Maxwell-slip model: τ = Σ FH_k · (q - z_k) / r_k, springs that slip at r_k.
 
-Each element is a spring whose far end z_k is dragged along once it is stretched by r_k: a play operator in q. Its
-torque goes from one limit to the other over 2 r_k after a reversal, whatever the velocity [AlBender2005].
+Each element is a spring whose other end z_k is dragged along once its deflection is r_k: a play operator in q. After
+a reversal its torque changes from one limit to the other over 2 r_k, independent of the velocity [AlBender2005].
 """
 
 from __future__ import annotations
@@ -14,15 +14,13 @@ from armid.model.terms.checks import require_rising
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["Hysteresis"]
-
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """Friction that remembers the position, a sum of elasto-slip elements.
+    """Friction with hysteresis in the position: a sum of elasto-slip elements.
 
     Attributes:
-        widths: Deflections at which the elements slip, rising [rad or m].
+        widths: Deflections at which the elements slip, ascending [rad or m].
         joints: Names of the joints that have it; `None` for all.
     """
 
@@ -34,7 +32,7 @@ class Hysteresis:
         object.__setattr__(self, "widths", require_rising("The widths of hysteresis", self.widths))
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FH1, FH2, … one a width, on each joint: (q - z) / r, from -1 to 1."""
+        """FH1, FH2, …, one for each width, on each joint: (q - z) / r, from -1 to 1."""
         laws: list[Law] = []
         for k, width in enumerate(self.widths, 1):
             play = Play(width)

@@ -1,7 +1,7 @@
 """Coulomb friction that grows with the load of the joint: τ = FSL · |load| · sgn(q̇).
 
 The load is the torque of the rigid bodies under the inertial parameters of an earlier estimate
-(`DynamicsModel.load_parameters`), never the measured torque, which would hand the answer to the model.
+(`DynamicsModel.load_parameters`), never the measured torque, since the model would then depend on its own output.
 """
 
 from __future__ import annotations
@@ -15,15 +15,13 @@ from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["LoadCoulomb"]
-
 
 @dataclass(frozen=True, slots=True)
 class LoadCoulomb:
-    """Friction against the motion in proportion to the torque that the gear transmits.
+    """Coulomb friction in proportion to the torque that the gear transmits.
 
     Attributes:
-        width: Velocity over which the sign turns [rad/s or m/s]; 0 for a true sign.
+        width: Velocity over which the sign changes [rad/s or m/s]; 0 for a true sign.
         joints: Names of the joints that have it; `None` for all.
     """
 

@@ -1,6 +1,6 @@
 """Viscous friction that grows with the load of the joint: τ = FVL · |load| · q̇.
 
-The load is what it is for `load-coulomb`: the model's own torque of an earlier estimate.
+The load is that of `load-coulomb`: the torque of the rigid bodies of an earlier estimate.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ from typing import ClassVar
 from armid.model.expression import magnitude, symbol
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
-
-__all__ = ["LoadViscous"]
 
 
 @dataclass(frozen=True, slots=True)

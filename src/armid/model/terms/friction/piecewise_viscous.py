@@ -1,7 +1,7 @@
-"""Viscous friction that changes its slope at knots: τ = Σ FP_k · sgn(q̇) max(|q̇| - v_k, 0), beside FV · q̇.
+"""Viscous friction with changes of slope at knots: τ = Σ FP_k · sgn(q̇) max(|q̇| - v_k, 0), beside FV · q̇.
 
-Above knot k the slope is FV + FP1 + … + FPk. What physics asks is that the sum brakes at every speed; a single FP may
-have either sign.
+Above knot k the slope is FV + FP1 + … + FPk. Physics requires that the total opposes the motion at every speed; a
+single FP may have either sign.
 """
 
 from __future__ import annotations
@@ -14,15 +14,13 @@ from armid.model.terms.checks import require_rising
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["PiecewiseViscous"]
-
 
 @dataclass(frozen=True, slots=True)
 class PiecewiseViscous:
-    """Friction piecewise linear in the speed, its first piece being that of `viscous`.
+    """Friction piecewise linear in the speed; the first piece is that of `viscous`.
 
     Attributes:
-        knots: Speeds at which the slope changes, rising [rad/s or m/s].
+        knots: Speeds at which the slope changes, ascending [rad/s or m/s].
         joints: Names of the joints that have it; `None` for all.
     """
 
@@ -34,7 +32,7 @@ class PiecewiseViscous:
         object.__setattr__(self, "knots", require_rising("The knots of piecewise viscous friction", self.knots))
 
     def laws(self, robot: Robot) -> tuple[Law, ...]:
-        """FP1, FP2, … one a knot, on each joint: max(dq - v, 0) - max(-dq - v, 0)."""
+        """FP1, FP2, …, one for each knot, on each joint: max(dq - v, 0) - max(-dq - v, 0)."""
         velocity, units = symbol("dq"), ("N·m·s/rad", "N·s/m")
         laws: list[Law] = []
         for k, knot in enumerate(self.knots, 1):

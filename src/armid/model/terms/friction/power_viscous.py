@@ -1,7 +1,6 @@
 """Viscous friction by a power law: τ = FW · q̇ (q̇² + width²)^((exponent - 1) / 2).
 
-That is sgn(q̇) |q̇|^exponent well above the width, and linear below it: smooth where the plain power has an infinite
-slope.
+It is sgn(q̇) |q̇|^exponent well above the width and linear below it, where a plain power has an infinite slope.
 """
 
 from __future__ import annotations
@@ -14,17 +13,15 @@ from armid.model.terms.checks import require_positive
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["PowerViscous"]
-
 
 @dataclass(frozen=True, slots=True)
 class PowerViscous:
     """Friction that grows with a power of the velocity: below 1 for cold grease, above 1 for churned oil.
 
-    Beside FV · q̇ what physics asks is that both together brake at every velocity, not a sign of each.
+    Physics requires that the sum with FV · q̇ opposes the motion at every velocity, not a sign of each.
 
     Attributes:
-        exponent: Of the velocity.
+        exponent: Exponent of the velocity.
         width: Velocity below which the law is linear [rad/s or m/s].
         joints: Names of the joints that have it; `None` for all.
     """

@@ -1,7 +1,7 @@
 """Friction as a sigmoid of the velocity, which replaces Coulomb, Stribeck and offset on the Panda [Gaz2019].
 
-τ = FG · (1 / (1 + exp(-slope (q̇ + shift))) - 1 / (1 + exp(-slope shift))), zero at rest. It is written with tanh,
-which is the same, 1 / (1 + exp(-x)) = (1 + tanh(x / 2)) / 2, and never overflows.
+τ = FG · (1 / (1 + exp(-slope (q̇ + shift))) - 1 / (1 + exp(-slope shift))), zero at rest. It is computed by tanh,
+which never overflows: 1 / (1 + exp(-x)) = (1 + tanh(x / 2)) / 2.
 """
 
 from __future__ import annotations
@@ -16,16 +16,14 @@ from armid.model.terms.checks import require_positive
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["Sigmoid"]
-
 
 @dataclass(frozen=True, slots=True)
 class Sigmoid:
-    """Coulomb friction with a soft sign, stronger in one direction where it is shifted.
+    """Coulomb friction with a smooth sign; with a shift it is larger in one direction.
 
     Attributes:
-        slope: How fast it turns [s/rad or s/m]; without a shift it is half of tanh(slope q̇ / 2).
-        shift: Velocity by which its middle lies below zero [rad/s or m/s].
+        slope: Slope of the exponent [s/rad or s/m]; without a shift the law is half of tanh(slope q̇ / 2).
+        shift: Distance of the sigmoid's centre below zero velocity [rad/s or m/s].
         joints: Names of the joints that have it; `None` for all.
     """
 

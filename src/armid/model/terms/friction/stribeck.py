@@ -1,6 +1,6 @@
-"""The Stribeck effect: τ = FT · exp(-(|q̇| / velocity)^shape) · sgn(q̇), friction that is gone once the joint moves.
+"""Stribeck effect: τ = FT · exp(-(|q̇| / velocity)^shape) · sgn(q̇), friction that vanishes as the speed grows.
 
-Beside FS · sgn(q̇) it makes breakaway friction FS + FT, which physics asks not to be negative.
+With FS · sgn(q̇) the breakaway friction is FS + FT, which physics requires not to be negative.
 """
 
 from __future__ import annotations
@@ -14,17 +14,15 @@ from armid.model.terms.friction.coulomb import coulomb_law
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["Stribeck"]
-
 
 @dataclass(frozen=True, slots=True)
 class Stribeck:
-    """Friction near standstill beyond that of Coulomb [ArmstrongHelouvry1994].
+    """Friction near standstill in addition to Coulomb friction [ArmstrongHelouvry1994].
 
     Attributes:
         velocity: Velocity at which it has fallen to 1/e [rad/s or m/s].
-        shape: How sharply it falls, at least 1; 2 is a Gaussian.
-        width: Velocity over which the sign turns [rad/s or m/s], well below `velocity`; 0 for a true sign.
+        shape: Exponent of the fall with speed, at least 1; 2 is a Gaussian.
+        width: Velocity over which the sign changes [rad/s or m/s], well below `velocity`; 0 for a true sign.
         joints: Names of the joints that have it; `None` for all.
     """
 

@@ -9,8 +9,6 @@ from armid.model.expression import symbol
 from armid.model.terms.term import Law, single_joint_laws
 from armid.robot.robot import Robot
 
-__all__ = ["Viscous"]
-
 
 @dataclass(frozen=True, slots=True)
 class Viscous:

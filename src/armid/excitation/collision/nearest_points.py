@@ -1,0 +1,99 @@
+"""Nearest points of two segments, and of segments and boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.values import Array
+
+TINY = 1e-12
+"""Squared length [m²] below which a segment counts as a point."""
+
+ROUNDING = 1e-9
+"""Distance [m] up to which a segment counts as meeting a box."""
+
+
+def nearest_on_segments(uu: Array, vv: Array, uv: Array, ur: Array, vr: Array) -> tuple[Array, Array]:
+    """Nearest points of two segments a + s u and b + t v with s and t from 0 to 1.
+
+    Args:
+        uu: Squared length of u.
+        vv: Squared length of v.
+        uv: Scalar product of u and v, shape (..., c).
+        ur: Scalar product of u and a - b, shape (..., c).
+        vr: Scalar product of v and a - b, shape (..., c).
+
+    Returns:
+        s and t, shape (..., c) each.
+    """
+    across = uu * vv - uv**2
+    s = np.clip((uv * vr - ur * vv) / np.maximum(across, TINY * TINY), 0.0, 1.0)
+    s = np.where(across > TINY * np.maximum(uu * vv, TINY), s, 0.0)
+    t = np.clip((uv * s + vr) / np.maximum(vv, TINY), 0.0, 1.0)
+    s = np.clip((uv * t - ur) / np.maximum(uu, TINY), 0.0, 1.0)
+    t = np.clip((uv * s + vr) / np.maximum(vv, TINY), 0.0, 1.0)
+    return s, t
+
+
+def nearest_on_box(a: Array, u: Array, half: Array) -> tuple[Array, Array, Array]:
+    """Nearest points of segments to a box about the origin of their frame.
+
+    The slope of the squared distance along a segment rises piecewise linearly, with kinks where a coordinate passes a
+    face, so its zero is exact. Where a segment meets the box, the deepest point of it is taken.
+
+    Args:
+        a: Beginnings of the segments, shape (..., 3).
+        u: Vectors from beginning to end, shape (..., 3).
+        half: Half the edges of the box, shape (..., 3).
+
+    Returns:
+        Positions (...,) along the segments, 0 to 1, signed distances (...,) there, and their gradients (..., 3).
+    """
+    divisor = np.where(np.abs(u) > TINY, u, np.inf)
+    ends = np.zeros((*a.shape[:-1], 2))
+    ends[..., 1] = 1.0
+    kinks = np.clip(np.concatenate([(-half - a) / divisor, (half - a) / divisor], axis=-1), 0.0, 1.0)
+    places = np.sort(np.concatenate([ends, kinks], axis=-1), axis=-1)
+    points = a[..., None, :] + places[..., None] * u[..., None, :]
+    beyond = points - np.clip(points, -half[..., None, :], half[..., None, :])
+    slopes = (beyond * u[..., None, :]).sum(axis=-1)
+    after = np.clip((slopes < 0.0).sum(axis=-1), 1, places.shape[-1] - 1)[..., None]
+    (s, end), (rise, last) = (
+        (np.take_along_axis(x, after - 1, -1)[..., 0], np.take_along_axis(x, after, -1)[..., 0])
+        for x in (places, slopes)
+    )
+    share = np.clip(-rise / np.maximum(last - rise, TINY * TINY), 0.0, 1.0)
+    s = s + share * (end - s)
+    inside = _box_distance(a + s[..., None] * u, half)[0] <= ROUNDING
+    if inside.any():
+        s[inside] = _deepest(a[inside], u[inside], np.broadcast_to(half, a.shape)[inside])
+    return s, *_box_distance(a + s[..., None] * u, half)
+
+
+def _deepest(a: Array, u: Array, half: Array) -> Array:
+    """Positions (k,) along segments (k, 3) of their deepest points in a box.
+
+    The signed distance is the largest of six linear functions there, so its minimum is an end or where two are equal.
+    """
+    value, slope = np.concatenate([a - half, -a - half], axis=-1), np.concatenate([u, -u], axis=-1)
+    one, other = np.triu_indices(6, 1)
+    relative = slope[:, one] - slope[:, other]
+    equal = (value[:, other] - value[:, one]) / np.where(np.abs(relative) > TINY, relative, np.inf)
+    places = np.column_stack([np.zeros(len(a)), np.ones(len(a)), np.clip(equal, 0.0, 1.0)])
+    height = (value[:, None] + places[..., None] * slope[:, None]).max(axis=-1)
+    return np.take_along_axis(places, height.argmin(axis=-1)[:, None], -1)[:, 0]
+
+
+def _box_distance(point: Array, half: Array) -> tuple[Array, Array]:
+    """Signed distance of points to a box, and its gradient."""
+    offset = np.abs(point) - half
+    outside = np.maximum(offset, 0.0)
+    length = np.linalg.norm(outside, axis=-1)
+    deepest = offset.max(axis=-1)
+    distance = np.where(deepest > 0.0, length, deepest)
+    slope = np.where(
+        (deepest > 0.0)[..., None],
+        outside / np.maximum(length, TINY)[..., None],
+        np.eye(3)[offset.argmax(axis=-1)],
+    )
+    return distance, slope * np.where(point < 0.0, -1.0, 1.0)

@@ -1,0 +1,153 @@
+"""Finding for a plan that is too small or slow to identify the arm, with what keeps it small.
+
+A model is for motion in the whole range of the joints, at their speed limits. The covariance of the base parameters
+that a plan predicts gives the standard deviation of each joint's torque along such a motion. Its ratio to the noise
+of one torque sample depends neither on the scaling of the parameters nor on the size of the assumed noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armid.errors import Finding
+from armid.excitation.collision.coal import too_close
+from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.collision.distances import Clearance
+from armid.excitation.design.objective import Objective
+from armid.excitation.design.sensitivity import Columns
+from armid.excitation.design.sqp import DescentProblem, about_start, utilisation
+from armid.excitation.limits.joint_limits import Limits
+from armid.robot.kinematics import forward_kinematics
+from armid.values import Array
+
+UNUSABLE = 3.0
+"""Standard deviation of a predicted torque in free motion, in units of the noise of one sample, from which a plan
+cannot identify a joint. Plans of ordinary arms have 0.03 to 0.5. Deviations decrease with the root of the number of
+repetitions, so a joint with 3 needs its plan a hundred times to come to 0.3."""
+
+GROWN = 1.5
+"""Factor by which amplitudes are enlarged to see which limits keep a plan small."""
+
+TESTED = 10.0
+"""Rate at which bodies are tested along the enlarged plan [Hz]."""
+
+HELD = 0.8
+"""Utilisation of a limit by standing still at the start pose from which the start pose is a reason, too."""
+
+NAMED = 4
+"""Largest number of limits and pairs that are named."""
+
+REMEDIES = {
+    "torque": "--limit JOINT.effort=VALUE or --torque-margin, where drives are stronger or springs carry the arm",
+    "collision": "--ignore-pair A,B or --srdf FILE, where bodies are drawn too wide, or a smaller --clearance",
+    "position": "--limit JOINT.position=LOW:HIGH",
+    "velocity": "--limit JOINT.velocity=VALUE",
+    "acceleration": "--acceleration",
+    "jerk": "--jerk",
+    "tip": "--tip-box",
+}
+"""Options that relax each kind of limit."""
+
+
+def weak_motion(
+    problem: DescentProblem,
+    x: Array,
+    limits: Limits,
+    collision: CollisionOptions | None = None,
+    *,
+    settled: bool = True,
+) -> Finding | None:
+    """Finding that names the joints that a plan cannot identify, why, and what helps; `None` where there are none.
+
+    Args:
+        problem: Criterion and limits.
+        x: The plan, shape (n k,).
+        limits: Limits of the joints.
+        collision: Bodies that keep a distance, if any.
+        settled: Whether the search had come to its end.
+    """
+    deviations = deviations_in_free_motion(problem, x, limits)
+    weak = np.flatnonzero(~(deviations <= UNUSABLE))
+    if not len(weak):
+        return None
+    joints = limits.joints
+    shares = np.abs(problem.fine.states(x)[1]).max(axis=0) / limits.velocity
+    order = weak[np.argsort(-deviations[weak], kind="stable")]
+    torques = ", ".join(f"{joints[j]} {deviations[j]:.2g}" for j in order)
+    speeds = ", ".join(f"{joints[j]} {100.0 * shares[j]:.0f} %" for j in np.argsort(shares)[:NAMED])
+    evidence = (
+        "The motion is too small or slow to identify the arm. Its model would predict torque in free motion at the "
+        f"speed limits with these standard deviations, in units of the noise of one sample: {torques}; up to "
+        f"{UNUSABLE:g} is usable. Slowest joints: {speeds} of their speed limits"
+    )
+    reasons, kinds, is_held = _reasons(problem, x, collision)
+    remedies = [REMEDIES[kind] for kind in kinds if kind in REMEDIES]
+    if is_held:
+        remedies.append("another --start, or --free-start")
+    if not settled:
+        reasons.append("time ended the search before it had settled")
+        remedies.append("a longer --budget")
+    evidence += f". What keeps it small: {'; '.join(reasons)}" if reasons else ""
+    remedy = f"try {'; '.join(remedies or ['a longer --budget', 'another --start'])}."
+    return Finding("motion-weak", "warning", ", ".join(joints[j] for j in order), evidence, remedy)
+
+
+def deviations_in_free_motion(problem: DescentProblem, x: Array, limits: Limits) -> Array:
+    """Predicted standard deviation of each joint's torque in free motion, over the noise of a sample, shape (n,).
+
+    The free motion is a random series of the plan's length in which each joint reaches a limit of position, velocity,
+    acceleration or jerk. Torque and bodies do not limit it. A joint without position limits turns half a turn to
+    either side.
+    """
+    goal, basis = problem.goal, problem.basis
+    grid = Objective(goal, basis, max(round(goal.rate * basis.period), 40 * basis.harmonics))
+    covariance = np.linalg.inv(grid.information(x))
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (basis.n, 2 * basis.harmonics + 1))
+    unknowns = basis.project(drawn).reshape(basis.n, -1).T
+    states = [matrix @ unknowns for matrix in grid.matrices]
+    states[0] -= 0.5 * (states[0].max(axis=0) + states[0].min(axis=0))
+    bounded = np.isfinite(limits.upper - limits.lower)
+    low, high = np.where(bounded, limits.lower, -np.pi), np.where(bounded, limits.upper, np.pi)
+    bounds = (0.5 * (high - low), limits.velocity, limits.acceleration, limits.jerk)
+    share = np.max([np.abs(state).max(axis=0) / bound for state, bound in zip(states, bounds, strict=True)], axis=0)
+    q, dq, ddq = (state / share for state in states[:3])
+    columns = Columns(goal.source, len(q))
+    columns.fill(q + 0.5 * (high + low), dq, ddq)
+    powers = [(columns.information(row) * covariance).sum() / len(q) for row in np.eye(basis.n)]
+    return np.sqrt(np.maximum(powers, 0.0)) / goal.noise
+
+
+def _reasons(
+    problem: DescentProblem, x: Array, collision: CollisionOptions | None
+) -> tuple[list[str], list[str], bool]:
+    """Limits that keep a plan small, in words, the most violated by a larger plan first.
+
+    Returns:
+        The reasons, the kinds of limits that a larger plan breaks, and whether standing still takes much of one.
+    """
+    basis, robot = problem.basis, problem.goal.model.robot
+    larger, still = about_start(basis, x, GROWN), about_start(basis, x, 0.0)
+    found: list[tuple[float, str, str]] = []
+    held: list[str] = []
+    grown, standing = (utilisation(problem, problem.fine, each) for each in (larger, still))
+    for channel, u, u0 in zip(problem.channels, grown, standing, strict=True):
+        of = "distance of" if isinstance(channel, Clearance) else f"{channel.name} of"
+        for label, most, least in zip(channel.labels, u.max(axis=0), u0.max(axis=0), strict=True):
+            if most > 1.0:
+                found.append((float(most), f"{of} {label}", channel.name))
+            if least > HELD and not isinstance(channel, Clearance):
+                held.append(f"{100.0 * least:.0f} % of the {channel.name} limit of {label}")
+    if collision is not None:
+        times = basis.times(max(50, round(TESTED * basis.period)))
+        poses = forward_kinematics(robot, basis.excitation(larger).at(times).q)
+        for pair, kept in zip(collision.measured, collision.kept, strict=True):
+            if too_close(collision.shapes, pair, float(kept), poses).any():
+                label = " - ".join(collision.shapes[k].name for k in pair)
+                found.append((1.0, f"distance of {label}", "collision"))
+    found.sort(key=lambda each: -each[0])
+    reasons: list[str] = []
+    if found:
+        reasons.append(f"{GROWN:g} times the motion would break {', '.join(text for _, text, _ in found[:NAMED])}")
+    if held:
+        reasons.append(f"already standing still at the start pose takes {', '.join(held[:NAMED])}")
+    return reasons, list(dict.fromkeys(kind for _, _, kind in found)), bool(held)

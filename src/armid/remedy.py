@@ -1,0 +1,129 @@
+"""Remedies of findings and errors: a sentence, lines of a study, or a sentence that quotes such lines."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from armid.text_value import TextValue
+from armid.toml import toml_line
+
+NOTE = "  # "
+"""Beginning of the comment behind lines of a study."""
+
+TABLE = re.compile(r"in \[(\w+)\](?:: (.*))?")
+"""Comment that names the table of lines, and may say more."""
+
+ASSIGNMENT = re.compile(r'\b[a-z_]+ = (?:"[^"]*"|[-+.\de]*\d|\[[^\[\]]*\]|\{[^{}]*\})')
+"""A key of a study with its value, within a sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """Key of a study with its value.
+
+    Attributes:
+        text: The line of the study.
+        keys: The key and its value.
+    """
+
+    text: str
+    keys: Mapping[str, Any]
+
+
+def setting(key: str, value: Any) -> Assignment:
+    """A key with its value, as TOML has it."""
+    return Assignment(toml_line(key, value), {key: value})
+
+
+class Remedy(str, TextValue):
+    """Action to take: the text, which it equals, and the settings of a study in it.
+
+    Attributes:
+        parts: Sentences and settings, in their order; lines of a study are settings alone.
+        note: Comment behind lines of a study.
+        table: Table of the study that the lines belong to, where that is not `[[recording]]`.
+        judged: Whether the finding says what left-out motion tells about the remedy.
+    """
+
+    __slots__ = ("judged", "note", "parts", "table")
+
+    parts: tuple[str | Assignment, ...]
+    note: str
+    table: str
+    judged: bool
+
+    def __new__(cls, *parts: str | Assignment, note: str = "", table: str = "", judged: bool = False) -> Remedy:
+        """Makes the text of the parts."""
+        texts = [part.text if isinstance(part, Assignment) else str(part) for part in parts]
+        lines = all(isinstance(part, Assignment) for part in parts)
+        remedy = super().__new__(cls, ("\n" if lines else "").join(texts) + _comment(note, table))
+        remedy.parts, remedy.note, remedy.table, remedy.judged = parts, note, table, judged
+        return remedy
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The parts, of which a copy is made."""
+        return _remedy, (self.parts, self.note, self.table, self.judged)
+
+    @classmethod
+    def read(cls, text: str) -> Remedy:
+        """The remedy that a text of a stored finding stands for."""
+        if isinstance(text, Remedy):
+            return text
+        code, _, note = text.partition(NOTE)
+        if _keys(text):
+            lines = [Assignment(line, _keys(line)) for line in code.splitlines()]
+            table = TABLE.fullmatch(note)
+            return cls(*lines, note=note) if table is None else cls(*lines, note=table[2] or "", table=table[1])
+        parts: list[str | Assignment] = []
+        at = 0
+        for found in ASSIGNMENT.finditer(text):
+            if keys := _keys(found[0]):
+                parts += [text[at : found.start()], Assignment(found[0], keys)]
+                at = found.end()
+        return cls(*parts, text[at:])
+
+    @classmethod
+    def joined(cls, remedies: Iterable[str]) -> Remedy:
+        """Several remedies as one."""
+        every = list(remedies)
+        if len(every) == 1:
+            return cls.read(every[0])
+        parts: list[str | Assignment] = []
+        for each in map(cls.read, every):
+            parts += [*(["; "] if parts else []), *each.parts, _comment(each.note, each.table)]
+        return cls(*parts)
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """Keys of the study with their values; none where the remedy is a sentence."""
+        keys: dict[str, Any] = {}
+        for part in self.parts:
+            if not isinstance(part, Assignment):
+                return {}
+            keys |= part.keys
+        return keys
+
+    def marked(self) -> Remedy:
+        """The remedy of a finding that says what left-out motion tells about it."""
+        return Remedy(*self.parts, note=self.note, table=self.table, judged=True)
+
+
+def _remedy(parts: tuple[str | Assignment, ...], note: str, table: str, judged: bool) -> Remedy:
+    return Remedy(*parts, note=note, table=table, judged=judged)
+
+
+def _comment(note: str, table: str) -> str:
+    comment = ": ".join(part for part in (f"in [{table}]" if table else "", note) if part)
+    return NOTE + comment if comment else ""
+
+
+def _keys(text: str) -> dict[str, Any]:
+    """Keys of TOML; none where the text is something else."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return {}

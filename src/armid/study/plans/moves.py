@@ -1,0 +1,221 @@
+"""Design of static poses or sweeps from a robot and constraints: start pose, moves, check against all limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armid.errors import ArmidError, Finding
+from armid.excitation.certification import UNITS, Margin
+from armid.excitation.collision.closest_approach import closest_approaches
+from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.design.objective import CriterionGoal
+from armid.excitation.design.sensitivity import Columns
+from armid.excitation.limits.joint_limits import Limits, limits_of
+from armid.excitation.limits.torque_limits import Torque
+from armid.excitation.point_to_point import (
+    Moves,
+    choose_poses,
+    free_ranges,
+    poses_plan,
+    straight_way,
+    sweeps_plan,
+)
+from armid.excitation.preflight import Preflight
+from armid.model.base_parameters import find_base_parameters
+from armid.model.dynamics import DynamicsModel
+from armid.model.motion import Motion
+from armid.robot.kinematics import forward_kinematics
+from armid.robot.robot import Robot
+from armid.study.plans.design import judged_torque, pose_holds
+from armid.study.plans.goals import DesignConstraints
+from armid.study.plans.placement import place_motion
+from armid.values import Array
+
+CHECK_RATE, APPROACH_RATE = 1000.0, 100.0
+"""Rates at which limits and distances of bodies are checked along the moves [Hz]."""
+
+CHUNK = 2000
+"""Points whose torque is computed at a time."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MovesGoal:
+    """Goal of static poses or sweeps.
+
+    Attributes:
+        kind: `poses` or `sweeps`.
+        poses: Number of static poses.
+        rest: Rest in each of them [s].
+        start: Start pose, shape (n,) [rad or m]; chosen automatically if not given.
+        seed: Seed of the random poses.
+    """
+
+    kind: str
+    poses: int = 30
+    rest: float = 2.0
+    start: Array | None = None
+    seed: int = 1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DesignedMoves:
+    """Static poses or sweeps, checked.
+
+    Attributes:
+        kind: `poses` or `sweeps`.
+        plan: The moves.
+        model: Arm and torque terms.
+        limits: Limits of the joints.
+        torque: Limits of the torque; `None` where torque is not judged.
+        preflight: Check of the moves against all limits.
+        findings: Findings of the design.
+        collision: Bodies that are kept apart; `None` where collisions are not checked.
+    """
+
+    kind: str
+    plan: Moves
+    model: DynamicsModel
+    limits: Limits
+    torque: Torque | None
+    preflight: Preflight
+    findings: tuple[Finding, ...]
+    collision: CollisionOptions | None = None
+
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self.model.robot
+
+    @property
+    def start(self) -> Array:
+        """First pose, shape (n,) [rad or m]."""
+        return self.plan.poses[0]
+
+    @property
+    def heading(self) -> str:
+        """Number of segments of each kind, and duration."""
+        kinds = self.plan.kinds
+        counts = ", ".join(f"{kinds.count(kind)} {kind}s" for kind in dict.fromkeys(kinds))
+        return f"{counts} in {self.plan.duration:.0f} s"
+
+    def spread(self, margin: Margin) -> tuple[float, float, float, float] | None:
+        """Lowest and highest position of a joint and its limits, for a position limit; `None` for other limits."""
+        if margin.limit != "position":
+            return None
+        j = self.limits.joints.index(margin.label)
+        q = self.plan.poses[:, j]  # a joint is nowhere beyond the ends of its moves
+        return float(q.min()), float(q.max()), float(self.limits.lower[j]), float(self.limits.upper[j])
+
+
+def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConstraints) -> DesignedMoves:
+    """Designs static poses or sweeps, and checks them against all limits.
+
+    Args:
+        model: Arm and torque terms.
+        goal: Kind, number and start of the moves.
+        constraints: Limits that the moves must keep.
+
+    Raises:
+        ArmidError: The kind is unknown, a workspace is given, or bodies come too close to each other on the way.
+    """
+    robot, base = model.robot, find_base_parameters(model)
+    if goal.kind not in ("poses", "sweeps"):
+        raise ArmidError(f"There is no experiment {goal.kind!r}.", possible="series, poses, sweeps")
+    if constraints.workspace is not None:
+        raise ArmidError(
+            f"A box of the tip is kept by a series only, not by {goal.kind}.",
+            remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, and leave out --tip-box.",
+        )
+    limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
+    if constraints.envelope is not None:
+        limits = limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)
+    criterion = CriterionGoal(model, base, "d-optimal", np.ones(robot.n), APPROACH_RATE, 1)
+    torque, torque_findings = judged_torque(criterion, limits, constraints)
+    holds = pose_holds(criterion, torque)
+    placed = place_motion(robot, limits, constraints, goal.start, holds)
+    start, collision = placed.start, placed.collision
+
+    def collision_free(q: Array) -> NDArray[np.bool_]:
+        return np.ones(len(q), dtype=np.bool_) if collision is None else collision.clear(robot, q)
+
+    def reachable(q: Array) -> NDArray[np.bool_]:
+        paths = np.concatenate([straight_way(start, pose) for pose in q])
+        return np.asarray(collision_free(paths).reshape(len(q), -1).all(axis=1) & holds(q), dtype=np.bool_)
+
+    if goal.kind == "poses":
+        poses = choose_poses(model, base, limits, goal.poses, seed=goal.seed, allowed=reachable)
+        moves = poses_plan(poses, limits, rest=goal.rest, via=start, free=collision_free)
+    else:
+        moves = sweeps_plan(start, free_ranges(start, limits, collision_free))
+    motion = moves.sample(APPROACH_RATE)
+    colliding = np.flatnonzero(~collision_free(motion.q))
+    if len(colliding):
+        raise ArmidError(
+            f"Bodies come too close {motion.time[colliding[0]]:.1f} s into the {goal.kind}.",
+            remedy="narrow the positions with --limit JOINT.position=LOW:HIGH, or choose another --start or --seed.",
+        )
+    approaches = (
+        () if collision is None
+        else closest_approaches(collision, motion.time, forward_kinematics(robot, motion.q))
+    )  # fmt: skip
+    skipped = () if collision is None else collision.skipped
+    found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
+    report = Preflight(found, approaches, skipped, None, placed.unchecked)
+    findings = (*placed.findings, *torque_findings)
+    return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
+
+
+def _margins(
+    motion: Motion, robot: Robot, limits: Limits, torque: Torque | None, goal: CriterionGoal
+) -> tuple[Margin, ...]:
+    """Margins of a motion to every limit; between its points each utilisation may rise by its largest step."""
+    middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
+    jerk = np.diff(motion.ddq, axis=0, append=motion.ddq[-1:]) * CHECK_RATE
+    result: list[Margin] = []
+
+    def add(name: str, j: int, values: Array, shares: Array, bounds: tuple[float, float], unit: str) -> None:
+        k = int(shares.argmax())
+        rise = float(np.abs(np.diff(shares)).max(initial=0.0))
+        value, share, bound = float(values[k]), float(shares[k]), bounds[1 if values[k] >= sum(bounds) / 2 else 0]
+        result.append(
+            Margin(name, robot.joint_names[j], value, bound, unit, float(motion.time[k]), share, share + rise)
+        )
+
+    for order, (name, values, limit) in enumerate(
+        (
+            ("position", motion.q, half),
+            ("velocity", motion.dq, limits.velocity),
+            ("acceleration", motion.ddq, limits.acceleration),
+            ("jerk", jerk, limits.jerk),
+        )
+    ):
+        for j in np.flatnonzero(np.isfinite(limit)).tolist():
+            unit = UNITS[order][robot.joints[j].is_prismatic]
+            if order == 0:
+                shares, bounds = np.abs(values[:, j] - middle[j]) / half[j], (limits.lower[j], limits.upper[j])
+                add(name, j, values[:, j], shares, (float(bounds[0]), float(bounds[1])), unit)
+            else:
+                size, bound = np.abs(values[:, j]), float(limit[j])
+                add(name, j, size, size / bound, (bound, bound), unit)
+    if torque is not None:
+        size = _torques(motion, torque, goal)
+        for k, j in enumerate(torque.joints):
+            bound = float(torque.limit[k])
+            add("torque", j, size[:, k], size[:, k] / bound, (bound, bound), robot.joints[j].effort_unit)
+    return tuple(result)
+
+
+def _torques(motion: Motion, torque: Torque, goal: CriterionGoal) -> Array:
+    """Absolute torques of the limited joints along a motion, shape (N, m) [N·m or N]."""
+    found: list[Array] = []
+    for k in range(0, math.ceil(motion.samples / CHUNK)):
+        some = slice(k * CHUNK, (k + 1) * CHUNK)
+        q, dq, ddq = motion.q[some], motion.dq[some], motion.ddq[some]
+        columns = Columns(goal.source, len(q))
+        columns.fill(q, dq, ddq)
+        found.append(np.abs(columns.torque(torque.base)[:, torque.joints]))
+    return np.vstack(found)
