@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import peers
-from armid.codegen import generate, make_programs
+from armid.codegen.functions import make_programs
+from armid.codegen.generation import generate
 from armid.model.base_parameters import find_base_parameters
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import RigidBody

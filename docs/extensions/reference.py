@@ -52,7 +52,7 @@ def commands() -> str:
 
 def study_keys() -> str:
     """Every key of a study, options of terms and methods included, one table a dataclass."""
-    from armid.estimation.estimators import ESTIMATORS
+    from armid.estimation.catalogue import ESTIMATORS
     from armid.measurement.log_format import LogFormat
     from armid.measurement.processing.options import ProcessingOptions
     from armid.model.terms import TERMS

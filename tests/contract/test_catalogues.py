@@ -9,31 +9,36 @@ from typing import Any
 
 import pytest
 
+import armid
 from armid import doctor
 from armid.codegen import languages
+from armid.codegen.catalogue import LANGUAGES
 from armid.doctor import checks
 from armid.estimation import estimators
+from armid.estimation.catalogue import ESTIMATORS
 from armid.excitation import formats
 from armid.export import formats as descriptions
+from armid.export.catalogue import EXPORTERS
 from armid.measurement import readers as recording_readers
+from armid.measurement.catalogue import READERS, RecordingFormat
 from armid.model import terms
 from armid.report import sections
 from armid.robot import readers as robot_readers
 
 CATALOGUES = {
     "terms": (terms, terms.TERMS, {"term", "checks"}),
-    "estimators": (estimators, estimators.ESTIMATORS, set()),
+    "estimators": (estimators, ESTIMATORS, set()),
     "robot readers": (robot_readers, robot_readers.READERS, set()),
     "report sections": (sections, sections.SECTIONS, set()),
     "formats of controllers": (formats, formats.FORMATS, {"track"}),
-    "exporters": (descriptions, descriptions.EXPORTERS, set()),
-    "languages": (languages, languages.LANGUAGES, set()),
+    "exporters": (descriptions, EXPORTERS, set()),
+    "languages": (languages, LANGUAGES, set()),
     "doctor's checks": (
         checks,
         doctor.CHECKS,
         set(),
     ),
-    "recording readers": (recording_readers, recording_readers.READERS, set()),
+    "recording readers": (recording_readers, READERS, set()),
 }
 """Package, catalogue, and the modules that hold what the kind is rather than one of the kind."""
 
@@ -43,6 +48,8 @@ def entries(catalogue: Any) -> list[Any]:
 
 
 def module_of(entry: Any) -> str:
+    if isinstance(entry, RecordingFormat):
+        return entry.module
     return entry.__name__ if isinstance(entry, ModuleType) else entry.__module__
 
 
@@ -69,8 +76,6 @@ def test_names_are_those_of_the_files(kind: str):
 def test_every_catalogue_of_armid_is_looked_at():
     """A package with one file a kind says so in its docstring, which is how a new one gets noticed here."""
     known = {package.__name__ for package, _, _ in CATALOGUES.values()}
-    import armid
-
     known |= {doctor.__name__}
     packages = [info.name for info in pkgutil.walk_packages(armid.__path__, "armid.") if info.ispkg]
     saying = {name for name in packages if "catalogue" in (importlib.import_module(name).__doc__ or "").lower()}

@@ -9,11 +9,8 @@ import typer
 
 from armid.cli import completion
 from armid.cli.main import COMMANDS, app
-from armid.codegen import LANGUAGES
-from armid.estimation.estimators import ESTIMATORS
 from armid.excitation.design.criteria import CRITERIA
 from armid.excitation.limits.joint_limits import KINDS
-from armid.export.formats import EXPORTERS
 from armid.model.terms import TERMS
 
 NAMES = [command.__name__.replace("_", "-") for command in COMMANDS]
@@ -22,13 +19,11 @@ NAMES = [command.__name__.replace("_", "-") for command in COMMANDS]
 @pytest.mark.parametrize(
     ("said", "catalogue"),
     [
-        (completion.METHODS, ESTIMATORS),
         (completion.TERMS, TERMS),
         (completion.CRITERIA, CRITERIA),
-        (completion.EXPORTS, (*EXPORTERS, *LANGUAGES)),
         (completion.KINDS, KINDS),
     ],
-    ids=["methods", "terms", "criteria", "exports", "limits"],
+    ids=["terms", "criteria", "limits"],
 )
 def test_names_are_those_of_the_catalogue(said: tuple[str, ...], catalogue: object):
     assert len(said) == len(set(said)) and set(said) == set(catalogue)  # pyright: ignore

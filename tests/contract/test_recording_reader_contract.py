@@ -11,7 +11,8 @@ import scipy.io
 from damage import cut, is_helpful, junk
 
 from armid.errors import ArmidError, MissingExtraError
-from armid.measurement.readers import READERS, load_recording
+from armid.measurement.catalogue import READERS, recording_suffixes
+from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.values import sha256_of_file
 from recordings import SECONDS, TABLE, N, T, assert_same, message, write_bag, write_csv, write_parquet, write_workbook
@@ -56,7 +57,7 @@ BAGS = (".bag", ".db3", ".mcap")
 OPTIONAL = ("h5py", "pyarrow", "python_calamine", "rosbags")
 """Packages that come with extras."""
 
-OWNERS = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}
+OWNERS = {suffix: each for each in READERS.values() for suffix in each.suffixes}
 SUFFIX = pytest.mark.parametrize("suffix", OWNERS)
 
 
@@ -72,7 +73,7 @@ def assert_read_or_refused(path: Path, content: bytes) -> ArmidError | None:
 
 
 def test_an_ending_has_one_reader():
-    suffixes = [suffix for reader in READERS for suffix in reader.SUFFIXES]
+    suffixes = recording_suffixes()
     assert len(suffixes) == len(set(suffixes)) and all(s == s.lower() and s.startswith(".") for s in suffixes)
     assert set(suffixes) == set(WRITERS)
 
@@ -120,5 +121,5 @@ def test_a_missing_package_is_named_with_its_extra(suffix: str, tmp_path: Path, 
     try:
         load_recording(path)
     except MissingExtraError as error:
-        extra = getattr(OWNERS[suffix], "EXTRA", "")
+        extra = getattr(OWNERS[suffix].reader, "EXTRA", "")
         assert extra and f"armid[{extra}]" in error.remedy

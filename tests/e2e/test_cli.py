@@ -23,7 +23,7 @@ from armid.cli import main as cli
 from armid.cli.console import print_findings, print_verdict, validation_table
 from armid.cli.parameter_tables import estimate_table, print_links
 from armid.errors import Finding
-from armid.estimation.estimators import ESTIMATORS
+from armid.estimation.catalogue import ESTIMATORS
 from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.fourier import save_plan
 from armid.lab.ideal_recording import Sensors, record, thesis_truth

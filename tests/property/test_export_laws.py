@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armid import kernel
-from armid.export.formats import EXPORTERS
+from armid.export.catalogue import EXPORTERS
 from armid.export.types import Content
 from armid.export.write import export_run
 from armid.model.dynamics import DynamicsModel

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.codegen import LANGUAGES, generate, make_programs
+from armid.codegen.catalogue import LANGUAGES
+from armid.codegen.functions import make_programs
+from armid.codegen.generation import generate
 from armid.codegen.source import identifier
 from armid.model.base_formulas import base_formulas
 from coded import (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armid import load_study
-from armid.estimation.estimators import ESTIMATORS
+from armid.estimation.catalogue import ESTIMATORS
 from armid.study.compare import MethodTable, compare_methods
 from armid.study.identify import prepare
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from armid.export.formats import EXPORTERS
+from armid.export.catalogue import EXPORTERS
 from armid.export.types import Content
 from armid.robot import builtin_arms, load_robot
 from exports import MJCF, URDF

@@ -17,9 +17,6 @@ from pathlib import Path
 import armid
 from armid.cli.next_step import DESCRIPTIONS
 
-METHODS = ("wls", "physical", "ridge", "robust", "ols", "essential", "log-cholesky", "thesis-nlp")
-"""Methods of estimation, the most used first."""
-
 TERMS = (
     "rigid-body",
     "viscous",
@@ -42,9 +39,6 @@ TERMS = (
 
 CRITERIA = ("d-optimal", "condition", "scaled-condition", "a-optimal", "e-optimal", "prediction", "worst")
 """Criteria for the design of a motion."""
-
-EXPORTS = ("urdf", "mjcf", "sdf", "c", "cpp", "matlab", "python", "julia")
-"""Formats of robot descriptions and languages of code."""
 
 KINDS = ("position", "velocity", "acceleration", "jerk", "effort")
 """Kinds of limits of a joint."""

@@ -5,18 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-DESCRIPTIONS = (".urdf", ".xacro", ".xml", ".mjcf")
-TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
-RECORDINGS = (
-    *TEXT,
-    *(".parquet", ".pq", ".npz", ".mat", ".bag", ".db3", ".mcap", ".xlsx", ".xlsm"),
-    *(f"{text}{packed}" for text in TEXT for packed in (".gz", ".xz", ".bz2", ".zst")),
-    *(".bag.zstd", ".db3.zstd", ".mcap.zstd"),
-)
-"""File endings of the readers, copied here because importing the readers takes NumPy; a test compares them."""
+from armid.measurement.catalogue import READERS, recording_endings
 
-AMBIGUOUS = (".txt", ".log", ".dat", ".asc")
-"""Endings that other files often have, too; recordings with another ending are listed first."""
+DESCRIPTIONS = (".urdf", ".xacro", ".xml", ".mjcf")
+"""Suffixes of robot descriptions, copied here because importing their readers takes NumPy; a test compares them."""
 
 BEGIN = (
     ("armid demo", "the whole identification on a virtual arm, half a minute"),
@@ -70,6 +62,7 @@ def _steps(folder: Path) -> tuple[tuple[str, str], ...]:
 
 def _logs(folder: Path, files: Sequence[str]) -> list[str]:
     """Recordings in a folder, ambiguous endings last: files, and folders of ROS bags."""
-    known = [name for name in files if name.lower().endswith(RECORDINGS)]
+    known = [name for name in files if name.lower().endswith(recording_endings())]
+    ambiguous = tuple(suffix for each in READERS.values() for suffix in each.ambiguous)
     bags = sorted(path.parent.name for path in folder.glob("*/metadata.yaml"))
-    return [*sorted(known, key=lambda name: name.lower().endswith(AMBIGUOUS)), *bags]
+    return [*sorted(known, key=lambda name: name.lower().endswith(ambiguous)), *bags]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from armid.estimation.estimators import Estimator, WeightedLeastSquares
+from armid.estimation.catalogue import Estimator
+from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import estimate_covariance

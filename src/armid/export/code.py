@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from armid.codegen import generate, make_programs
+from armid.codegen.functions import make_programs
+from armid.codegen.generation import generate
 from armid.errors import OutputError
 from armid.estimation.estimate import torque_parameters
 from armid.export.sidecar import refuse_overwriting
@@ -49,7 +50,7 @@ def export_code(run: Run, to: str, out: Path | str | None = None, *, name: str =
 
     Args:
         run: The run.
-        to: Language, a row of `armid.codegen.LANGUAGES`.
+        to: Language, a row of `armid.codegen.catalogue.LANGUAGES`.
         out: The folder; `code` in the run's folder if left out.
         name: Name of the code; by default the arm's name.
 

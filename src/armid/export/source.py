@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from armid.errors import ArmidError, Finding, OutputError
-from armid.export.formats import mjcf
+from armid.errors import ArmidError, OutputError
+from armid.export.catalogue import EXPORTERS
 from armid.export.types import DescriptionSource
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.loading import builtin_arms, held_of, load_robot
-from armid.robot.readers.xacro import expand
-from armid.robot.xml import root_tag
 from armid.runs.locate_recording import read_recording_of
 from armid.runs.run import Run
 from armid.study.config import RecordingChoice, parse_robot
@@ -99,24 +97,12 @@ def _relative_folder(study: Mapping[str, Any]) -> Path:
 
 def _read(path: Path, locked: Mapping[str, float]) -> DescriptionSource:
     """Description with its text prepared for editing."""
-    data, files = path.read_bytes(), (str(path),)
-    if path.suffix.lower() == ".toml":
-        return DescriptionSource(str(path), "dh", data, locked, files)
-    if path.suffix.lower() == ".xacro":
-        what = "xacro was expanded; the written file is a URDF"
-        return DescriptionSource(
-            str(path),
-            "urdf",
-            expand(path.read_text(encoding="utf-8"), str(path)).encode(),
-            locked,
-            files,
-            (Finding("xacro-expanded", "info", "", what),),
-        )
-    if root_tag(data.decode()) != "mujoco":
-        return DescriptionSource(str(path), "urdf", data, locked, files)
-    whole, files = mjcf.whole(path, data)
-    included = (Finding("includes-inlined", "info", "", "the contents of included files were inserted"),)
-    return DescriptionSource(str(path), "mjcf", whole, locked, files, included if whole != data else ())
+    data = path.read_bytes()
+    for name, exporter in EXPORTERS.items():
+        opened = exporter.open_description(path, data)
+        if opened is not None:
+            return DescriptionSource(str(path), name, opened.data, locked, opened.files, opened.findings)
+    return DescriptionSource(str(path), "dh", data, locked, (str(path),))
 
 
 def _record(run: Run) -> dict[str, Any]:

@@ -15,9 +15,6 @@ from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters, Robot
 from armid.values import Array
 
-PLACED = ("viscous", "coulomb", "rotor-inertia")
-"""Terms whose parameters some format can store."""
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DescriptionSource:
@@ -25,7 +22,7 @@ class DescriptionSource:
 
     Attributes:
         path: Its path; the name of a built-in arm.
-        format: `urdf`, `mjcf` or `dh`.
+        format: Name of the exporter that edits it; `dh` where none does.
         data: Its text, with xacro expanded and included files inserted.
         locked: Joints held still, with positions [rad or m].
         files: Files that the text came from.
@@ -37,6 +34,21 @@ class DescriptionSource:
     data: bytes
     locked: Mapping[str, float]
     files: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class OpenedDescription:
+    """Description prepared for editing.
+
+    Attributes:
+        data: Its text, with macros expanded and included files inserted.
+        files: Files that the text came from.
+        findings: Changes that were made to get this text.
+    """
+
+    data: bytes
+    files: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
 
 

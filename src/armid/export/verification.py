@@ -10,9 +10,9 @@ import numpy as np
 from armid import kernel
 from armid.errors import Finding, OutputError
 from armid.estimation.estimate import torque_parameters
-from armid.export.formats import Exporter
+from armid.export.catalogue import EXPORTERS, Exporter
 from armid.export.source import Unseen
-from armid.export.types import PLACED, Content, Witness, WrittenDescription
+from armid.export.types import Content, Witness, WrittenDescription
 from armid.information.residuals import compare
 from armid.model.dynamics import DynamicsModel
 from armid.robot.angle_rounding import rounded
@@ -253,9 +253,10 @@ def _rms(values: Array, mask: Array | np.ndarray) -> Array:
 
 def places_of(model: DynamicsModel, theta: Array) -> dict[str, dict[str, float]]:
     """Parameters of single joints that a format may store, by joint and term."""
+    stored_terms = {term for exporter in EXPORTERS.values() for term in exporter.PLACES}
     stored: dict[str, dict[str, float]] = {name: {} for name in model.robot.joint_names}
     for column, (term, law) in zip(model.law_columns, model.laws, strict=True):
-        if term in PLACED and law.coordinate == ((law.joint, 1.0),):
+        if term in stored_terms and law.coordinate == ((law.joint, 1.0),):
             stored[model.robot.joint_names[law.joint]][term] = float(theta[column])
     return stored
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from armid.codegen import LANGUAGES
+from armid.codegen.catalogue import LANGUAGES
 from armid.errors import Finding, OutputError, did_you_mean
 from armid.excitation.limits.joint_limits import with_limits
 from armid.export.body_split import carried_by, carriers, share_out
-from armid.export.formats import EXPORTERS, Exporter
+from armid.export.catalogue import EXPORTERS, Exporter
 from armid.export.plausibility import far_bodies, refuse_unidentified, refuse_unphysical, unphysical_names
 from armid.export.sidecar import refuse_overwriting, side_record
 from armid.export.source import find_source, unseen_recordings
@@ -74,7 +74,7 @@ def export_run(
 
     Args:
         run: The run.
-        to: Format: `urdf`, `mjcf` or `sdf`.
+        to: Format, a row of `armid.export.catalogue.EXPORTERS`.
         out: The file; in the run's folder if left out.
         description: Present path of the run's description, if it was moved.
         data: Present folder of the run's recordings, if they were moved.
@@ -92,7 +92,7 @@ def export_run(
     source = find_source(run, description)
     path = Path(out) if out is not None else _default(run, source, exporter)
     _refuse_target(path, source, None if out is None else run)
-    bodies = _bodies(exporter, source, run.robot) if exporter.EDITS and source.format == to else None
+    bodies = _bodies(exporter, source, run.robot) if source.format == to else None
     _refuse_options(source, limits, bodies, lumped=lumped)
     placeless = set[int]() if bodies is None else set(range(run.robot.n)) - {body.link for body in bodies}
     carried = carried_by([] if lumped else bodies or [], run.robot.n)

@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from armid.errors import MissingExtraError, RecordingError
+from armid.measurement.catalogue import READERS
 from armid.values import digest, sha256_of_file
 
 METADATA = "metadata.yaml"
 
-STORAGE: tuple[str, ...] = (".bag", ".db3", ".mcap")
+STORAGE: tuple[str, ...] = READERS["bag"].suffixes
 """Suffixes of files with messages."""
 
-COMPRESSED = ".zstd"
+(COMPRESSED,) = READERS["bag"].packings
 """Suffix that ROS 2 adds to compressed files."""
 
 OURS = {
@@ -30,7 +31,7 @@ OURS = {
 
 def is_packed(path: Path) -> bool:
     """Test for a single bag file that ROS 2 has compressed as a whole, as `run_0.db3.zstd`."""
-    return path.name.lower().endswith(tuple(f"{suffix}{COMPRESSED}" for suffix in STORAGE))
+    return path.name.lower().endswith(READERS["bag"].packed)
 
 
 @contextmanager

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armid.codegen import Program, make_programs
+from armid.codegen.functions import make_programs
+from armid.codegen.program import Program
 from armid.codegen.tape import make_tape
 from armid.errors import ArmidError
 from armid.estimation.estimate import torque_parameters

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import ArmidError, EstimationError
+from armid.estimation.catalogue import ESTIMATORS, Estimator, EstimatorWithPrior, MultiStartEstimator
 from armid.estimation.crossvalidation import folds, held_out_squares, training_information
 from armid.estimation.estimate import collapse
-from armid.estimation.estimators import ESTIMATORS, Estimator, LogCholesky, PhysicallyConsistent, Ridge, ThesisNLP
 from armid.estimation.fit import Fit
 from armid.estimation.problem import EstimationProblem
 from armid.information.accumulate import accumulate_information
@@ -96,13 +96,13 @@ class MethodTable:
 
 
 def compare_methods(
-    prepared: Prepared, methods: Sequence[str] = tuple(ESTIMATORS), *, progress: Progress | None = None
+    prepared: Prepared, methods: Sequence[str] | None = None, *, progress: Progress | None = None
 ) -> MethodTable:
     """Estimates with every method, with the study's options for it, on the study's training data.
 
     Args:
         prepared: Data and model of the study, which all methods share.
-        methods: Names of the methods.
+        methods: Names of the methods; all where none are given.
         progress: Called before each method.
 
     Raises:
@@ -121,10 +121,10 @@ def compare_methods(
         kind, unseen = "none", _no_error  # terms, load and prior depend on all training data already
     else:
         kind, unseen = "cross-validation", _on_folds(problem)
-    scores: list[MethodScore] = []
-    for k, name in enumerate(methods):
+    names, scores = tuple(methods or ESTIMATORS), list[MethodScore]()
+    for k, name in enumerate(names):
         if progress is not None:
-            progress("comparison", k / len(methods))
+            progress("comparison", k / len(names))
         scores.append(_score(prepared, problem, name, unseen))
     return MethodTable(prepared.model.robot.joint_names, kind, tuple(scores), time.perf_counter() - began)
 
@@ -181,7 +181,7 @@ def _score(prepared: Prepared, problem: EstimationProblem, name: str, unseen: Un
 
 def _quick(method: Estimator) -> Estimator:
     """The method with a single start where it uses several, since its estimate is only compared."""
-    return replace(method, starts=1) if isinstance(method, LogCholesky | ThesisNLP) else method
+    return method.with_one_start() if isinstance(method, MultiStartEstimator) else method
 
 
 def _reason(error: Exception) -> str:
@@ -216,7 +216,7 @@ def _on_folds(problem: EstimationProblem) -> UnseenError:
         numbers = np.unique(fold)
         if len(numbers) < 2:
             raise EstimationError("The recording is too short to leave a part of it out.", remedy=VALIDATE)
-        fixed_method = _with_fixed_prior(method, problem, fit)
+        fixed_method = method.with_prior_of(problem, fit) if isinstance(method, EstimatorWithPrior) else method
         squares = np.zeros(information.n)
         for k in numbers:
             out = fold == k
@@ -225,15 +225,6 @@ def _on_folds(problem: EstimationProblem) -> UnseenError:
         return _rms(squares, information.rows.sum(axis=0))
 
     return error
-
-
-def _with_fixed_prior(method: Estimator, problem: EstimationProblem, fit: Fit) -> Estimator:
-    """The method with the prior's weight fixed to the one found on all of the data."""
-    if isinstance(method, Ridge):
-        return method.settled(problem)
-    if isinstance(method, PhysicallyConsistent) and fit.standard is not None and fit.standard.prior.weight > 0.0:
-        return replace(method, weight=fit.standard.prior.weight)
-    return method
 
 
 def _without(problem: EstimationProblem, left_out: NDArray[np.bool_]) -> EstimationProblem:

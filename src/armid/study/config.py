@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from armid.errors import ArmidError, StudyError, did_you_mean
-from armid.estimation.estimators import ESTIMATORS, Estimator
+from armid.estimation.catalogue import ESTIMATORS, Estimator
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.model.dynamics import DynamicsModel

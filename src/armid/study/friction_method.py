@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+from armid.estimation.catalogue import ESTIMATORS
 from armid.estimation.estimate import Estimate
-from armid.estimation.estimators import ESTIMATORS
 from armid.estimation.friction.selection import FrictionSelection
 from armid.study.config import EstimationChoice
 

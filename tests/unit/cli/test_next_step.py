@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from armid.cli.next_step import RECORDINGS, next_step
-from armid.measurement.readers import ENDINGS
+from armid.cli.next_step import DESCRIPTIONS, next_step
+from armid.robot.readers import READERS
 
 
 def test_an_empty_folder_gets_the_beginning(tmp_path: Path):
@@ -42,5 +42,7 @@ def test_logs_are_what_readers_read_vague_names_last_and_bags_are_folders(tmp_pa
         assert "armid doctor arm.urdf a.csv.gz" in next_step(tmp_path)
 
 
-def test_endings_are_those_of_the_readers():
-    assert sorted(RECORDINGS) == sorted(ENDINGS)
+def test_descriptions_are_those_of_the_readers():
+    """But for DH tables, whose suffix is that of studies."""
+    suffixes = {suffix for reader in READERS.values() for suffix in reader.SUFFIXES}
+    assert {*DESCRIPTIONS, ".toml"} == suffixes

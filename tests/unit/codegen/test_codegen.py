@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.codegen import generate, make_programs, make_source
+from armid.codegen.functions import make_programs
+from armid.codegen.generation import generate
 from armid.codegen.graph import Graph, Node, call
 from armid.codegen.program import Argument, Program
 from armid.codegen.reference_functions import thesis_order, thesis_programs
-from armid.codegen.source import identifier
+from armid.codegen.source import identifier, make_source
 from armid.codegen.term_laws import carried_out
 from armid.errors import ModelError, OutputError
 from armid.model.base_parameters import find_base_parameters

@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.codegen import LANGUAGES, generate, make_programs
+from armid.codegen.catalogue import LANGUAGES
+from armid.codegen.functions import make_programs
+from armid.codegen.generation import generate
 from armid.codegen.languages import python
 from armid.errors import OutputError
 from armid.estimation.estimate import InputDigest

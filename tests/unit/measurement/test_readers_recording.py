@@ -9,8 +9,9 @@ import scipy.io
 
 from armid.errors import MissingExtraError
 from armid.measurement import readers
+from armid.measurement.catalogue import READERS, recording_suffixes
 from armid.measurement.log_format import LogFormat
-from armid.measurement.readers import READERS, load_recording
+from armid.measurement.readers import load_recording
 from armid.measurement.recording import Recording
 from armid.values import save, sha256_of_file
 from recordings import DDQ, DQ, TABLE, TAU, N, Q, T, assert_same, refused, text, write_csv, write_parquet, write_v73
@@ -20,8 +21,8 @@ from recordings import DDQ, DQ, TABLE, TAU, N, Q, T, assert_same, refused, text,
 
 def test_every_module_of_the_folder_is_in_the_catalogue():
     modules = {module.name for module in pkgutil.iter_modules(readers.__path__)}
-    assert modules == {reader.__name__.rsplit(".", 1)[-1] for reader in READERS}
-    suffixes = [suffix for reader in READERS for suffix in reader.SUFFIXES]
+    assert modules == {each.module.rsplit(".", 1)[-1] for each in READERS.values()}
+    suffixes = recording_suffixes()
     assert len(set(suffixes)) == len(suffixes)
     assert all(suffix == suffix.lower() and suffix.startswith(".") for suffix in suffixes)
 
@@ -30,14 +31,13 @@ def test_a_missing_an_empty_and_an_unknown_file(tmp_path):
     refused("does not exist", tmp_path / "no.csv")
     error = refused("unknown format", tmp_path / "run.docx")
     assert ".csv" in error.possible and ".mcap" in error.possible
-    for reader in READERS:
-        for suffix in reader.SUFFIXES:
-            path = tmp_path / f"empty{suffix}"
-            path.write_bytes(b"")
-            refused("is empty", path)
+    for suffix in recording_suffixes():
+        path = tmp_path / f"empty{suffix}"
+        path.write_bytes(b"")
+        refused("is empty", path)
 
 
-@pytest.mark.parametrize("suffix", [suffix for reader in READERS for suffix in reader.SUFFIXES])
+@pytest.mark.parametrize("suffix", recording_suffixes())
 @pytest.mark.parametrize("content", [b"junk " * 300, bytes(range(256)) * 8, b"\x00" * 700])
 def test_junk_is_refused_in_words_whatever_it_calls_itself(tmp_path, suffix, content):
     path = tmp_path / f"junk{suffix}"

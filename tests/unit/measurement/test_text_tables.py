@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from armid.errors import RecordingError
+from armid.measurement.catalogue import recording_endings
 from armid.measurement.log_format import LogFormat
-from armid.measurement.readers import ENDINGS, load_recording
+from armid.measurement.readers import load_recording
 from recordings import DQ, TABLE, TAU, N, Q, T, assert_same, refused, text, write_csv, write_workbook
 
 CLOCK = 1e-6
@@ -79,7 +80,7 @@ def test_packed_tables(tmp_path, packed):
     assert_same(load_recording(path))
     path.write_bytes(path.read_bytes()[:60])
     refused("cannot be unpacked", path)
-    assert f".csv{packed}" in ENDINGS
+    assert f".csv{packed}" in recording_endings()
 
 
 def test_tables_packed_by_zstd(tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armid.codegen import make_programs
+from armid.codegen.functions import make_programs
 from armid.codegen.tape import make_tape, record_tape
 from armid.errors import ArmidError
 from armid.kernel import _native, in_use

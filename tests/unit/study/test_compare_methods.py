@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from armid.errors import EstimationError
+from armid.estimation.catalogue import ESTIMATORS
 from armid.estimation.crossvalidation import folds, training_information
-from armid.estimation.estimators import ESTIMATORS, WeightedLeastSquares
+from armid.estimation.estimators import WeightedLeastSquares
 from armid.estimation.fit import Fit
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.problem import EstimationProblem
@@ -182,9 +183,9 @@ class Broken:
 
 
 @pytest.mark.parametrize(("kind", "reason"), [("refuses", "There is no answer."), ("breaks", "Singular matrix")])
-def test_a_method_that_fails_is_a_row_with_its_reason(monkeypatch: pytest.MonkeyPatch, kind: str, reason: str):
-    monkeypatch.setitem(ESTIMATORS, "broken", Broken)
-    table = compare_methods(with_options({"broken": {"kind": kind}}), ("broken", "ols"))
+def test_a_method_that_fails_is_a_row_with_its_reason(kind: str, reason: str):
+    with ESTIMATORS.extended({"broken": Broken}):
+        table = compare_methods(with_options({"broken": {"kind": kind}}), ("broken", "ols"))
     broken, ols = table.scores
     assert broken.failure == reason and not np.isfinite(broken.training).any() and broken.consistent is None
     assert not ols.failure and np.isfinite(ols.unseen).all()
@@ -193,11 +194,12 @@ def test_a_method_that_fails_is_a_row_with_its_reason(monkeypatch: pytest.Monkey
     assert record["methods"][1]["failure"] is None
 
 
-def test_a_method_that_fails_without_a_fold_keeps_its_row(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(ESTIMATORS, "broken", Broken)
+def test_a_method_that_fails_without_a_fold_keeps_its_row():
     given = prepared(validated=False)
     estimation = replace(given.study.estimation, options={"broken": {"kind": "needs all"}})
-    (row,) = compare_methods(replace(given, study=replace(given.study, estimation=estimation)), ("broken",)).scores
+    study = replace(given.study, estimation=estimation)
+    with ESTIMATORS.extended({"broken": Broken}):
+        (row,) = compare_methods(replace(given, study=study), ("broken",)).scores
     assert row.failure == "There is no answer." and row.consistent is not None
     assert np.isfinite(row.training).all() and not np.isfinite(row.unseen).any()
 

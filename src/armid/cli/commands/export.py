@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armid.cli.completion import EXPORTS, among
+from armid.cli.completion import among
 from armid.cli.options import Json
 from armid.cli.reading import Data
+from armid.codegen.catalogue import LANGUAGES
+from armid.export.catalogue import EXPORTERS
 
 if TYPE_CHECKING:
     from armid.export.write import Exported
@@ -51,8 +53,8 @@ To = Annotated[
     typer.Option(
         "--to",
         metavar="FORMAT",
-        help="urdf, mjcf, sdf; c, cpp, matlab, python, julia.",
-        autocompletion=among(EXPORTS),
+        help=f"{', '.join(EXPORTERS)}; {', '.join(LANGUAGES)}.",
+        autocompletion=among((*EXPORTERS, *LANGUAGES)),
     ),
 ]
 
@@ -88,7 +90,6 @@ def export(
         armid export runs/today --to c --out code
     """
     from armid.cli.motion.excite_request import parse_limits
-    from armid.codegen import LANGUAGES
     from armid.export.write import export_record, export_run
     from armid.runs.run import load_run
     from armid.study.records import to_json
@@ -128,16 +129,11 @@ def _report(exported: Exported) -> None:
     """Print the written files and checks on standard output, and the findings on standard error."""
     from armid.cli.console import print_findings
 
+    of_joints = tuple(EXPORTERS[exported.format].PLACES)  # checks that exist once for every joint
     origin = f"{exported.edited}, edited" if exported.edited else "a new file"
     lines = [f"{exported.path} written ({origin}); the whole model in {exported.side}"]
     lines += [
-        f"  ok {check.value:8.1e}  {check.name}"
-        for check in exported.checks
-        if not check.name.startswith(JOINT_CHECKS)
+        f"  ok {check.value:8.1e}  {check.name}" for check in exported.checks if not check.name.startswith(of_joints)
     ]
     sys.stdout.write("\n".join(lines) + "\n")
     print_findings(exported.findings)
-
-
-JOINT_CHECKS = ("viscous", "coulomb", "rotor-inertia")
-"""Names of checks that exist once for every joint; they are not printed."""

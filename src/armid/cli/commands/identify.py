@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armid.cli.commands.report import NoReport, write_page
-from armid.cli.completion import METHODS, among
+from armid.cli.completion import among
 from armid.cli.options import (
     BASE_TERMS,
     Gravity,
@@ -30,6 +30,7 @@ from armid.cli.options import (
     run_folder,
 )
 from armid.cli.reading import Columns, Rate, TimeUnit, TorqueSign, Units, given
+from armid.estimation.catalogue import ESTIMATORS
 
 if TYPE_CHECKING:
     from armid.errors import Finding
@@ -76,9 +77,9 @@ Method = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help=f"Estimator: {', '.join(METHODS)}; wls by default, ridge with --terms auto. "
+        help=f"Estimator: {', '.join(ESTIMATORS)}; wls by default, ridge with --terms auto. "
         "physical makes every link physically consistent.",
-        autocompletion=among(METHODS),
+        autocompletion=among(ESTIMATORS),
     ),
 ]
 

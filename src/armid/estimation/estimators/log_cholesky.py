@@ -7,7 +7,7 @@ search has several starts. Its objective is that of the convex estimate, so the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -82,6 +82,10 @@ class LogCholesky:
         for option in ("starts", "evaluations"):
             if not isinstance(getattr(self, option), int) or getattr(self, option) < 1:
                 raise EstimationError(f"{option} must be a positive number; found {getattr(self, option)!r}.")
+
+    def with_one_start(self) -> LogCholesky:
+        """The method with a single start, for a comparison of methods."""
+        return replace(self, starts=1)
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:

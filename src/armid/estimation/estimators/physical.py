@@ -137,6 +137,12 @@ class PhysicallyConsistent:
             remedy=trouble.remedy or REMEDY,
         )
 
+    def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> PhysicallyConsistent:
+        """The method with the prior's weight fixed to that of an estimate; unchanged for one without a prior."""
+        del problem
+        weight = 0.0 if fit.standard is None else fit.standard.prior.weight
+        return replace(self, weight=weight) if weight > 0.0 else self
+
     def _estimate(self, problem: EstimationProblem, weighted: WhitenedSystem) -> Fit:
         """Estimate from whitened data."""
         information = problem.information

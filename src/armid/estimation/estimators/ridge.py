@@ -78,8 +78,9 @@ class Ridge:
             solve(problem.information, weighted.weights)  # raises where the data do not determine the parameters
         return _fit(weighted, prior, weight, how)
 
-    def settled(self, problem: EstimationProblem) -> Ridge:
-        """Same method with its weight fixed to the one that is found on a problem."""
+    def with_prior_of(self, problem: EstimationProblem, fit: Fit) -> Ridge:
+        """The method with its weight fixed to the one that is found on a problem."""
+        del fit
         if self.weight != "auto":
             return self
         weighted = whiten(problem.information)

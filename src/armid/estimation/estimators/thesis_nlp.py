@@ -10,7 +10,7 @@ starts, since it is not convex.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any, ClassVar
 
@@ -88,6 +88,10 @@ class ThesisNLP:
         if len(self.long) != 2:
             raise EstimationError(f"long must be two lists of links; found {self.long!r}.")
         object.__setattr__(self, "long", tuple(tuple(links) for links in self.long))
+
+    def with_one_start(self) -> ThesisNLP:
+        """The method with a single start, for a comparison of methods."""
+        return replace(self, starts=1)
 
     @one_blas_thread
     def solve(self, problem: EstimationProblem) -> Fit:

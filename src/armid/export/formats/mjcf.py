@@ -26,6 +26,7 @@ from armid.export.types import (
     Body,
     Content,
     DescriptionSource,
+    OpenedDescription,
     Witness,
     WrittenDescription,
     com_form,
@@ -42,7 +43,6 @@ from armid.values import Array
 
 SUFFIX: str = ".xml"
 PLACES: Sequence[str] = ("viscous", "coulomb", "rotor-inertia")
-EDITS: bool = True
 
 ATTRIBUTES = {"viscous": "damping", "coulomb": "frictionloss", "rotor-inertia": "armature"}
 FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -50,6 +50,15 @@ TURNED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 KEPT = ("compiler", "option", "default", "worldbody", "size")
 """Sections of a document that define its rigid bodies."""
 SHAPES = ("mesh", "hfield", "sdf", "skin")
+
+
+def open_description(path: Path, data: bytes) -> OpenedDescription | None:
+    """An MJCF, with the contents of included files inserted."""
+    if not reader.recognises(data.decode()):
+        return None
+    text, files = whole(path, data)
+    included = (Finding("includes-inlined", "info", "", "the contents of included files were inserted"),)
+    return OpenedDescription(text, files, included if text != data else ())
 
 
 def whole(path: Path, data: bytes, folder: Path | None = None) -> tuple[bytes, tuple[str, ...]]:

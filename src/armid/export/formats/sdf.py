@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -18,6 +19,7 @@ from armid.export.types import (
     Body,
     Content,
     DescriptionSource,
+    OpenedDescription,
     Witness,
     WrittenDescription,
     com_form,
@@ -31,11 +33,15 @@ from armid.values import Array
 
 SUFFIX: str = ".sdf"
 PLACES: Sequence[str] = ("viscous", "coulomb")
-EDITS: bool = False
 
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 TAGS = {"viscous": "damping", "coulomb": "friction"}
 NOT_READ = "no installed program reads SDF; only armid read the file back"
+
+
+def open_description(path: Path, data: bytes) -> OpenedDescription | None:
+    """`None`, because SDF is only written."""
+    del path, data
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:

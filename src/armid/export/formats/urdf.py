@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -22,6 +23,7 @@ from armid.export.types import (
     Body,
     Content,
     DescriptionSource,
+    OpenedDescription,
     Witness,
     WrittenDescription,
     com_form,
@@ -32,16 +34,26 @@ from armid.export.types import (
 from armid.export.xml_edit import Document, XmlNode, element_text
 from armid.maths.spatial import homogeneous, rpy_rotation
 from armid.robot.readers import urdf as reader
+from armid.robot.readers.xacro import expand
 from armid.robot.robot import InertialParameters, Joint, Robot
 from armid.values import Array
 
 SUFFIX: str = ".urdf"
 PLACES: Sequence[str] = ("viscous", "coulomb")
-EDITS: bool = True
 
 ATTRIBUTES = {"viscous": "damping", "coulomb": "friction"}
 TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 LIMITS = ("effort", "velocity")
+
+
+def open_description(path: Path, data: bytes) -> OpenedDescription | None:
+    """A URDF, or the URDF that a xacro file expands to."""
+    if path.suffix.lower() == ".xacro":
+        what = "xacro was expanded; the written file is a URDF"
+        text = expand(data.decode(), str(path)).encode()
+        return OpenedDescription(text, (str(path),), (Finding("xacro-expanded", "info", "", what),))
+    is_urdf = reader.recognises(data.decode()) and path.suffix.lower() in reader.SUFFIXES
+    return OpenedDescription(data, (str(path),)) if is_urdf else None
 
 
 def bodies(source: DescriptionSource, raw: Robot, robot: Robot) -> list[Body]:

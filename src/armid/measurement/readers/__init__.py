@@ -1,43 +1,18 @@
-"""Readers of recordings, one module for each format."""
+"""Readers of recordings, one module for each format; `armid.measurement.catalogue` lists them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 from armid.errors import RecordingError
-from armid.measurement.bag_files import COMPRESSED, STORAGE, is_packed, sha256_of_recording
+from armid.measurement.bag_files import sha256_of_recording
+from armid.measurement.catalogue import READERS, RecordingFormat, recording_suffixes
 from armid.measurement.log_format import LogFormat
-from armid.measurement.readers import bag, csv, excel, mat, npz, parquet
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
-__all__ = ["ENDINGS", "READERS", "RecordingReader", "load_recording"]
-
-
-class RecordingReader(Protocol):
-    """Interface of a reader module."""
-
-    SUFFIXES: tuple[str, ...]
-    """Suffixes of its files, in lower case, with the dot."""
-
-    @staticmethod
-    def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
-        """Reads one file, with the robot's joint names where given; `load_recording` adds the source."""
-        ...
-
-
-READERS: tuple[RecordingReader, ...] = (csv, parquet, npz, mat, bag, excel)
-"""Catalogue of readers: a new format is a module here and a word in this line."""
-
-
-ENDINGS: tuple[str, ...] = (
-    *(suffix for reader in READERS for suffix in reader.SUFFIXES),
-    *(f"{suffix}{packed}" for suffix in csv.SUFFIXES for packed in csv.PACKED),
-    *(f"{suffix}{COMPRESSED}" for suffix in STORAGE),
-)
-"""Suffixes of readable files; the folder of a ROS bag is readable, too."""
+__all__ = ["load_recording"]
 
 
 def load_recording(path: Path | str, log_format: LogFormat | None = None, robot: Robot | None = None) -> Recording:
@@ -53,25 +28,27 @@ def load_recording(path: Path | str, log_format: LogFormat | None = None, robot:
         MissingExtraError: The format needs a package that is not installed.
     """
     path = Path(path)
-    recording = _reader(path).read(path, log_format or LogFormat(), robot)
+    recording = _format(path).reader.read(path, log_format or LogFormat(), robot)
     return replace(recording, source=str(path), sha256=sha256_of_recording(path))
 
 
-def _reader(path: Path) -> RecordingReader:
-    """Reader module for a path."""
+def _format(path: Path) -> RecordingFormat:
+    """Format of a path."""
     if path.is_dir():
-        return bag
-    known = {suffix: reader for reader in READERS for suffix in reader.SUFFIXES}
-    packed = path.suffix.lower() in csv.PACKED and Path(path.stem).suffix.lower() in csv.SUFFIXES
-    reader = csv if packed else bag if is_packed(path) else known.get(path.suffix.lower())
-    if reader is None:
+        return next(each for each in READERS.values() if each.has_folders)
+    name = path.name.lower()
+    known = next((each for each in READERS.values() if path.suffix.lower() in each.suffixes), None)
+    found = known or next((each for each in READERS.values() if name.endswith(each.packed)), None)
+    if found is None:
+        packings = READERS["csv"].packings
         raise RecordingError(
             f"{path} is of an unknown format.",
-            possible=f"{', '.join(known)}; text packed as .csv.gz, .xz, .bz2 or .zst; the folder of a ROS bag",
+            possible=f"{', '.join(recording_suffixes())}; text packed as .csv{', '.join(packings[:-1])} or "
+            f"{packings[-1]}; the folder of a ROS bag",
             remedy="export it in one of these, or give the file the suffix of its format.",
         )
     if not path.is_file():
         raise RecordingError(f"{path} does not exist.", remedy="check the path; a study's paths are relative to it.")
     if not path.stat().st_size:
         raise RecordingError(f"{path} is empty.", remedy="record again; nothing was written.")
-    return reader
+    return found

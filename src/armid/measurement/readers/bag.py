@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 
 from armid.errors import Finding, MissingExtraError, RecordingError
-from armid.measurement.bag_files import STORAGE, opened
+from armid.measurement.bag_files import opened
 from armid.measurement.joint_states import FIELDS, JointStates, Publisher, collect, joined, names_of
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 
-SUFFIXES: tuple[str, ...] = STORAGE
 EXTRA = "io"
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

@@ -16,11 +16,7 @@ from armid.measurement.text_table import decoded, numbers_of, seconds_of, table_
 from armid.robot.robot import Robot
 from armid.values import Array
 
-SUFFIXES: tuple[str, ...] = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 EXTRA = "io"
-
-PACKED: tuple[str, ...] = (".gz", ".xz", ".bz2", ".zst")
-"""Suffixes of compressed text tables."""
 
 
 def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:

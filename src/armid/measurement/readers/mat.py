@@ -17,7 +17,6 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array
 
-SUFFIXES: tuple[str, ...] = (".mat",)
 EXTRA = "io"
 
 NAMES = ("joint_names", "names")

@@ -16,8 +16,6 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array, load
 
-SUFFIXES: tuple[str, ...] = (".npz",)
-
 NAMES = ("joint_names", "names")
 """Variables that may hold the names of the channels."""
 

@@ -13,7 +13,6 @@ from armid.measurement.recording import Recording
 from armid.robot.robot import Robot
 from armid.values import Array
 
-SUFFIXES: tuple[str, ...] = (".parquet", ".pq")
 EXTRA = "io"
 
 

@@ -1,0 +1,91 @@
+"""Catalogue `READERS` of the formats of recordings: a new format is a new file and one line here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Protocol, cast
+
+from armid.catalogue import Catalogue
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from armid.measurement.log_format import LogFormat
+    from armid.measurement.recording import Recording
+    from armid.robot.robot import Robot
+
+
+class RecordingReader(Protocol):
+    """Interface of a reader module."""
+
+    @staticmethod
+    def read(path: Path, log_format: LogFormat, robot: Robot | None = None) -> Recording:
+        """Reads one file, with the robot's joint names where given; `load_recording` adds the source."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingFormat:
+    """Format of recordings.
+
+    Attributes:
+        module: Module that reads it.
+        suffixes: Suffixes of its files, in lower case, with the dot.
+        packings: Suffixes that compressed files have after one of these.
+        ambiguous: Suffixes that files other than recordings often have, too.
+        has_folders: True if a folder is a recording of this format.
+    """
+
+    module: str
+    suffixes: tuple[str, ...]
+    packings: tuple[str, ...] = ()
+    ambiguous: tuple[str, ...] = ()
+    has_folders: bool = False
+
+    @property
+    def packed(self) -> tuple[str, ...]:
+        """Endings of its compressed files."""
+        return tuple(f"{suffix}{packing}" for suffix in self.suffixes for packing in self.packings)
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """Endings of all its files."""
+        return *self.suffixes, *self.packed
+
+    @property
+    def reader(self) -> RecordingReader:
+        """The module that reads it, imported on first use."""
+        return cast("RecordingReader", import_module(self.module))
+
+
+TEXT_ALSO_OF_OTHERS = (".txt", ".dat", ".asc", ".log")
+
+READERS: Catalogue[RecordingFormat] = Catalogue(
+    {
+        "csv": RecordingFormat(
+            "armid.measurement.readers.csv",
+            (".csv", ".tsv", *TEXT_ALSO_OF_OTHERS),
+            packings=(".gz", ".xz", ".bz2", ".zst"),
+            ambiguous=TEXT_ALSO_OF_OTHERS,
+        ),
+        "parquet": RecordingFormat("armid.measurement.readers.parquet", (".parquet", ".pq")),
+        "npz": RecordingFormat("armid.measurement.readers.npz", (".npz",)),
+        "mat": RecordingFormat("armid.measurement.readers.mat", (".mat",)),
+        "bag": RecordingFormat(
+            "armid.measurement.readers.bag", (".bag", ".db3", ".mcap"), packings=(".zstd",), has_folders=True
+        ),
+        "excel": RecordingFormat("armid.measurement.readers.excel", (".xlsx", ".xlsm")),
+    }
+)
+"""Formats of recordings by the name of their module."""
+
+
+def recording_suffixes() -> tuple[str, ...]:
+    """Suffixes of all formats, without those of compressed files."""
+    return tuple(suffix for each in READERS.values() for suffix in each.suffixes)
+
+
+def recording_endings() -> tuple[str, ...]:
+    """Endings of all readable files; the folder of a ROS bag is readable, too."""
+    return tuple(ending for each in READERS.values() for ending in each.endings)
