@@ -13,6 +13,7 @@ from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.remedy_trial import BY_ERROR_ALONE, RemedyTrial, try_remedy
 from armid.doctor.stuck_channels import stuck_stretches, without_stuck
 from armid.errors import Finding
+from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.model.base_parameters import find_base_parameters
@@ -162,7 +163,7 @@ class LogEvidence:
         """Sample rate of the log, or 1 where it is unknown [Hz]."""
         recording = self.recording or self.raw
         if recording.time is not None and len(recording.time) > 1:
-            step = float(np.median(np.diff(recording.time)))
+            step = float(median(np.diff(recording.time)))
             return 1.0 / step if step > 0.0 else 1.0
         return recording.rate or 1.0
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.maths.median import median
 from armid.measurement.recording import Recording
 from armid.values import Array
 
@@ -96,5 +97,5 @@ def _breaks(q: Array, a: int, b: int) -> bool:
         return True
     near = max(3, (b - a) // 20)
     before, behind = step[max(0, a - near) : a], step[b + 1 : b + 1 + near]
-    moving = [float(np.median(x)) for x in (before, behind) if len(x)]
+    moving = [float(median(x)) for x in (before, behind) if len(x)]
     return bool(moving) and max(moving) > 0.3 * usual

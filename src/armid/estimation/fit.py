@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from armid.errors import Finding
 from armid.estimation.standard_fit import StandardFit
 from armid.information.information import Information
+from armid.maths.distributions import student_quantile
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary, percent
 from armid.values import Array, array
@@ -121,9 +122,7 @@ class Fit(Displayed):
     @property
     def intervals(self) -> Array:
         """Student's 95 % intervals of the parameters, shape (b, 2)."""
-        from scipy.special import stdtrit  # a third of a second to import
-
-        half = stdtrit(self.freedom, 0.975) * self.deviation
+        half = student_quantile(self.freedom) * self.deviation
         return np.stack([self.values - half, self.values + half], axis=1)
 
     @property

@@ -31,6 +31,7 @@ from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.estimation.whitening import WhitenedSystem
 from armid.information.information import stack
 from armid.maths.linalg import condition, inverse_of, scaled_condition
+from armid.maths.median import median
 from armid.remedy import Remedy, setting
 from armid.values import Array
 
@@ -177,7 +178,7 @@ def _base_precision(estimate: PhysicalEstimate, precision: Array) -> Array:
         return inverse_of(covariance)
     # What is given has no variance; a millionth of the others' stands for that.
     length = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    length = np.where(length > 0.0, length, np.median(length) if length.any() else 1.0)
+    length = np.where(length > 0.0, length, median(length) if length.any() else 1.0)
     return inverse_of(covariance + 1e-6 * np.diag(length**2))
 
 

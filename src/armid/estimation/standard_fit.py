@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.maths.distributions import student_quantile
 from armid.maths.linalg import half_of, inverse_of, orthonormal
 from armid.model.parameter_name import ParameterName, parameter_names
 from armid.notebook import Displayed, Summary
@@ -241,8 +242,6 @@ def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> St
         known: What is added to it for certain, prior and torque scales, shape (b, b).
         freedom: Degrees of freedom of the scatter of each base parameter, shape (b,).
     """
-    from scipy.special import stdtrit  # a third of a second to import
-
     own = fit.lift
     if own is None:
         return fit
@@ -255,7 +254,7 @@ def stated(fit: StandardFit, scatter: Array, known: Array, freedom: Array) -> St
     # What is known for certain has no degrees of freedom to pay for [Satterthwaite1946].
     free = free * (1.0 + certain / np.where(learned > 0.0, learned, 1.0)) ** 2
     deviation = np.sqrt(learned + certain)
-    half = stdtrit(np.where(learned > 0.0, free, np.inf), 0.975) * deviation
+    half = student_quantile(np.where(learned > 0.0, free, np.inf)) * deviation
     ends = np.stack([fit.values - half, fit.values + half], axis=1)
     ends[own.bounded > 0.0] = np.maximum(ends[own.bounded > 0.0], 0.0)
     covariance = scattered + settled

@@ -21,6 +21,7 @@ from armid.estimation.uncertainty.reversals import shift_of_unknowns
 from armid.estimation.update.stacked_problem import EarlierErrors
 from armid.information.information import Information, stack
 from armid.maths.linalg import root_of, unit_columns
+from armid.maths.median import median
 from armid.values import Array
 
 ROUNDING = 1e-9
@@ -85,7 +86,7 @@ def prior_information(
     part = gain**2 * np.diag(earlier.covariance)
     whole = part.sum(axis=1)
     share = np.where(whole > 0.0, whole, 1.0)
-    freedom = np.where(whole > 0.0, part @ earlier.freedom / share, float(np.median(earlier.freedom)))
+    freedom = np.where(whole > 0.0, part @ earlier.freedom / share, float(median(earlier.freedom)))
     return PriorInformation(precision, certain, scatter, freedom, gain @ earlier.moved, earlier.reach, inverse)
 
 

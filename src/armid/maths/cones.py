@@ -64,6 +64,42 @@ class Cone:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class SparseColumns:
+    """Matrix by compressed sparse columns, with the attributes of SciPy's that the solver reads.
+
+    SciPy's own takes longer to import than most programs to solve.
+
+    Attributes:
+        shape: Rows and columns.
+        data: Entries that are not zero, column by column, shape (entries,).
+        indices: Their rows, increasing in each column, shape (entries,).
+        indptr: First entry of each column, and the number of entries, shape (columns + 1,).
+        has_sorted_indices: Whether rows increase in each column.
+        has_canonical_format: Whether there is at most one entry for each row and column.
+    """
+
+    shape: tuple[int, int]
+    data: Array
+    indices: NDArray[np.int32]
+    indptr: NDArray[np.int32]
+    has_sorted_indices: bool = True
+    has_canonical_format: bool = True
+
+    @property
+    def nnz(self) -> int:
+        """Number of entries."""
+        return len(self.data)
+
+    @classmethod
+    def of(cls, matrix: Array) -> SparseColumns:
+        """Compress a dense matrix (rows, columns)."""
+        column, row = np.nonzero(matrix.T)
+        ends = np.concatenate([[0], np.bincount(column, minlength=matrix.shape[1]).cumsum()])
+        data = np.ascontiguousarray(matrix[row, column])
+        return cls((len(matrix), matrix.shape[1]), data, row.astype(np.int32), ends.astype(np.int32))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class ConeSolution:
     """Checked solution of a conic program.
 
@@ -115,16 +151,16 @@ def solve_cones(cost: Array, cones: Sequence[Cone], squares: Array | None = None
         UnsolvedError: The solution fails its check; the message has the solver's status, the gap and the violation.
     """
     clarabel: Any = import_module("clarabel")
-    sparse: Any = import_module("scipy.sparse")
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_TOLERANCE
     rows, offsets, kinds = zip(*(_for_solver(cone, clarabel) for cone in cones), strict=True)
-    A = sparse.csc_matrix(np.concatenate(rows))
+    A = np.concatenate(rows)
     squares = np.zeros(len(cost)) if squares is None else squares
-    curved = sparse.csc_matrix(sparse.diags(squares))
-    answer = clarabel.DefaultSolver(curved, cost, A, np.concatenate(offsets), list(kinds), settings).solve()
+    curved = SparseColumns.of(np.diag(squares))
+    solver = clarabel.DefaultSolver(curved, cost, SparseColumns.of(A), np.concatenate(offsets), list(kinds), settings)
+    answer = solver.solve()
     x, z = np.array(answer.x, dtype=np.float64), np.array(answer.z, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # a failed solver may return any numbers
         half = 0.5 * float(squares @ x**2)

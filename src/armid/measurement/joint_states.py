@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
+from armid.maths.median import median
 from armid.measurement.columns.channels import LISTED
 from armid.values import Array
 
@@ -171,7 +172,7 @@ def _stack(rows: Sequence[Any], names: tuple[str, ...], name: str, path: Path) -
 def _received(states: Sequence[JointStates]) -> Finding:
     """Finding that the times are those of reception."""
     step = np.diff(states[0].time) * 1e-6
-    typical = float(np.median(step)) if step.size else 0.0
+    typical = float(median(step)) if step.size else 0.0
     spread = f"; steps of {step.min():.3g} to {step.max():.3g} ms, {typical:.3g} in the middle" if step.size else ""
     return Finding(
         "clock-received",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
+from armid.maths.median import median
 from armid.measurement.columns.channels import in_joint_order
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.cleaning import clean, recording_error
@@ -208,7 +209,7 @@ def _unwrapped(q: Array, turns: NDArray[np.bool_], robot: Robot) -> tuple[Array,
         step = np.diff(q[:, i])
         whole = np.round(step / (2 * np.pi))
         jump = (whole != 0) & (np.abs(step - 2 * np.pi * whole) < WRAP_TOLERANCE)
-        if not jump.any() or np.median(np.abs(step)) >= WRAP_TOLERANCE:
+        if not jump.any() or median(np.abs(step)) >= WRAP_TOLERANCE:
             continue
         q[1:, i] -= 2 * np.pi * np.cumsum(np.where(jump, whole, 0.0))
         evidence = f"{jump.sum()} jumps by whole turns, first after row {int(np.argmax(jump)) + 1}; unwrapped."

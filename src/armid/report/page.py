@@ -14,7 +14,7 @@ from typing import Any
 from armid.report.comparison import COMPARISON, pair_of
 from armid.report.data.page_data import PageData, gather, stored
 from armid.report.heading import Heading, heading_of_run
-from armid.report.plots.encoding import compressed, embedded
+from armid.report.plots.encoding import embedded, packed_plotly
 from armid.report.plots.style import plot_record
 from armid.report.rendering import environment, require_extra, text_of
 from armid.report.section import Section
@@ -114,7 +114,7 @@ def assemble(
             style=text_of("theme.css") + text_of("page.css"),
             script=text_of("unpack.js") + text_of("page.js"),
             data=embedded(_data(sections.values())),
-            plotly=_plotly() if with_plots else "",
+            plotly=packed_plotly() if with_plots else "",
         )
     )
 
@@ -125,10 +125,3 @@ def _data(sections: Iterable[Section]) -> dict[str, Any]:
     plots = {plot.key: plot_record(plot) for section in sections for _, row in section.plots for plot in row}
     tables = {t.key: {"csv": t.csv(), "latex": t.latex()} for section in sections for t in section.tables}
     return {"plots": plots, "tables": tables}
-
-
-def _plotly() -> str:
-    """plotly.js, compressed and in base 64; reproducible byte by byte."""
-    from plotly.offline import get_plotlyjs
-
-    return compressed(get_plotlyjs())

@@ -14,6 +14,8 @@ from armid.estimation.estimate import Estimate
 from armid.estimation.fit import Fit
 from armid.information.column_source import column_source
 from armid.information.regressor_rows import all_rows
+from armid.maths.distributions import student_quantile
+from armid.maths.median import median
 from armid.measurement.band import Band
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.base_parameters import BaseParameters
@@ -56,13 +58,11 @@ def band_of_rows(model: DynamicsModel, estimate: Estimate, observations: Observa
         observations: Runs with their band.
         every: k.
     """
-    from scipy.special import stdtrit  # slow to import
-
     base, fit = estimate.base, estimate.fit
     share = _parameter_variance(model, base, _covariance_of_means(base, fit), observations, every)
     variance = np.maximum(share + fit.noise**2, np.finfo(float).tiny)
-    free = np.median(fit.freedom) * (variance / np.maximum(share, SMALLEST_SHARE * variance)) ** 2
-    return np.asarray(stdtrit(free, 0.975) * np.sqrt(variance), dtype=np.float64)
+    free = median(fit.freedom) * (variance / np.maximum(share, SMALLEST_SHARE * variance)) ** 2
+    return np.asarray(student_quantile(free) * np.sqrt(variance), dtype=np.float64)
 
 
 def _covariance_of_means(base: BaseParameters, fit: Fit) -> Array:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from armid.errors import ArmidError
 from armid.information.hysteresis_states import with_hysteresis_states
+from armid.maths.median import median
 from armid.measurement.observations import Observations, ObservedRun
 from armid.model.dynamics import DynamicsModel
 from armid.validation.rollout import Feedback, Windows, roll_out
@@ -188,4 +189,4 @@ def _held(error: Array, tolerance: float, step: float) -> Array:
     """Median over windows of the time until the error exceeds the tolerance, joint by joint [s]."""
     exceeded = ~(np.abs(error) <= tolerance)
     first = np.where(exceeded.any(axis=1), exceeded.argmax(axis=1), error.shape[1] - 1)
-    return np.median(first, axis=0) * step
+    return median(first) * step

@@ -8,11 +8,10 @@ vᵀ (∂M/∂q) v with v the eigenvector [Lancaster1964].
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
+from armid.maths.box_descent import descend_in_box
 from armid.model.dynamics import DynamicsModel
 from armid.model.motion import Motion
 from armid.values import Array
@@ -53,24 +52,13 @@ def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
         standard: Standard parameters, or any with the same torque, shape (p,).
         seed: Seed of the random poses.
     """
-    optimize: Any = import_module("scipy.optimize")
     low, high = _box(model)
     poses = np.random.default_rng(seed).uniform(low, high, (POSES, model.n))
     smallest = np.linalg.eigvalsh(model.mass_matrix(poses, standard))[:, 0]
-    best = Pose(float("inf"), poses[0], _unit(model))
-    for start in poses[np.argsort(smallest)[:STARTS]]:
-        found = optimize.minimize(
-            _eigenvalue,
-            start,
-            args=(model, standard),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=np.column_stack([low, high]),
-            options={"ftol": 1e-14, "gtol": 1e-10},
-        )
-        if found.fun < best.min_eigenvalue:
-            best = Pose(float(found.fun), np.asarray(found.x, dtype=np.float64), best.unit)
-    return best
+    starts = poses[np.argsort(smallest)[:STARTS]]
+    q, eigenvalue = descend_in_box(lambda q: _eigenvalues(q, model, standard), starts, low, high)
+    k = int(np.argmin(eigenvalue))
+    return Pose(float(eigenvalue[k]), q[k], _unit(model))
 
 
 def worst_along(model: DynamicsModel, standard: Array, motion: Motion) -> Pose:
@@ -93,12 +81,12 @@ def _box(model: DynamicsModel) -> tuple[Array, Array]:
     return low, high
 
 
-def _eigenvalue(q: Array, model: DynamicsModel, standard: Array) -> tuple[float, Array]:
-    """Smallest eigenvalue at q and its gradient."""
+def _eigenvalues(q: Array, model: DynamicsModel, standard: Array) -> tuple[Array, Array]:
+    """Smallest eigenvalues (K,) at poses (K, n) and their gradients (K, n)."""
     n = model.n
     steps = np.concatenate([np.zeros((1, n)), STEP * np.eye(n), -STEP * np.eye(n)])
-    inertia = model.mass_matrix(q + steps, standard)
-    eigenvalues, vectors = np.linalg.eigh(inertia[0])
-    v = vectors[:, 0]
-    slope = (inertia[1 : n + 1] - inertia[n + 1 :]) / (2.0 * STEP)
-    return float(eigenvalues[0]), np.einsum("i,kij,j->k", v, slope, v)
+    inertia = model.mass_matrix((q[:, None] + steps).reshape(-1, n), standard).reshape(len(q), 2 * n + 1, n, n)
+    eigenvalues, vectors = np.linalg.eigh(inertia[:, 0])
+    v = vectors[:, :, 0]
+    slope = (inertia[:, 1 : n + 1] - inertia[:, n + 1 :]) / (2.0 * STEP)
+    return eigenvalues[:, 0], np.einsum("ki,klij,kj->kl", v, slope, v)

@@ -7,9 +7,11 @@ import csv
 import io
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from plotly.offline import get_plotlyjs
 
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
@@ -17,7 +19,7 @@ from armid.report.data.friction_at_reversals import HALF_WINDOW, find_reversals,
 from armid.report.data.number_format import decimals_of, fixed, percent, share, short
 from armid.report.data.recording_data import RecordingData, Spectrum, amplitude_density
 from armid.report.data.residual_analysis import classes, explained, residual_shares
-from armid.report.plots.encoding import packed
+from armid.report.plots.encoding import compressed, packed, packed_plotly
 from armid.report.plots.style import CLOUDS, LINES, colours, resolved, trace_style
 from armid.report.plots.traces import binned, crest, envelope, line, points, spread
 from armid.report.tables import Column, Table, TableCell, latex_text
@@ -230,3 +232,15 @@ def test_latex_of_what_formulas_have():
     assert latex_text("ḋ = (∂d/∂q) q̇") == r"$\dot{d}$ = ($\partial$d/$\partial$q) $\dot{q}$"
     assert latex_text("σ̂² of βᵢ, MYₙ₋₂") == r"$\hat{\sigma}$$^2$ of $\beta$$_i$, MY$_n$$_-$$_2$"
     assert latex_text("Stäubli") == "Stäubli"
+
+
+def test_the_script_of_plots_is_the_same_from_the_cache_without_one_and_from_a_damaged_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("ARMID_CACHE", str(tmp_path))
+    known = compressed(get_plotlyjs())
+    assert packed_plotly() == known
+    (entry,) = tmp_path.glob("plotly-*.npz")
+    assert packed_plotly() == known
+    entry.write_bytes(entry.read_bytes()[:-100])
+    assert packed_plotly() == known

@@ -15,6 +15,7 @@ from armid.errors import UnsolvedError
 from armid.estimation.consistency.constraints import Feasible
 from armid.maths.cones import Cone, solve_cones, symmetric, upper_triangle
 from armid.maths.linalg import orthonormal
+from armid.maths.median import median
 from armid.values import Array
 
 GOOD = 2e-7
@@ -130,7 +131,7 @@ def _starts(A: Array, y: Array, precision: Array) -> list[tuple[Array, list[floa
     clear = orthonormal(whole)
     free = np.linalg.lstsq(whole, side, rcond=None)[0] if clear is None else clear[2] @ (clear[0].T @ side)
     free = free / length
-    usual = max(float(np.median(length)) / UNIT, 1.0)
+    usual = max(float(median(length)) / UNIT, 1.0)
     return [
         (free, [usual, float(length.max())]),
         (np.zeros(len(length)), [max(0.1 * float(np.linalg.norm(y)), 1.0), usual]),

@@ -34,6 +34,7 @@ from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import block_covariance
 from armid.information.information import Information, restrict, stack, total
 from armid.maths.linalg import condition, scaled_condition
+from armid.maths.median import median
 from armid.threads import one_blas_thread
 from armid.values import Array
 
@@ -138,7 +139,7 @@ def _correlation(information: Information, full: Fit, inverse: Array) -> float:
     found = block_covariance(information, full.values, full.weights, inverse)
     if found is None:
         return 1.0
-    return max(1.0, float(np.median(np.diag(found[0]) / np.diag(inverse))))
+    return max(1.0, float(median(np.diag(found[0]) / np.diag(inverse))))
 
 
 def _fit(full: Fit, whole: Information, kept: NDArray[np.intp], cost: float) -> Fit:

@@ -36,6 +36,7 @@ from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.information.column_source import column_source
 from armid.information.information import Information, JointFactors, stack, total
 from armid.information.weighted_rows import Segment, WeightedRows, weighted_information
+from armid.maths.median import median
 from armid.remedy import Remedy, setting
 from armid.threads import one_blas_thread
 from armid.values import Array
@@ -191,8 +192,8 @@ class _Passes:
             for j, own in enumerate(sizes):
                 own.append(np.abs(self.residual(segment, j, values))[segment.mask[:, j]])
         joined = [np.concatenate(own) for own in sizes]
-        median = np.array([float(np.median(own)) if len(own) else 0.0 for own in joined])
-        return np.maximum(median / (NORMAL_MEDIAN * np.sqrt(self.free)), self.floor)
+        middle = np.array([float(median(own)) if len(own) else 0.0 for own in joined])
+        return np.maximum(middle / (NORMAL_MEDIAN * np.sqrt(self.free)), self.floor)
 
     def improve(self, state: _State, loss: _Loss, *, moving: bool) -> _State:
         """One iteration: weights from the residuals, then parameters from the weighted rows, then scales."""

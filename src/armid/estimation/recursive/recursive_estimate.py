@@ -34,6 +34,7 @@ from armid.estimation.whitening import RESOLUTION, minimum_norm_solution
 from armid.information.information import Information, JointFactors, merge, stack, total
 from armid.kernel import factor_columns
 from armid.maths.linalg import condition, inverse_of, scaled_condition
+from armid.maths.median import median
 from armid.values import Array, array
 
 ITERATIONS = 1000
@@ -102,7 +103,7 @@ def resume(
     textbook = earlier.white_deviation**2
     known = textbook > 0.0
     ratio = np.diag(earlier.covariance)[known] / textbook[known]
-    inflation = max(float(np.median(ratio)), 1.0) if known.any() else 1.0
+    inflation = max(float(median(ratio)), 1.0) if known.any() else 1.0
     start = begin(block, memory, weights=earlier.weights / np.sqrt(inflation))
     covariance = np.diag(np.concatenate([np.zeros(len(earlier.values)), extra**2]))
     covariance[: len(earlier.values), : len(earlier.values)] = _definite(earlier, factors)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.estimation.uncertainty.noise_spectrum import NoiseModel
+from armid.maths.distributions import chi_squared_survival
 from armid.values import Array
 
 
@@ -42,8 +43,6 @@ def spectrum_test(model: NoiseModel, moments: Array, squares: Array, rows: Array
         squares: Sum of squared residuals of all rows, shape (n,).
         rows: Rows that counted, shape (n,).
     """
-    from scipy.special import chdtrc  # a third of a second to import
-
     effective_dof = np.einsum("ejj->j", model.leverage)
     level = np.sqrt(squares / np.maximum(rows - effective_dof, 1.0)) * model.weights
     level = np.where(level > 0.0, level, 1.0)
@@ -56,7 +55,7 @@ def spectrum_test(model: NoiseModel, moments: Array, squares: Array, rows: Array
     difference, variance = difference[seen], variance[np.ix_(seen, seen)]
     # The mean level of each joint equals that of its rows by construction, unless the rows are averages.
     free = len(difference) - (0 if model.bands.averaged else model.bands.n)
-    return float(chdtrc(free, difference @ np.linalg.lstsq(variance, difference, rcond=None)[0]))
+    return chi_squared_survival(free, float(difference @ np.linalg.lstsq(variance, difference, rcond=None)[0]))
 
 
 def variance_test(parts: Array, weights: Array, averaged: bool) -> float:
@@ -67,8 +66,6 @@ def variance_test(parts: Array, weights: Array, averaged: bool) -> float:
         weights: Weight of each joint's rows, shape (n,).
         averaged: Whether rows are averages of others.
     """
-    from scipy.special import chdtrc
-
     squares, rows = parts[:, 0] * weights**2, parts[:, 1]
     known = rows > 0.0
     level = squares.sum() / max(rows.sum(), 1.0)
@@ -78,7 +75,7 @@ def variance_test(parts: Array, weights: Array, averaged: bool) -> float:
     # Unequal weights were computed from the joints' residuals, so that their levels are equal by construction.
     equalised = int(known.any(axis=0).sum()) if np.ptp(weights) > 0.0 and not averaged else 1
     free = int(known.sum()) - equalised
-    return float(chdtrc(free, difference.sum())) if free > 0 else 1.0
+    return chi_squared_survival(free, float(difference.sum())) if free > 0 else 1.0
 
 
 def _combined(model: NoiseModel) -> Array:

@@ -25,6 +25,7 @@ from armid.estimation.link_properties import ENTERING
 from armid.estimation.update.joint_solution import JointSolution, solve_stacked
 from armid.estimation.update.stacked_problem import StackedProblem
 from armid.maths.cones import Cone, solve_cones, upper_triangle
+from armid.maths.distributions import student_quantile
 from armid.maths.inertia import (
     PSEUDO_INERTIA_OF,
     about_com,
@@ -148,16 +149,9 @@ def estimate_gains(stacked: StackedProblem, known: Array, deviation: Array) -> t
         )
     correction = 1.0 / solution.scale - 1.0
     freedom = solution.freedom[len(solution.values) :]
-    half = _student(freedom) * np.sqrt(np.diag(solution.scale_covariance)) / solution.scale**2
+    half = student_quantile(freedom) * np.sqrt(np.diag(solution.scale_covariance)) / solution.scale**2
     intervals = np.stack([correction - half, correction + half], axis=1)
     return _payload(stacked, solution, known), DriveGains(correction, intervals, ~solution.undetermined_scale)
-
-
-def _student(freedom: Array) -> Array:
-    """Quantiles of Student's t distribution for 95 % intervals."""
-    from scipy.special import stdtrit  # a third of a second to import
-
-    return np.asarray(stdtrit(freedom, 0.975), dtype=np.float64)
 
 
 def _payload(stacked: StackedProblem, solution: JointSolution, known: Array) -> PayloadEstimate:
@@ -174,7 +168,7 @@ def _payload(stacked: StackedProblem, solution: JointSolution, known: Array) -> 
     region_with_scales = _Region(estimate, free, null_space, solution.whole_covariance[np.ix_(ten, ten)])
     values, distance = region.nearest()
     freedom = float(solution.freedom[ten].min())
-    t = float(_student(np.array(freedom)))
+    t = float(student_quantile(freedom))
     statistical = region.intervals(values, freedom, undetermined)
     intervals = (
         region_with_scales.intervals(values, freedom, undetermined)
@@ -273,7 +267,7 @@ class _Region:
         from scipy.special import fdtri  # a third of a second to import
 
         inside, rank = nearest[self.free], len(self.white)
-        t = float(_student(np.array(freedom)))
+        t = float(student_quantile(freedom))
         joint_quantile = rank * float(fdtri(rank, freedom, 0.95))
         radius = float(np.sqrt(max(joint_quantile, self._distance(inside) ** 2 + t**2)))
         half = t * np.sqrt(np.diag(self.covariance))

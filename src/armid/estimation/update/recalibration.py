@@ -15,6 +15,7 @@ from armid.estimation.problem import EstimationProblem
 from armid.estimation.update.joint_solution import JointSolution, solve_stacked
 from armid.estimation.update.stacked_problem import stack_problems
 from armid.information.information import Information, JointFactors, merge
+from armid.maths.distributions import student_quantile
 from armid.values import Array
 
 
@@ -132,8 +133,6 @@ def _changes(
     For a parameter with separate values, the deviation of the difference follows from the joint solution. A shared
     parameter has one value in it; there the earlier and the new estimate are compared as if they were independent.
     """
-    from scipy.special import stdtrit  # a third of a second to import
-
     before = collapse(names, fit)
     earlier = np.array([[name == copy.of_all for copy in fit.names] for name in names], dtype=np.float64)
     earlier /= earlier.sum(axis=1, keepdims=True)
@@ -142,7 +141,7 @@ def _changes(
     has_own_value = difference.any(axis=1)
     change = np.where(has_own_value, difference @ solved.values, estimate.values - before)
     deviation = np.sqrt(np.where(has_own_value, variance, apart))
-    beyond = np.abs(change) > stdtrit(estimate.freedom, 0.975) * deviation
+    beyond = np.abs(change) > student_quantile(estimate.freedom) * deviation
     return tuple(
         ParameterChange(
             name, float(before[k]), float(estimate.values[k]), float(change[k]), float(deviation[k]), bool(beyond[k])

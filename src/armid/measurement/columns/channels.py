@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from armid.errors import Finding, RecordingError
+from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
 from armid.robot.robot import Held, Robot
@@ -131,7 +132,7 @@ def _of_held(q: Array, held: Held, log_format: LogFormat) -> Finding | None:
     if not q.size or log_format.transmission is not None:
         return None
     q = np.radians(q) if log_format.units == "deg" and held.unit == "rad" else q
-    low, high, middle = float(q.min()), float(q.max()), float(np.median(q))
+    low, high, middle = float(q.min()), float(q.max()), float(median(q))
     if high - low > MOVES[held.unit]:
         evidence = (
             f"The joint is held still at {held.position:g} {held.unit}; the log has it from {low:.4g} to {high:.4g}."

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import RecordingError
+from armid.maths.median import median
 from armid.measurement.columns.names import Clock, clock_of, named, time_unit, words
 from armid.values import Array
 
@@ -68,7 +69,7 @@ def clock_columns(names: Sequence[str], values: Values | None = None) -> tuple[s
 def _grows(values: Array) -> bool:
     """Tests whether numbers increase from row to row as times do, up to single faults."""
     step = np.diff(values)
-    return bool(step.size and np.isfinite(values).all() and np.median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
+    return bool(step.size and np.isfinite(values).all() and median(step) > 0.0 and np.mean(step >= 0.0) >= FORWARD)
 
 
 def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) -> dict[str, float]:
@@ -88,7 +89,7 @@ def evenly_growing(names: Sequence[str], used: Collection[str], values: Values) 
         if numbers is None or not _grows(numbers):
             continue
         step = np.diff(numbers)
-        typical = float(np.median(step))
+        typical = float(median(step))
         if np.mean(np.abs(step / typical - 1.0) < 0.5) >= EVEN:
             found[name] = typical
     return found

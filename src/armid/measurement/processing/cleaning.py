@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
+from armid.maths.median import median
 from armid.measurement.columns.clocks import unit_of_step
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
@@ -206,7 +207,7 @@ def _check_clock(recording: Recording) -> None:
             f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
             remedy="correct the file: sort or split it there; two recordings in one file must become two files.",
         )
-    typical = float(np.median(step))
+    typical = float(median(step))
     counted = unit_of_step(typical)
     if counted is not None and recording.consecutive is not False:
         unit, name = counted
@@ -378,7 +379,7 @@ def _coherence(recording: Recording, turn: Array) -> tuple[float, float]:
     forward = telling & (along > 0)
     if not forward.any():
         return 0.0, float("nan")
-    rate = float(np.median(speed[forward] ** 2 / along[forward]))
+    rate = float(median(speed[forward] ** 2 / along[forward]))
     off = np.linalg.norm(step - mean / rate, axis=1)
     return float(np.mean(off[telling] <= SAME_STEP * speed[telling] / rate)), rate
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import RecordingError
+from armid.maths.median import median
 from armid.maths.sampling import resample
 from armid.measurement.log_format import LogFormat
 from armid.measurement.recording import Recording
@@ -67,7 +68,7 @@ def _read_at(
     nearest = np.where(wanted - time[before] <= time[behind] - wanted, before, behind)
     read, there = effort[nearest], np.zeros(len(time), dtype=np.bool_)
     steps = np.diff(time)
-    gaps = np.flatnonzero(steps > max(BRIDGED, USUAL * float(np.median(steps)))) + 1
+    gaps = np.flatnonzero(steps > max(BRIDGED, USUAL * float(median(steps)))) + 1
     for rows in np.split(np.arange(len(time)), gaps):
         inside = (wanted >= time[rows[0]]) & (wanted <= time[rows[-1]])
         if len(rows) >= FEWEST and inside.any():

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding
+from armid.maths.median import median
 from armid.measurement.processing.resampling import Stretch
 from armid.measurement.processing.standstill import position_noise
 from armid.values import Array
@@ -175,7 +176,7 @@ def _agreement(x: Array, near: int, within: Array, noise: Array) -> _Agreed | No
     for _ in range(ROUNDS):
         ahead, speed = _ahead(x, np.arange(int(len(x) - lag)), lag)
         off = (ahead**2 / within).max(axis=1)
-        sure = off <= FAR * np.median(off) + ALIKE**2 / FAR
+        sure = off <= FAR * median(off) + ALIKE**2 / FAR
         energy = float((speed[sure] ** 2 / within).sum())
         if energy == 0.0:
             return None
@@ -244,7 +245,7 @@ def _from_ends(x: Array, lag: float, first: int, count: int) -> float:
         behind = (count - 1) * lag
         ahead, speed = _ahead(x, np.arange(first, min(first + int(lag), int(len(x) - behind))), behind)
         off = (ahead**2).max(axis=1)
-        sure = off <= FAR * np.median(off) + ALIKE**2 / FAR
+        sure = off <= FAR * median(off) + ALIKE**2 / FAR
         energy = float((speed[sure] ** 2).sum())
         if energy == 0.0:
             return lag

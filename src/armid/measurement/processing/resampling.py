@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armid.errors import Finding, RecordingError
+from armid.maths.median import median
 from armid.maths.sampling import resample
 from armid.measurement.recording import Recording
 from armid.remedy import Remedy, setting
@@ -218,7 +219,7 @@ def _median_step(time: Array, name: str) -> float:
             remedy="remove the samples out of order; if the clock is too coarse for its rate, leave the time "
             "column out and give the rate.",
         )
-    return float(np.median(steps))
+    return float(median(steps))
 
 
 def _mean_rate(piece: Stretch, step: float) -> float:

@@ -22,6 +22,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.maths.median import median
 from armid.values import Array
 
 SPAN = 0.024
@@ -134,7 +135,7 @@ def position_noise(q: Array, time: Array) -> Array:
     weight = np.array([1.0 / np.prod([t - s for s in times if s is not t], axis=0) for t in times])
     weight /= np.linalg.norm(weight, axis=0)
     third = sum((w[:, None] * x for w, x in zip(weight, values, strict=True)), start=np.zeros(()))
-    return np.maximum(1.4826 * np.median(np.abs(third), axis=0), rounding)
+    return np.maximum(1.4826 * median(np.abs(third)), rounding)
 
 
 def _moments(speed: Array, limit: Array, rate: float) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.maths.median import median
 from armid.measurement.processing.options import ProcessingOptions
 from armid.report.data.friction_at_reversals import HALF_WINDOW, since_reversal
 from armid.report.data.recording_data import RecordingData, concatenated
@@ -103,4 +104,4 @@ def _independent_share(recording: RecordingData, processing: ProcessingOptions) 
     """Share of rows that are independent after filtering: two in each cycle of the cut-off frequency."""
     if processing.family == "none" or not recording.is_consecutive:
         return 1.0
-    return min(1.0, 2.0 * float(processing.cutoff) * float(np.median(np.diff(recording.time))))
+    return min(1.0, 2.0 * float(processing.cutoff) * float(median(np.diff(recording.time))))

@@ -5,11 +5,15 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import zlib
 from collections.abc import Mapping
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from armid.excitation.collision.cache import keep, kept
 
 
 def packed(values: ArrayLike, kind: str = "f4") -> dict[str, str]:
@@ -31,4 +35,21 @@ def embedded(record: Mapping[str, Any]) -> str:
 
 def compressed(text: str) -> str:
     """Script compressed and in base 64; reproducible byte by byte."""
-    return base64.b64encode(gzip.compress(text.encode(), 6, mtime=0)).decode()
+    return base64.b64encode(_gzipped(text)).decode()
+
+
+def packed_plotly() -> str:
+    """plotly.js as `compressed` gives it; compressed once for each version, and kept in the cache."""
+    name = f"plotly-{version('plotly')}-zlib-{zlib.ZLIB_RUNTIME_VERSION}"
+    stored = kept(name)
+    if stored is not None and "script" in stored:
+        return base64.b64encode(stored["script"].tobytes()).decode()
+    from plotly.offline import get_plotlyjs
+
+    script = _gzipped(get_plotlyjs())
+    keep(name, {"script": np.frombuffer(script, dtype=np.uint8)})
+    return base64.b64encode(script).decode()
+
+
+def _gzipped(text: str) -> bytes:
+    return gzip.compress(text.encode(), 6, mtime=0)

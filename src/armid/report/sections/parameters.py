@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armid.estimation.fit import POORLY_IDENTIFIED
+from armid.maths.median import median
 from armid.model.base_formulas import base_sums, parameter_latex
 from armid.report.data.joint_names import groups_of
 from armid.report.data.number_format import decimals_of, fixed, percent
@@ -19,7 +20,7 @@ def show_parameters(page_data: PageData) -> Section:
     content = {
         "covariance": fit.covariance_kind,
         "why": fit.report.why,
-        "freedom": f"{float(np.median(fit.freedom)):.0f}",
+        "freedom": f"{float(median(fit.freedom)):.0f}",
         "count": len(fit.names),
         "kinds": _kinds(page_data),
     }

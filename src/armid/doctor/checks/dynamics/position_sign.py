@@ -9,6 +9,7 @@ from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
 from armid.doctor.quick_fit import cost_of, products
 from armid.errors import Finding
+from armid.maths.median import median
 from armid.measurement.remedy import lines
 from armid.values import Array
 
@@ -58,7 +59,7 @@ def explain(state: LogState) -> Explanation | None:
     after = state.on(state.log.scaled(sign))
     gain = state.fit.cost - after.fit.cost
     braking = state.dissipation
-    driven = bool((braking[wrong] < DRIVEN).all()) and float(np.median(braking)) > 0.0
+    driven = bool((braking[wrong] < DRIVEN).all()) and float(median(braking)) > 0.0
     if gain < (HINT if driven else GAIN):
         return None
     by_torque = relative_signs(state)[1]

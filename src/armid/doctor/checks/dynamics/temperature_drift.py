@@ -7,6 +7,7 @@ import numpy as np
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.quick_fit import solve
 from armid.errors import Finding
+from armid.maths.median import median
 
 CHANGE = 0.15
 """Smallest relative change of friction over the log that is reported."""
@@ -42,7 +43,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
     change, deviation = drift_fit.values[rows.count :], drift_fit.deviation[rows.count :]
     sure = (np.abs(change) > SURE * deviation) & (np.abs(change) > CHANGE) & (deviation > 0.0)
     gain = fit.cost - drift_fit.cost
-    sense = np.sign(np.median(change[sure])) if sure.any() else 0.0
+    sense = np.sign(median(change[sure])) if sure.any() else 0.0
     together = sure & (np.sign(change) == sense)
     if gain < GAIN or together.sum() < JOINTS * rows.n:
         return []

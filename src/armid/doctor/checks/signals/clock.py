@@ -11,6 +11,7 @@ from armid.doctor.downsample import downsample
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.remedy_trial import RemedyTrial, try_remedy
 from armid.errors import Finding
+from armid.maths.median import median
 from armid.measurement.processing.resampling import Stretch, is_even, jitter, stretches
 from armid.measurement.recording import Recording
 from armid.measurement.remedy import lines, naming
@@ -41,7 +42,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
         missing = f"; about {lost} rows are missing, where a step is a multiple of the median" if lost else ""
         steps_text = (
             f"Steps from {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms, median "
-            f"{1e3 * np.median(steps):.3g} ms{missing}; the stamps deviate from an even clock by {offset:.2g} steps "
+            f"{1e3 * median(steps):.3g} ms{missing}; the stamps deviate from an even clock by {offset:.2g} steps "
             "(standard deviation)."
         )
         rate = _round_rate(pieces[0], offset)
@@ -61,7 +62,7 @@ def _missing(pieces: Sequence[Stretch]) -> int:
     lost = 0
     for piece in pieces:
         steps = np.diff(piece.time) / (1 if piece.number is None else np.diff(piece.number))
-        ratio = steps / np.median(steps)
+        ratio = steps / median(steps)
         whole = np.round(ratio)
         long = whole > 1.0
         if long.any() and np.abs(ratio - whole)[long].mean() < NEAR_WHOLE:

@@ -6,6 +6,7 @@ import numpy as np
 
 from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
+from armid.maths.median import median
 from armid.maths.spectrum import power_spectrum
 from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.values import Array
@@ -44,7 +45,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
         x = _smooth(power[:, j])
         if x[above].max(initial=0.0) <= 0.0:
             continue
-        top = float(np.median(x[frequency > 0.45 * even.rate]))
+        top = float(median(x[frequency > 0.45 * even.rate]))
         if float((x[above] < DECADE * top).mean()) < FLAT:
             end = float(frequency[np.flatnonzero(x > 1e-3 * x[above].max())[-1]])
             if end < ENDS * 0.5 * even.rate:
@@ -57,7 +58,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
             "info",
             "effort",
             f"The torque of {len(ends)} joints has no noise floor: its spectrum keeps falling, and from "
-            f"{np.median(ends):.3g} Hz on it is a thousandth of its value just above the motion.",
+            f"{median(ends):.3g} Hz on it is a thousandth of its value just above the motion.",
             'log the unfiltered torque; where positions have passed the same filter, family = "none" will do',
         )
     ]

@@ -7,6 +7,7 @@ import numpy as np
 from armid.doctor.evidence import LogEvidence
 from armid.doctor.explanation import Explanation, LogState
 from armid.errors import Finding
+from armid.maths.median import median
 from armid.measurement.remedy import lines
 
 MOTOR, CURRENT = "motor-side", "current-without-gain"
@@ -50,7 +51,7 @@ def explain(state: LogState) -> Explanation | None:
     heavy = nominal.size > HEAVY * nominal.size.max()
     if known.sum() < MOST_OF * heavy.sum():
         return None
-    typical = float(np.median(np.abs(nominal.scale[known])))
+    typical = float(median(np.abs(nominal.scale[known])))
     if typical >= SMALL or typical <= 0.0:
         return None
     scale = np.where(known, np.abs(nominal.scale), typical)

@@ -9,6 +9,7 @@ import numpy as np
 from armid.doctor.evidence import LogEvidence
 from armid.errors import Finding
 from armid.maths.derivatives import central_difference
+from armid.maths.median import median
 from armid.maths.signals import edge_samples, low_pass, zero_phase
 from armid.measurement.processing.resampling import resample_uniform, stretches
 from armid.measurement.recording import Recording
@@ -55,7 +56,7 @@ def check(evidence: LogEvidence) -> list[Finding]:
         if correlation >= ALIKE and abs(scale - 1.0) < SCALE:
             continue
         findings.append(_of_joint(evidence, logged, derived, int(j), float(scale), float(correlation)))
-    typical = float(np.median(late[moving])) if moving.any() else 0.0
+    typical = float(median(late[moving])) if moving.any() else 0.0
     if not findings and abs(typical) > max(LATE, SAMPLES / rate):
         evidence_text = f"Velocities lag {1e3 * typical:.1f} ms ({typical * rate:.1f} samples) behind the positions."
         findings.append(Finding("velocity-mismatch", _severity(typical), "dq", evidence_text, _remedy(evidence)))

@@ -1,0 +1,91 @@
+"""Student's t and chi-squared distributions; SciPy has the same, but its import takes a fifth of a second."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armid.values import Array
+
+NORMAL = 1.959963984540054
+"""Quantile of the normal distribution for two-sided 95 % intervals."""
+
+NODES = 32
+"""Nodes of the quadrature over the density, whose error is then below rounding from one degree of freedom on."""
+
+SHIFT = 20
+"""Steps by which the argument of a ratio of gamma functions is enlarged, so that five terms of its series suffice."""
+
+MANY = 1e30
+"""Degrees of freedom that stand for infinitely many."""
+
+STEPS = 20
+"""Largest number of Newton steps; ten suffice."""
+
+
+def student_quantile(freedom: ArrayLike) -> Array:
+    """Quantile 0.975 of Student's t distribution, the factor of two-sided 95 % intervals.
+
+    With t = √ν tan θ the distribution is the integral of cos^(ν-1) θ, which a quadrature gives to rounding. It is
+    concave, so that Newton's method converges from below without overshooting.
+
+    Args:
+        freedom: Degrees of freedom ν, any shape; may be infinite.
+
+    Returns:
+        Quantiles of the same shape.
+    """
+    nu = np.asarray(freedom, dtype=np.float64)
+    if not (nu >= 1.0).all():  # the density is singular, and nobody has so little
+        from scipy.special import stdtrit
+
+        return np.asarray(stdtrit(nu, 0.975), dtype=np.float64)
+    v, place = np.unique(np.minimum(nu, MANY), return_inverse=True)
+    scale = _gamma_ratio(v / 2.0) / math.sqrt(math.pi)
+    node, weight = _quadrature()
+    angle = np.arctan(NORMAL / np.sqrt(v))
+    for _ in range(STEPS):
+        inner = np.exp((v[:, None] - 1.0) / 2.0 * np.log1p(-(np.sin(angle[:, None] * node) ** 2)))
+        density = np.exp((v - 1.0) / 2.0 * np.log1p(-(np.sin(angle) ** 2)))
+        step = (0.475 / scale - angle * (inner @ weight)) / density
+        angle += step
+        if (np.abs(step) <= 1e-15 * angle).all():
+            break
+    return (np.sqrt(v) * np.tan(angle))[place].reshape(nu.shape)
+
+
+def chi_squared_survival(freedom: int, x: float) -> float:
+    """Probability that chi-squared exceeds x, by the finite sum for a whole number of degrees of freedom.
+
+    Args:
+        freedom: Degrees of freedom, at least one.
+        x: Value of the statistic.
+    """
+    half = x / 2.0
+    if half <= 0.0:
+        return 1.0
+    first = 0.5 * (freedom % 2)  # the powers are whole, or between whole numbers
+    power = first + np.arange(freedom // 2)
+    exponent = np.array([k * math.log(half) - half - math.lgamma(k + 1.0) for k in power])
+    return float(np.exp(exponent).sum()) + (math.erfc(math.sqrt(half)) if first else 0.0)
+
+
+def _gamma_ratio(a: Array) -> Array:
+    """Γ(a + 1/2) / Γ(a) for a > 0, without the difference of two large logarithms."""
+    ratio, x = np.ones_like(a), a + SHIFT
+    for k in range(SHIFT):
+        ratio *= (a + k) / (a + k + 0.5)
+    series = (-1 / 8, 1 / 192, -1 / 640, 17 / 14336, -31 / 18432)
+    return ratio * np.sqrt(x) * np.exp(sum(c / x ** (2 * k + 1) for k, c in enumerate(series)))
+
+
+@cache
+def _quadrature() -> tuple[Array, Array]:
+    """Nodes and weights of the Gauss-Legendre rule on [0, 1], from its three-term recursion."""
+    k = np.arange(1, NODES)
+    beside = k / np.sqrt(4.0 * k**2 - 1.0)
+    node, vectors = np.linalg.eigh(np.diag(beside, -1) + np.diag(beside, 1))
+    return (node + 1.0) / 2.0, vectors[0] ** 2
