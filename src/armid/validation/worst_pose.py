@@ -22,6 +22,10 @@ POSES = 4096
 STARTS = 16
 """Number of the worst of them that are refined."""
 
+ALIKE = 1e-9
+"""Relative difference of eigenvalues below which poses count as equally bad, as they are where a joint does not
+matter; the first is named, so that rounding does not choose."""
+
 STEP = 1e-6
 """Step of the central difference of M [rad or m], with a truncation error of 1e-12."""
 
@@ -57,7 +61,8 @@ def worst_pose(model: DynamicsModel, standard: Array, *, seed: int = 0) -> Pose:
     smallest = np.linalg.eigvalsh(model.mass_matrix(poses, standard))[:, 0]
     starts = poses[np.argsort(smallest)[:STARTS]]
     q, eigenvalue = descend_in_box(lambda q: _eigenvalues(q, model, standard), starts, low, high)
-    k = int(np.argmin(eigenvalue))
+    least = float(eigenvalue.min())
+    k = int(np.argmax(eigenvalue <= least + ALIKE * abs(least)))
     return Pose(float(eigenvalue[k]), q[k], _unit(model))
 
 
