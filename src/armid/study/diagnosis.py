@@ -16,7 +16,6 @@ from armid.doctor.checks.dynamics.contact import explain as explain_contact
 from armid.doctor.checks.signals.motor_side import explain as explain_scale
 from armid.doctor.explanation import LogState
 from armid.errors import ArmidError, EstimationError, Finding, RecordingError
-from armid.maths.median import median
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import ProcessingOptions
 from armid.measurement.processing.pipeline import process_recording
@@ -332,7 +331,7 @@ def _implied_rate(log: Recording) -> float | None:
     fast = (speed > 0.01 * speed.max()) & (along > 0.0)
     if not fast.any():
         return None
-    rate = float(median(speed[fast] / along[fast]))
+    rate = float(np.median(speed[fast] / along[fast]))
     return rate if np.isfinite(rate) and rate > 0.0 else None
 
 
@@ -364,7 +363,7 @@ def _turns_too_far(evidence: LogEvidence) -> bool:
     span = np.array([high - low for low, high in (joint.position_limits for joint in evidence.robot.joints)])
     known = np.isfinite(span) & (span > 0.0)
     moved = np.ptp(recording.q, axis=0)
-    return bool(known.any() and median(moved[known] / span[known]) > GEARED)
+    return bool(known.any() and np.median(moved[known] / span[known]) > GEARED)
 
 
 def _believable(state: LogState) -> bool:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from armid.excitation.collision.coal import distances
 from armid.excitation.collision.pairs import joints_between, stands
-from armid.maths.median import median
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
@@ -131,7 +130,7 @@ def adjusted_distances(
                 kind[k], share[k] = LEFT_OUT, touching[k]
             continue
         close[k] = apart <= NEIGHBOURS
-        usual = float(median(around[:, k]))
+        usual = float(np.median(around[:, k]))
         distant = apart > NEIGHBOURS and usual > LEAST and touching[k] < FAR
         if distant or float(np.quantile(around[:, k], FREE)) > margin[k]:
             continue
@@ -184,7 +183,7 @@ def _of_neighbours(
     excluded = float((around < min(margin, HALF * usual)).mean())
     if excluded > OFTEN:
         actual = distances(shapes, pair, poses)[:, 0]
-        middle = max(float(median(actual)), 0.0)
+        middle = max(float(np.median(actual)), 0.0)
         if float((actual <= min(margin, HALF * middle)).mean()) < HALF * excluded:
             return middle, MEASURED
     return usual, BY_CAPSULES

@@ -28,7 +28,6 @@ from armid.excitation.series_basis import SeriesBasis
 from armid.excitation.settled import unsettled
 from armid.excitation.start_pose import Holds, TorqueHolds, any_pose
 from armid.excitation.weak_motion import weak_motion
-from armid.maths.median import median
 from armid.notebook import Displayed, Summary
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.missing_inertia import inertial_key, massless_joints
@@ -181,7 +180,7 @@ def design_plan(
     channels = channels if constraints.workspace is None else (*channels, constraints.workspace)
     near = () if collision is None or collision.searched is None else (collision.searched,)
     every = () if collision is None or not len(collision.pairs) else (collision.every,)
-    scale = float(median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
+    scale = float(np.median(limits.velocity)) / 1.75  # widths were chosen on an arm of that speed
     problem = DescentProblem(criterion, basis, (*channels, *near), scale)
     pool = nullcontext(executor) if executor or not budget.workers else single_threaded_pool(budget.workers)
     with pool as workers:
