@@ -39,7 +39,23 @@ class RobotError(ArmidError):
 
 
 class RecordingError(ArmidError):
-    """A recording that cannot be read or does not fit the robot."""
+    """A recording that cannot be read or does not fit the robot.
+
+    Args:
+        problem: What was asked and what was found instead, one sentence.
+        possible: What would have been accepted.
+        remedy: What to do, an imperative sentence.
+        source: File of the recording, which the sentence follows; `None` where the sentence names it.
+        code: Code of the doctor's finding for this fault; empty where there is none.
+    """
+
+    def __init__(
+        self, problem: str, *, possible: str = "", remedy: str = "", source: str | None = None, code: str = ""
+    ) -> None:
+        self.evidence = problem
+        self.code = code
+        named = "" if source is None else f"{source or 'The recording'}: "
+        super().__init__(f"{named}{problem}{f' [{code}]' if code else ''}", possible=possible, remedy=remedy)
 
 
 class ModelError(ArmidError):

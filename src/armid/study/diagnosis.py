@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,9 +29,6 @@ from armid.study.recording_labels import labels, together
 from armid.study.remedies import tables_of
 from armid.threads import one_blas_thread
 from armid.validation.gravity_sign import gravity_finding
-
-CODE = re.compile(r"\[([a-z-]+)\]$")
-"""Code of a finding at the end of an error about a recording."""
 
 TRIES = 4
 """Largest number of faults that are worked around one after the other."""
@@ -139,7 +135,9 @@ def diagnose_recording(
         try:
             read = to_robot_convention(log, how, robot)
         except RecordingError as error:
-            finding = _finding(error, log)
+            if not error.code:
+                raise
+            finding = _finding(error)
             noted += [*log.findings, finding]
             around = _worked_around(finding, log, how)
             if around is None:
@@ -290,20 +288,12 @@ def has_errors(diagnoses: tuple[Diagnosis, ...]) -> bool:
     return any(f.severity == "error" for each in diagnoses for f in each.findings)
 
 
-def _finding(error: RecordingError, log: Recording) -> Finding:
-    """Finding for an error that stopped the reading; an error without a code gets one from the fault of its rows."""
-    match = CODE.search(error.problem)
-    if match is not None:
-        code, evidence = match[1], error.problem[: match.start()].strip()
-    elif log.time is not None and (np.diff(log.time) <= 0.0).any():
-        code, evidence = "clock-jitter", error.problem
-    elif "not consecutive" in error.problem:
-        code, evidence = "rows-not-consecutive", error.problem
-    else:
-        raise error
-    evidence = evidence.removeprefix(log.source or "The recording").lstrip(": ")
-    sentence = evidence.startswith(("the ", "there ", "joint "))  # otherwise it begins with the name of a quantity
-    return Finding(code, "error", "", f"{evidence[0].upper()}{evidence[1:]}" if sentence else evidence, error.remedy)
+def _finding(error: RecordingError) -> Finding:
+    """Finding for a fault that stopped the reading."""
+    evidence = error.evidence
+    if error.code != "value-missing":  # that sentence begins with the name of a channel
+        evidence = f"{evidence[0].upper()}{evidence[1:]}"
+    return Finding(error.code, "error", "", evidence, error.remedy)
 
 
 def _worked_around(finding: Finding, log: Recording, reading: LogFormat) -> tuple[Recording, LogFormat] | None:

@@ -84,7 +84,7 @@ def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple
 
 def recording_error(code: str, recording: Recording, evidence: str, remedy: str) -> RecordingError:
     """Error about a recording; `code` is that of the corresponding finding of the doctor."""
-    return RecordingError(f"{recording.source or 'The recording'}: {evidence} [{code}]", remedy=remedy)
+    return RecordingError(evidence, remedy=remedy, source=recording.source, code=code)
 
 
 def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
@@ -120,8 +120,9 @@ def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
     for t0, t1 in log_format.exclude:
         if t1 < recording.time[0] or t0 > recording.time[-1]:
             raise RecordingError(
-                f"{recording.source or 'The recording'}: exclude [{t0:g}, {t1:g}] s lies outside it.",
+                f"exclude [{t0:g}, {t1:g}] s lies outside it.",
                 possible=f"its clock runs from {recording.time[0]:g} to {recording.time[-1]:g} s",
+                source=recording.source,
             )
 
 
@@ -141,8 +142,9 @@ def _masked(recording: Recording, log_format: LogFormat) -> Recording:
     inside = _excluded(recording, log_format)
     if inside.all():
         raise RecordingError(
-            f"{recording.source or 'The recording'}: exclude leaves no row.",
+            "exclude leaves no row.",
             remedy="exclude less; its times are those of the recording in seconds.",
+            source=recording.source,
         )
     return replace(recording, valid=recording.valid & ~inside[:, None])
 
@@ -198,14 +200,15 @@ def _check_clock(recording: Recording) -> None:
     """Raises an error for a clock that runs backwards, does not count seconds, or contradicts the rate."""
     if recording.time is None:
         return
-    source = recording.source or "The recording"
     step = np.diff(recording.time)
     if (step < 0).any():
         row = int(np.argmax(step < 0))
-        raise RecordingError(
-            f"{source}: time runs backwards from row {row + 1} to {row + 2} "
+        raise recording_error(
+            "clock-jitter",
+            recording,
+            f"time runs backwards from row {row + 1} to {row + 2} "
             f"({recording.time[row]:.6f} s, then {recording.time[row + 1]:.6f} s).",
-            remedy="correct the file: sort or split it there; two recordings in one file must become two files.",
+            "correct the file: sort or split it there; two recordings in one file must become two files.",
         )
     typical = float(median(step))
     counted = unit_of_step(typical)
@@ -296,9 +299,11 @@ def _without_ties(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]
     row = int(np.argmax(tied))
     evidence = f"{tied.sum()} of {tied.size} rows have the time stamp of the row before, first row {row + 1}"
     if tied.mean() > CLOCK_TIES:
-        raise RecordingError(
-            f"{recording.source or 'The recording'}: {evidence}, but other values.",
-            remedy=Remedy(
+        raise recording_error(
+            "clock-jitter",
+            recording,
+            f"{evidence}, but other values.",
+            Remedy(
                 "find out what is logged as time; if rows are equally spaced, leave it out (",
                 setting("columns", {"time": ""}),
                 ") and give rate.",
@@ -327,8 +332,8 @@ def _with_consecutive(recording: Recording, turn: Array) -> tuple[Recording, tup
             raise recording_error(
                 "clock-rate",
                 recording,
-                f"q and dq imply {implied:.3g} Hz, rate says {recording.rate:g} Hz.",
-                lines("Hz, as q and dq imply", rate=float(f"{implied:.3g}")),
+                f"positions and velocities imply {implied:.3g} Hz, rate says {recording.rate:g} Hz.",
+                lines("Hz, as positions and velocities imply", rate=float(f"{implied:.3g}")),
             )
         return replace(recording, consecutive=True), ()
     evidence = f"Steps from row to row agree with the velocity in {100 * coherent:.0f} % of the rows"
@@ -357,7 +362,7 @@ def _clockless(recording: Recording, implied: float) -> RecordingError:
     remedy = "find out the rate in Hz and say it (rate = …), name a time column, or say consecutive = false if rows "
     remedy += "are separate samples."
     if np.isfinite(implied):
-        remedy = lines(f"Hz; q and dq imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
+        remedy = lines(f"Hz; positions and velocities imply {implied:.3g} Hz", rate=float(f"{implied:.3g}"))
     return recording_error("clock-missing", recording, evidence, remedy)
 
 
@@ -388,9 +393,11 @@ def _needing_derivatives(recording: Recording) -> Recording:
     """Recording, after a check that separate samples have velocity and acceleration."""
     lacking = [name for name in ("dq", "ddq") if getattr(recording, name) is None]
     if not recording.consecutive and lacking:
-        raise RecordingError(
-            f"{recording.source or 'The recording'}: rows are not consecutive, and {' and '.join(lacking)} "
+        raise recording_error(
+            "rows-not-consecutive",
+            recording,
+            f"rows are not consecutive, and {' and '.join(lacking)} "
             f"{'is' if len(lacking) == 1 else 'are'} not recorded; separate samples cannot be differentiated.",
-            remedy="record velocity and acceleration too, or say consecutive = true if rows do follow each other.",
+            "record velocity and acceleration too, or say consecutive = true if rows do follow each other.",
         )
     return recording

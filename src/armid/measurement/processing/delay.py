@@ -43,8 +43,9 @@ def compensate_delay(recording: Recording, log_format: LogFormat) -> Recording:
         return recording
     if recording.consecutive is False:
         raise RecordingError(
-            f"{recording.source or 'The recording'}: delay is given, but its rows do not follow each other in time.",
+            "delay is given, but its rows do not follow each other in time.",
             remedy="leave delay out: what was logged late cannot be found again among separate samples.",
+            source=recording.source,
         )
     time = np.arange(recording.samples) / (recording.rate or 1.0) if recording.time is None else recording.time
     effort, valid = recording.effort.copy(), recording.valid.copy()

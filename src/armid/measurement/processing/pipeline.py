@@ -129,8 +129,11 @@ def process_recording(
             runs.append(run)
             still.append(standing(piece.q, piece.rate, noise))
     if not runs:
-        problem = f"{recording.source or 'The recording'}: no row is left. {findings[-1].evidence}"
-        raise RecordingError(problem, remedy="trim less, raise the cut-off, mask less, or record longer.")
+        raise RecordingError(
+            f"no row is left. {findings[-1].evidence}",
+            remedy="trim less, raise the cut-off, mask less, or record longer.",
+            source=recording.source,
+        )
     return _moving(runs, still, processing, recording, findings), tuple(findings)
 
 
@@ -162,9 +165,10 @@ def _uses_given(recording: Recording, processing: ProcessingOptions) -> bool:
     lacking = {"given": not both, "velocity": recording.dq is None}
     if lacking.get(str(processing.derivatives), False):
         raise RecordingError(
-            f'{recording.source or "The recording"}: derivatives = "{processing.derivatives}", but it holds no '
+            f'derivatives = "{processing.derivatives}", but it holds no '
             f"{'velocities' if recording.dq is None else 'accelerations'}.",
             remedy='use derivatives = "central", which needs positions only.',
+            source=recording.source,
         )
     return both if processing.derivatives is None else processing.derivatives == "given"
 
@@ -246,10 +250,11 @@ def _separate(
     whole, _ = gather(recording, clock=False)
     if not given or whole.dq is None or whole.ddq is None:
         raise RecordingError(
-            f"{recording.source or 'The recording'}: its rows do not follow each other in time, so velocities and "
-            "accelerations cannot be computed from positions.",
+            "its rows do not follow each other in time, so velocities and accelerations cannot be computed from "
+            "positions.",
             possible="rows in the order of time with a clock or a rate, or recorded velocities and accelerations",
             remedy="sort the rows by time, or add the missing columns.",
+            source=recording.source,
         )
     findings.append(
         Finding(
