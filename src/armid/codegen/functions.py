@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from armid.codegen.graph import Graph, Scalar
-from armid.codegen.program import Argument, Program
+from armid.codegen.program import STATE_FUNCTIONS, Argument, Program
 from armid.codegen.rigid_bodies import Geometry, inverse_dynamics, mass_matrix, numbers, regressor
 from armid.codegen.term_laws import combined, is_inertia, law_value, rotor_matrix, updated, uses
 from armid.errors import ModelError
@@ -47,7 +47,7 @@ def make_programs(
     unknown = sorted(set(wanted) - set(PROGRAMS))
     if unknown:
         raise ModelError(f"There is no function {unknown[0]!r} to generate.", possible=", ".join(PROGRAMS))
-    names = [name for name in wanted if model.nodes or not name.startswith("state_")]
+    names = [name for name in wanted if model.nodes or name not in STATE_FUNCTIONS]
     return tuple(maker.make(name) for name in names)
 
 
@@ -78,7 +78,7 @@ class Maker:
         if name == "base_regressor":
             columns = self.base.kept.tolist()
             return self._regressor(name, ("Y_b", "base"), arguments, inputs, columns)
-        if name in ("state_start", "state_update"):
+        if name in STATE_FUNCTIONS:
             entries = self._started(inputs) if name == "state_start" else self._updated(inputs)
             return Program(name, SUMMARIES[name], arguments, (len(self.model.nodes),), entries, "next")
         if name == "mass_matrix":

@@ -15,6 +15,9 @@ from numpy.typing import ArrayLike
 from armid.codegen.graph import Graph, Node, Scalar
 from armid.values import Array
 
+STATE_FUNCTIONS = ("state_start", "state_update")
+"""Names of the functions of the hysteresis state."""
+
 
 @dataclass(frozen=True, slots=True)
 class Argument:

@@ -19,7 +19,7 @@ from armid.robot.angle_rounding import rounded
 from armid.robot.robot import Robot
 from armid.runs.run import Run
 from armid.study.processed import process_each
-from armid.validation.prediction import Check
+from armid.validation.prediction import Check, JointCheck
 from armid.values import Array
 
 STATES = 50
@@ -166,7 +166,7 @@ def _torques(
                 if term in values:
                     name = f"{term} of {joint} in {witness.name}"
                     error = abs(values[term] - value) / max(abs(value), 1.0)
-                    checks.append(Check(name, error, TORQUE, error <= TORQUE))
+                    checks.append(JointCheck(name, error, TORQUE, error <= TORQUE))
     return checks, findings
 
 

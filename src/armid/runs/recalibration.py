@@ -90,9 +90,10 @@ def recalibrate(
     found = recalibrate_fit(
         new_recordings.earlier, run.estimate.fit, new_recordings.new, own, tool, new_recordings.samples
     )
+    again = any(each.role == "earlier run" for each in run.estimate.made_from)
     estimate = replace(
         run.estimate,
-        method=f"{run.estimate.method.removesuffix(RECALIBRATED)}{RECALIBRATED}",
+        method=run.estimate.method if again else f"{run.estimate.method}{RECALIBRATED}",
         fit=found.fit,
         findings=new_recordings.findings,
         made_from=(

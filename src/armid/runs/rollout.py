@@ -24,6 +24,9 @@ from armid.validation.rollout_score import MotionScore, score_motion
 MOST_LOST = 0.5
 """Largest share of windows that may be lost: beyond it there is no median error."""
 
+LOST, INDEFINITE = ROLL_OUT_CODES = ("roll-out-lost", "roll-out-indefinite")
+"""Codes of findings on lost windows: a joint ran away, or the mass matrix became indefinite."""
+
 GAINS = ("proportional", "derivative", "integral")
 
 
@@ -129,7 +132,7 @@ def _lost(score: MotionScore) -> list[Finding]:
     if score.losses.ran_away:
         found.append(
             Finding(
-                "roll-out-lost",
+                LOST,
                 "warning",
                 "",
                 f"{score.losses.ran_away} {windows_text} diverged: a joint became faster than any arm.",
@@ -139,7 +142,7 @@ def _lost(score: MotionScore) -> list[Finding]:
     if score.losses.indefinite:
         found.append(
             Finding(
-                "roll-out-indefinite",
+                INDEFINITE,
                 "warning",
                 "",
                 f"{score.losses.indefinite} {windows_text} met a mass matrix that is not positive definite.",

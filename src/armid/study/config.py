@@ -357,8 +357,7 @@ def _make(kind: type[T], table: Mapping[str, Any], where: str) -> T:
     try:
         return kind(**values)
     except ArmidError as error:
-        problem = error.problem.removeprefix(f"{where.strip('[]')}.")
-        raise StudyError(f"{where} {problem}", possible=error.possible, remedy=error.remedy) from error
+        raise StudyError(f"{where} {error.problem}", possible=error.possible, remedy=error.remedy) from error
     except (TypeError, ValueError) as error:
         raise StudyError(f"{where} has a value of the wrong type: {error}.", remedy="correct its type.") from error
 

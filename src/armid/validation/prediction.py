@@ -44,6 +44,10 @@ class Check:
     ok: bool
 
 
+class JointCheck(Check):
+    """Condition on a parameter of one joint."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Score:
     """Torque error on one recording, joint by joint (n,); NaN for a joint without rows that count.

@@ -26,11 +26,11 @@ def roll_out(
 ) -> tuple[MotionScore, ...]:
     """Scores of the rolled-out model; findings about the rollout go to standard error."""
     from armid.cli.console import print_findings
-    from armid.runs.rollout import load_feedback, roll_out_run
+    from armid.runs.rollout import ROLL_OUT_CODES, load_feedback, roll_out_run
 
     feedback = None if controller is None else load_feedback(controller)
     scores, findings = roll_out_run(run, recordings, reading, seconds=window, tolerance=tolerance, feedback=feedback)
-    print_findings([finding for finding in findings if finding.code.startswith("roll-out")])
+    print_findings([finding for finding in findings if finding.code in ROLL_OUT_CODES])
     return scores
 
 

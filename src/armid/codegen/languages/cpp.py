@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armid.codegen.languages import c
-from armid.codegen.program import Program
+from armid.codegen.program import STATE_FUNCTIONS, Program
 from armid.codegen.source import FunctionSource
 
 
@@ -32,7 +32,7 @@ def _header(source: FunctionSource) -> str:
     lines += ["  }", "  explicit Model(const Parameters& parameters) noexcept : parameters_(parameters) {}", ""]
     lines += ["  const Parameters& parameters() const noexcept { return parameters_; }", ""]
     for program in source.programs.values():
-        if not program.name.startswith("state_"):
+        if program.name not in STATE_FUNCTIONS:
             lines += _method(source, program)
     lines += [" private:", "  Parameters parameters_{};", "};", "", f"}}  // namespace {source.name}", ""]
     return "\n".join(lines)

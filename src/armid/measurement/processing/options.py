@@ -63,7 +63,7 @@ class ProcessingOptions:
         for name in ("columns", "average"):
             _choice(name, getattr(self, name), (True, False))
         if isinstance(self.order, bool) or not isinstance(self.order, int) or self.order < 1:  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise StudyError(f"processing.order must be a whole number above 0; found {self.order!r}.")
+            raise StudyError(f"order must be a whole number above 0; found {self.order!r}.")
         if self.cutoff != "auto":
             _number(self, "cutoff", zero=self.family == "none", also='or "auto"')
         _number(self, "decimate", zero=True)
@@ -76,20 +76,20 @@ class ProcessingOptions:
     def _check_sense(self) -> None:
         """Raises an error for options that contradict each other."""
         if self.saturation is not None and self.saturation > 1:
-            raise StudyError(f"processing.saturation is a share of the limit, at most 1; found {self.saturation}.")
+            raise StudyError(f"saturation is a share of the limit, at most 1; found {self.saturation}.")
         if self.average and self.edges != "periodic":
             raise StudyError(
-                f'processing.average gives one period, which has no ends to {self.edges}; edges = "{self.edges}".',
+                f'average gives one period, which has no ends to {self.edges}; edges = "{self.edges}".',
                 remedy=Remedy("use ", setting("edges", "periodic"), ", or average = false to keep each repetition."),
             )
         if self.derivatives == "periodic" and self.edges != "periodic":
             raise StudyError(
-                f'processing.derivatives = "periodic" needs edges = "periodic"; found "{self.edges}".',
+                f'derivatives = "periodic" needs edges = "periodic"; found "{self.edges}".',
                 remedy='use derivatives = "filter", which needs no period.',
             )
         if self.derivatives == "filter" and self.family == "none":
             raise StudyError(
-                'processing.derivatives = "filter" differentiates by the filter, but family = "none".',
+                'derivatives = "filter" differentiates by the filter, but family = "none".',
                 remedy='choose a family, or derivatives = "central".',
             )
 
@@ -104,7 +104,7 @@ class ProcessingOptions:
             return Band()
         if self.cutoff == "auto":
             raise StudyError(
-                'processing.cutoff = "auto" is not yet found from a motion.',
+                'cutoff = "auto" is not yet found from a motion.',
                 remedy="find it with armid.measurement.processing.pipeline.process_recordings, or give it in Hz.",
             )
         return Band(self.family, self.cutoff, self.order, self.edges, self.columns)
@@ -113,7 +113,7 @@ class ProcessingOptions:
 def _choice(name: str, value: object, known: tuple[object, ...]) -> None:
     if not any(value is one or (isinstance(value, str) and value == one) for one in known):
         raise StudyError(
-            f"processing.{name} = {value!r} is not known.",
+            f"{name} = {value!r} is not known.",
             possible=", ".join(str(one) for one in known if one is not None),
         )
 
@@ -124,7 +124,7 @@ def _number(processing: ProcessingOptions, name: str, *, zero: bool, also: str =
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not (0 < value < float("inf") or (zero and value == 0)):
         least = f"{'from 0 on' if zero else 'above 0'} {also}".rstrip()
-        raise StudyError(f"processing.{name} must be a number {least}; found {value!r}.")
+        raise StudyError(f"{name} must be a number {least}; found {value!r}.")
     object.__setattr__(processing, name, float(value))
 
 
