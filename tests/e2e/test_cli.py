@@ -279,7 +279,7 @@ def test_compare_json_stands_in_the_object_and_in_the_run(armid: Armid, small: P
     done = armid(
         "identify", small / "study.toml", "--compare", "--method", "ridge", "--json", "--out", tmp_path / "run"
     )
-    assert done.code == 0 and "info prior-weight The prior towards the description weighs" in done.err
+    assert done.code == 0 and "info prior-weight The prior towards the description counts as" in done.err
     found = done.json["compare"]
     assert found == json.loads((tmp_path / "run" / "compare.json").read_text())
     keys_of(found, "joints", "unseen", "methods", "seconds")

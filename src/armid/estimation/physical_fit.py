@@ -14,7 +14,7 @@ from armid.estimation.consistency.cones import smallest_eigenvalues
 from armid.estimation.consistency.constraints import Requirements, at_mass_limit
 from armid.estimation.crossvalidation import held_out_squares
 from armid.estimation.fit import Fit
-from armid.estimation.prior import Prior, project_covariance
+from armid.estimation.prior import INFORMED, Prior, project_covariance, weight_finding
 from armid.estimation.problem import StandardParameters
 from armid.estimation.standard_fit import (
     IDENTIFIED,
@@ -89,7 +89,7 @@ class PhysicalEstimate:
     @property
     def is_informed(self) -> bool:
         """Tests whether the prior says where parameters are that the data do not determine."""
-        return self.use.kind in ("log-det", "euclidean")
+        return self.use.kind in INFORMED
 
     @property
     def is_reduced(self) -> bool:
@@ -255,9 +255,7 @@ def _findings(estimate: PhysicalEstimate, eigenvalues: Array, price: float, held
             message = f"No body has the link's values: smallest eigenvalue of its pseudo-inertia {smallest:.2g}."
             findings.append(Finding("not-physical", "warning", standard.names[own[0]], message, REMEDY))
     if estimate.is_informed:
-        samples = "sample" if use.weight == 1.0 else "samples"
-        message = f"The {use.kind} prior weighs {use.weight:.3g} independent {samples} a joint, {use.how}."
-        findings.append(Finding("prior-weight", "info", "", message))
+        findings.append(weight_finding(f"{use.kind} prior", use.weight, use.how))
     if len(data.unseen):
         length = np.linalg.norm(stack(data.whole)[0], axis=0)
         part = np.abs(data.unseen * np.where(length > 0.0, length, 1.0)).max(axis=0)

@@ -1,16 +1,16 @@
-"""Belief about the standard parameters before the data: how it is measured, and what it weighs.
+"""Priors of the standard parameters: their penalty functions, and the unit of their weight.
 
 `log-det`: for each link the divergence tr(J₀⁻¹J) - log det(J₀⁻¹J) - 4 from the description's pseudo-inertia J₀
 [Lee2020]. It does not depend on frames and units, grows beyond bounds where a body stops to be one, and is half the
 squared relative change for small changes. `euclidean`: half the squared change over the description's mean mass and
 its radius of gyration. `mass`: the size of the bodies, mass and second moments over a length squared, over ten
 kilograms. It moves what is known to a standard deviation of s kg by s / 10 of that deviation: nothing where data
-speak, and down to the smallest bodies where they do not. In all three, what is not inertial is believed to be zero
-within what would make the joint's whole torque.
+determine them, and down to the smallest bodies where they do not. In all three, parameters that are not inertial
+have mean zero and the deviation that would make the joint's whole torque.
 
-The unit of the weight is one independent sample: with weight 1 a change of 100 % costs what a residual of one
-standard deviation does in one independent row of a joint. It is the weight of what is believed of links; friction and
-the like, of which a description says nothing, keep the weight 1.
+The unit of the weight is one independent sample: with weight 1 a change of 100 % costs as much as a residual of one
+standard deviation in one independent row of a joint. The weight applies to the links; friction and the like, of which
+a description says nothing, keep the weight 1.
 """
 
 from __future__ import annotations
@@ -51,6 +51,24 @@ ROOM = 0.1
 
 HIGHEST = 0.1
 """Lift of an eigenvalue that no slope holds, over the trace of a body inside the cone."""
+
+INFORMED = ("log-det", "euclidean")
+"""Kinds of prior that hold the links near the description."""
+
+GIVEN, CHOSEN = "given", "chosen with the friction"
+"""Origins of a weight: an option of the method, or the friction selection."""
+
+
+def weight_finding(prior: str, weight: float, origin: str) -> Finding:
+    """Finding on the weight of a prior.
+
+    Args:
+        prior: Its name, for instance `log-det prior`.
+        weight: Its weight [independent samples].
+        origin: Origin of the weight, for instance `GIVEN`.
+    """
+    samples = "one independent sample" if weight == 1.0 else f"{weight:.3g} independent samples"
+    return Finding("prior-weight", "info", "", f"The {prior} counts as much as {samples} ({origin}).")
 
 
 @dataclass(frozen=True, eq=False, slots=True)

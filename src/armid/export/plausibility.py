@@ -13,7 +13,7 @@ from armid.export.types import Body, Content
 from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters, Robot
 from armid.runs.run import Run
-from armid.study.plausibility import far_masses
+from armid.study.plausibility import far_masses, masses_beside_described
 from armid.values import Array
 
 SEEN = 1e-6
@@ -131,11 +131,12 @@ def far_bodies(
     found, described = (
         np.array(each) for each in zip(*((new.mass, old.mass) for *_, new, old in compared), strict=True)
     )
-    masses = far_masses(names, found, described)
-    away = [text for link, name, new, old in compared if (text := _far_com(run.robot, link, name, new, old))]
-    if not masses and not away:
+    far = far_masses(found, described)
+    away = {name: text for link, name, new, old in compared if (text := _far_com(run.robot, link, name, new, old))}
+    if not far.any() and not away:
         return []
-    evidence = "; ".join([*([masses] if masses else []), *away[:NAMED], *(["and more"] if len(away) > NAMED else [])])
+    texts = [masses_beside_described(names, found, described, far)] if far.any() else []
+    evidence = "; ".join([*texts, *list(away.values())[:NAMED], *(["and more"] if len(away) > NAMED else [])])
     what = f"{evidence} in the file: torques do not determine such a body separately. The torque is the same"
     ways = (
         ["--nearest writes the bodies nearest to the description with the same torque"] if kind == "estimated" else []
@@ -145,7 +146,7 @@ def far_bodies(
         near = 'physical = { prior = "log-det" } in [estimation] of a study'
         ways.append(f"identify with {near}, which keeps near the description")
     carrying = {each.channel for each in shared if each.code == "difference-taken"}
-    rest = [name for name in names if name in carrying and f"{name} " in evidence]
+    rest = [name for name, is_far in zip(names, far, strict=True) if name in carrying and (is_far or name in away)]
     if rest:
         ways.append(f"--lumped writes the whole link as one body for {', '.join(rest)}")
     ways = ways or ["give the description masses nearer to the real ones where they are known, and identify again"]

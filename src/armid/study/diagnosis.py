@@ -330,16 +330,16 @@ def _reconsidered(evidence: LogEvidence) -> LogEvidence:
     degrees = next((f for f in evidence.noted if f.code == "degrees"), None)
     far = next((f for f in evidence.noted if f.code == "position-offset"), None)
     if degrees is not None and evidence.state is not None and not _believable(evidence.state):
-        doubted, why = degrees, "read as degrees they contradict the torque"
+        doubted, why = degrees, "As degrees they contradict the torque"
     elif far is not None and _turns_too_far(evidence):
-        doubted, why = far, "and its neighbours as far"
+        doubted, why = far, "Other joints move as far"
     else:
         return evidence
     motor = Finding(
         "motor-side",
         "error",
         "q",
-        f"{doubted.evidence.split('; taken')[0].rstrip('.')}; {why}, as positions of motors before their gears do.",
+        f"{doubted.evidence} {why}, as positions of motors before their gears do.",
         "find out N with q_motor = N (q - joint_offset), and say it: transmission = [[N1, 0, …], …]",
     )
     noted = tuple(motor if f is doubted else f for f in evidence.noted)

@@ -7,10 +7,8 @@ import dataclasses
 from armid.estimation.catalogue import ESTIMATORS
 from armid.estimation.estimate import Estimate
 from armid.estimation.friction.selection import FrictionSelection
+from armid.estimation.prior import CHOSEN, GIVEN, INFORMED, weight_finding
 from armid.study.config import EstimationChoice
-
-GIVEN, CHOSEN = "given", "as chosen with the friction"
-"""Texts on the source of a prior's weight: an option of the method, or the friction selection."""
 
 
 def as_chosen(choice: EstimationChoice, selection: FrictionSelection, *, described: bool) -> EstimationChoice:
@@ -45,23 +43,18 @@ def with_selection_prior(choice: EstimationChoice, weight: float | None, *, desc
     return dataclasses.replace(choice, options={**choice.options, choice.method: options})
 
 
-def credited(estimate: Estimate, selection: FrictionSelection | None) -> Estimate:
-    """The estimate with the friction selection named as the source of the prior's weight, where it is."""
+def with_origin_of_weight(estimate: Estimate, selection: FrictionSelection | None) -> Estimate:
+    """The estimate with the friction selection named as the origin of the prior's weight, where it is."""
     if selection is None or selection.prior_weight is None:
         return estimate
-    weight_text = f"weighs {selection.prior_weight:.3g} "
-    findings = tuple(
-        dataclasses.replace(finding, evidence=finding.evidence.replace(f", {GIVEN}.", f", {CHOSEN}."))
-        if finding.code == "prior-weight" and weight_text in finding.evidence
-        else finding
-        for finding in estimate.findings
-    )
+    weight = selection.prior_weight
+    chosen = {
+        weight_finding(prior, weight, GIVEN): weight_finding(prior, weight, CHOSEN)
+        for prior in (*(f"{kind} prior" for kind in INFORMED), "prior towards the description", "prior towards zero")
+    }
     fit = estimate.fit
-    if (
-        fit.standard is not None
-        and fit.standard.prior.how == GIVEN
-        and fit.standard.prior.weight == selection.prior_weight
-    ):
+    if fit.standard is not None and (fit.standard.prior.how, fit.standard.prior.weight) == (GIVEN, weight):
         prior = dataclasses.replace(fit.standard.prior, how=CHOSEN)
         fit = dataclasses.replace(fit, standard=dataclasses.replace(fit.standard, prior=prior))
+    findings = tuple(chosen.get(finding, finding) for finding in estimate.findings)
     return dataclasses.replace(estimate, fit=fit, findings=findings)

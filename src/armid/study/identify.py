@@ -42,7 +42,7 @@ from armid.study.config import (
 )
 from armid.study.diagnosis import diagnosed_error, findings_on
 from armid.study.extrapolation import highest_speeds, speed_finding
-from armid.study.friction_method import as_chosen, credited
+from armid.study.friction_method import as_chosen, with_origin_of_weight
 from armid.study.processed import ProcessedRecording, joined_observations, of_role, process_each
 from armid.study.recording_labels import labels
 from armid.study.recording_parts import cut_recording, refuse_shared
@@ -235,7 +235,7 @@ def conclude(prepared: Prepared, *, progress: Progress | None = None) -> Result:
         estimate = _estimate(study, model, prepared.base, stated_problem(prepared), recordings)
     except EstimationError as error:
         raise diagnosed_error(error, prepared.findings) from error
-    estimate = credited(estimate, prepared.friction_selection)
+    estimate = with_origin_of_weight(estimate, prepared.friction_selection)
     if prepared.problem.observations is not None:
         estimate = replace(estimate, speeds=highest_speeds(prepared.problem.observations))
     chosen = prepared.friction_selection is not None

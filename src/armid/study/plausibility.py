@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armid.doctor.checks.dynamics.excitation_weak import WEAK_CONDITION, excitation_severity, poorly_determined
 from armid.errors import Finding
@@ -90,9 +91,11 @@ def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None
     names = [standard.names[k] for k in masses]
     # By name, since the fit has copies of friction parameters for several recordings.
     values = np.array([standard_fit.values[standard_fit.names.index(name)] for name in names])
-    masses_text = far_masses(names, values, standard.nominal[masses])
-    if not masses_text:
+    nominal = standard.nominal[masses]
+    far = far_masses(values, nominal)
+    if not far.any():
         return None
+    masses_text = masses_beside_described(names, values, nominal, far)
     return Finding(
         "mass-far-from-description",
         "warning",
@@ -103,13 +106,17 @@ def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None
     )
 
 
-def far_masses(names: Sequence[str], found: Array, described: Array) -> str:
-    """Text on masses (K,) [kg] that are far from those described (K,); empty without any."""
-    far = (described > 0.0) & ((found < described / FAR) | (found > described * FAR))
+def far_masses(found: Array, described: Array) -> NDArray[np.bool_]:
+    """Mask of masses (K,) [kg] that are far from those described (K,)."""
+    return (described > 0.0) & ((found < described / FAR) | (found > described * FAR))
+
+
+def masses_beside_described(names: Sequence[str], found: Array, described: Array, which: NDArray[np.bool_]) -> str:
+    """Text on some masses (K,) [kg], with those described (K,)."""
     texts = [
         f"{name} {mass:.3g} kg (described: {nominal:.3g})"
-        for name, mass, nominal, is_far in zip(names, found, described, far, strict=True)
-        if is_far
+        for name, mass, nominal, wanted in zip(names, found, described, which, strict=True)
+        if wanted
     ]
     return ", ".join(texts[:NAMED]) + (" and more" if len(texts) > NAMED else "")
 

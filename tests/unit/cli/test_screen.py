@@ -12,13 +12,14 @@ from rich.console import Console
 
 from armid.cli.console import print_error, validation_table
 from armid.cli.parameter_tables import friction_selection_table, print_links
-from armid.errors import ArmidError, Finding
+from armid.errors import ArmidError
 from armid.estimation.estimate import Estimate
 from armid.estimation.friction.selection import FrictionSelection, SelectionEvidence
 from armid.estimation.link_properties import link_table
+from armid.estimation.prior import CHOSEN, GIVEN, weight_finding
 from armid.estimation.standard_fit import PriorUse
 from armid.model.terms import Hysteresis, Stribeck
-from armid.study.friction_method import credited
+from armid.study.friction_method import with_origin_of_weight
 from armid.validation.prediction import Score, Validation
 from cranes import CRANE, estimate, model, problem
 from labs import small_model
@@ -50,18 +51,18 @@ def test_friction_stands_joint_by_joint_and_law_by_law():
 
 def with_weight(weight: float) -> Estimate:
     found = estimate(problem())
-    said = Finding("prior-weight", "info", "", f"The prior weighs {weight:.3g} independent samples, given.")
+    said = weight_finding("log-det prior", weight, GIVEN)
     assert found.fit.standard is not None
-    standard = replace(found.fit.standard, prior=PriorUse("log-det", weight, "given", 1.0))
+    standard = replace(found.fit.standard, prior=PriorUse("log-det", weight, GIVEN, 1.0))
     return replace(found, findings=(said,), fit=replace(found.fit, standard=standard))
 
 
-@pytest.mark.parametrize(("weight", "how"), [(421.0, "as chosen with the friction"), (7.0, "given")])
+@pytest.mark.parametrize(("weight", "how"), [(421.0, CHOSEN), (7.0, GIVEN)])
 def test_a_weight_that_the_choice_of_friction_brought_was_given_by_nobody(weight: float, how: str):
-    found = credited(with_weight(weight), ladder())
-    assert found.findings[0].evidence.endswith(f"independent samples, {how}.")
+    found = with_origin_of_weight(with_weight(weight), ladder())
+    assert found.findings[0].evidence.endswith(f"independent samples ({how}).")
     assert found.fit.standard is not None and found.fit.standard.prior.how == how
-    assert credited(with_weight(weight), None).findings[0].evidence.endswith("given.")
+    assert with_origin_of_weight(with_weight(weight), None).findings[0].evidence.endswith("(given).")
 
 
 def score(path: str, size: float) -> Score:

@@ -138,7 +138,10 @@ def test_good_data_hardly_mind_a_description_that_is_wrong():
 
 def test_the_weight_is_told_and_who_decides():
     said = {finding.code: finding for finding in Ridge("nominal", 1e4).solve(weak()).findings}
-    assert "description weighs 1e+04" in said["prior-weight"].evidence and "given" in said["prior-weight"].evidence
+    assert (
+        "description counts as much as 1e+04" in said["prior-weight"].evidence
+        and "given" in said["prior-weight"].evidence
+    )
     assert said["prior-dominated"].severity == "warning"
     assert "folds" in next(iter(Ridge("zero").solve(problem()).findings)).evidence
 

@@ -23,7 +23,7 @@ from armid.estimation.crossvalidation import folds, held_out_squares, one_standa
 from armid.estimation.fit import Fit
 from armid.estimation.per_recording import standard_per_recording
 from armid.estimation.physical_fit import PhysicalEstimate, fit_of
-from armid.estimation.prior import make_prior
+from armid.estimation.prior import GIVEN, make_prior
 from armid.estimation.problem import EstimationProblem, StandardParameters
 from armid.estimation.standard_fit import PriorTrial, PriorUse
 from armid.estimation.whitening import WhitenedSystem, rows_of, whiten
@@ -175,7 +175,7 @@ class PhysicallyConsistent:
         if self.prior in ("auto", "mass") and self.weight == "auto":
             return PriorUse(kind, 1.0, "the default", correlation)
         if self.weight != "auto":
-            return PriorUse(kind, float(self.weight), "given", correlation)
+            return PriorUse(kind, float(self.weight), GIVEN, correlation)
         parts = split(information, folds(information))
         if not parts:
             return PriorUse(kind, 1.0, NOT_JUDGED, correlation)

@@ -23,7 +23,7 @@ from armid.errors import EstimationError, Finding
 from armid.estimation.crossvalidation import folds, held_out_error, held_out_squares, split
 from armid.estimation.fit import Fit
 from armid.estimation.least_squares import solve
-from armid.estimation.prior import make_prior, project_covariance
+from armid.estimation.prior import GIVEN, make_prior, project_covariance, weight_finding
 from armid.estimation.problem import EstimationProblem
 from armid.estimation.uncertainty.covariance import scale_covariance
 from armid.estimation.whitening import WhitenedSystem, rows_of, whiten
@@ -73,7 +73,7 @@ class Ridge:
         if self.weight == "auto":
             weight, how = _chosen(problem.information, weighted, prior)
         else:
-            weight, how = float(self.weight), "given"
+            weight, how = float(self.weight), GIVEN
         if weight == 0.0:
             solve(problem.information, weighted.weights)  # raises where the data do not determine the parameters
         return _fit(weighted, prior, weight, how)
@@ -187,8 +187,7 @@ def _fit(weighted: WhitenedSystem, prior: _Prior, weight: float, how: str) -> Fi
 def _findings(names: tuple[str, ...], towards: str, weight: float, how: str, share: Array) -> list[Finding]:
     """Findings about the prior's weight and the parameters that it determines."""
     mean = "the description" if towards == "nominal" else "zero"
-    message = f"The prior towards {mean} weighs {weight:.3g} independent samples, {how}."
-    findings = [Finding("prior-weight", "info", "", message)]
+    findings = [weight_finding(f"prior towards {mean}", weight, how)]
     dominated = [name for name, part in zip(names, share, strict=True) if part > DOMINATED]
     if dominated:
         message = f"The prior determines these parameters more than the data do: {', '.join(dominated)}."

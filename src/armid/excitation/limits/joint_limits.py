@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -113,13 +113,13 @@ def limits_of(
     limits = Limits(robot.joint_names, **values)
     bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
     without = [
-        f"{joint.name}.position" for joint, ok in zip(robot.joints, bounded, strict=True)
+        (joint.name, "position") for joint, ok in zip(robot.joints, bounded, strict=True)
         if not ok and joint.kind != "continuous"
     ]  # fmt: skip
-    without += [f"{name}.velocity" for name, v in zip(limits.joints, limits.velocity, strict=True) if v == np.inf]
+    without += [(name, "velocity") for name, v in zip(limits.joints, limits.velocity, strict=True) if v == np.inf]
     if without:
         raise ArmidError(
-            f"{robot.name} does not say how far or how fast these may move: {', '.join(without)}.",
+            f"{robot.name} does not say how far or how fast these may move: {', '.join(map('.'.join, without))}.",
             remedy=_examples(without, robot.n),
         )
     return limits
@@ -176,13 +176,17 @@ def with_limits(robot: Robot, given: Mapping[tuple[str, str], float | tuple[floa
     return replace(robot, joints=tuple(joints))
 
 
-def _examples(without: list[str], joints: int) -> str:
+def _examples(without: Sequence[tuple[str, str]], joints: int) -> str:
     """Command options that give the missing limits; with a pattern only where all joints lack a limit."""
     options: list[str] = []
     for kind, value in (("position", "-1.5:1.5"), ("velocity", "1.0")):
-        missing = [name for name in without if name.endswith(f".{kind}")]
+        missing = [name for name, lacking in without if lacking == kind]
         if missing:
-            each = [f"'*.{kind}={value}'"] if len(missing) == joints > 1 else [f"{name}={value}" for name in missing]
+            each = (
+                [f"'*.{kind}={value}'"]
+                if len(missing) == joints > 1
+                else [f"{name}.{kind}={value}" for name in missing]
+            )
             options.append(f"--limit {','.join(each)}")
     return f"give them, for instance {' '.join(options)}, in radians, metres and seconds."
 
