@@ -138,7 +138,7 @@ def with_one_joint_still(table: Table) -> None:
         (with_a_joint_too_many, ["4 channels; small has 3 joints", "leave out"]),
         (without_effort, ["effort"]),
         (with_one_effort_missing, ["3 of q (q1 … q3), but 2 of effort", "1 of effort missing"]),
-        (with_one_sample, ["1 usable sample"]),
+        (with_one_sample, ["usable samples: 1"]),
         (of_a_moment, ["no row is left"]),
         (with_one_joint_still, ["do not see FV_3, FS_3", "moves the joints"]),
     ],

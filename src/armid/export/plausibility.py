@@ -13,7 +13,7 @@ from armid.export.types import Body, Content
 from armid.remedy import Remedy, setting
 from armid.robot.robot import InertialParameters, Robot
 from armid.runs.run import Run
-from armid.study.plausibility import far_masses, masses_beside_described
+from armid.study.plausibility import far_masses, listed_masses
 from armid.values import Array
 
 SEEN = 1e-6
@@ -135,7 +135,7 @@ def far_bodies(
     away = {name: text for link, name, new, old in compared if (text := _far_com(run.robot, link, name, new, old))}
     if not far.any() and not away:
         return []
-    texts = [masses_beside_described(names, found, described, far)] if far.any() else []
+    texts = [listed_masses(names, found, described, far)] if far.any() else []
     evidence = "; ".join([*texts, *list(away.values())[:NAMED], *(["and more"] if len(away) > NAMED else [])])
     what = f"{evidence} in the file: torques do not determine such a body separately. The torque is the same"
     ways = (

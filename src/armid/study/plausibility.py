@@ -95,7 +95,7 @@ def far_finding(standard: StandardParameters | None, fit: Fit) -> Finding | None
     far = far_masses(values, nominal)
     if not far.any():
         return None
-    masses_text = masses_beside_described(names, values, nominal, far)
+    masses_text = listed_masses(names, values, nominal, far)
     return Finding(
         "mass-far-from-description",
         "warning",
@@ -111,7 +111,7 @@ def far_masses(found: Array, described: Array) -> NDArray[np.bool_]:
     return (described > 0.0) & ((found < described / FAR) | (found > described * FAR))
 
 
-def masses_beside_described(names: Sequence[str], found: Array, described: Array, which: NDArray[np.bool_]) -> str:
+def listed_masses(names: Sequence[str], found: Array, described: Array, which: NDArray[np.bool_]) -> str:
     """Text on some masses (K,) [kg], with those described (K,)."""
     texts = [
         f"{name} {mass:.3g} kg (described: {nominal:.3g})"

@@ -357,8 +357,8 @@ def test_one_sample_and_hardly_any_are_refused():
     def first(k):
         return recorded(q=Q[:k], dq=DQ[:k], ddq=DDQ[:k], effort=TAU[:k], time=TIME[:k])
 
-    refused("has 1 usable sample\\.", first(1))
-    refused("has 9 usable samples", first(9))
+    refused("usable samples: 1\\.", first(1))
+    refused("usable samples: 9\\.", first(9))
     assert read(first(10)).recording.samples == 10
 
 

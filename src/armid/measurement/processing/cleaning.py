@@ -82,20 +82,17 @@ def clean(recording: Recording, log_format: LogFormat) -> tuple[Recording, tuple
     return _masked(recording, log_format), (*findings, *ties, *found)
 
 
-def recording_error(code: str, recording: Recording, evidence: str, remedy: str) -> RecordingError:
+def recording_error(code: str, recording: Recording, problem: str, remedy: str) -> RecordingError:
     """Error about a recording; `code` is that of the corresponding finding of the doctor."""
-    return RecordingError(evidence, remedy=remedy, source=recording.source, code=code)
+    return RecordingError(problem, remedy=remedy, source=recording.source, code=code)
 
 
 def _kept(recording: Recording, keep: NDArray[np.bool_]) -> Recording:
     """Recording with a selection of its rows."""
     if keep.all():
         return recording
-    quantities = {
-        name: values[keep]
-        for name in ("time", "q", "dq", "ddq", "effort", "valid")
-        if (values := getattr(recording, name)) is not None
-    }
+    names = ("time", "q", "dq", "ddq", "effort", "valid")
+    quantities = {name: values[keep] for name in names if (values := getattr(recording, name)) is not None}
     number = np.arange(recording.samples) if recording.number is None else recording.number
     return replace(recording, number=number[keep], **quantities)
 
@@ -121,8 +118,8 @@ def _check_exclude(recording: Recording, log_format: LogFormat) -> None:
         if t1 < recording.time[0] or t0 > recording.time[-1]:
             raise RecordingError(
                 f"exclude [{t0:g}, {t1:g}] s lies outside it.",
-                possible=f"its clock runs from {recording.time[0]:g} to {recording.time[-1]:g} s",
                 source=recording.source,
+                possible=f"its clock runs from {recording.time[0]:g} to {recording.time[-1]:g} s",
             )
 
 
@@ -189,8 +186,8 @@ def _without(name: str, rows: NDArray[np.intp], recording: Recording, log_format
 def _refuse_few(recording: Recording) -> None:
     if recording.samples < MIN_SAMPLES:
         raise RecordingError(
-            f"{recording.source or 'The recording'} has {recording.samples} usable sample"
-            f"{'s' if recording.samples != 1 else ''}.",
+            f"number of usable samples: {recording.samples}.",
+            source=recording.source,
             possible=f"at least {MIN_SAMPLES}; an identification wants some thousands",
             remedy="record a longer motion.",
         )
@@ -396,8 +393,7 @@ def _needing_derivatives(recording: Recording) -> Recording:
         raise recording_error(
             "rows-not-consecutive",
             recording,
-            f"rows are not consecutive, and {' and '.join(lacking)} "
-            f"{'is' if len(lacking) == 1 else 'are'} not recorded; separate samples cannot be differentiated.",
+            f"rows are not consecutive and have no {' and no '.join(lacking)}; such samples cannot be differentiated.",
             "record velocity and acceleration too, or say consecutive = true if rows do follow each other.",
         )
     return recording

@@ -129,12 +129,17 @@ def process_recording(
             runs.append(run)
             still.append(standing(piece.q, piece.rate, noise))
     if not runs:
-        raise RecordingError(
-            f"no row is left. {findings[-1].evidence}",
-            remedy="trim less, raise the cut-off, mask less, or record longer.",
-            source=recording.source,
-        )
+        raise _no_row(recording, findings)
     return _moving(runs, still, processing, recording, findings), tuple(findings)
+
+
+def _no_row(recording: Recording, findings: Sequence[Finding]) -> RecordingError:
+    """Error for a recording of which no row is left."""
+    return RecordingError(
+        f"no row is left. {findings[-1].evidence}",
+        remedy="trim less, raise the cut-off, mask less, or record longer.",
+        source=recording.source,
+    )
 
 
 def resolve_options(processing: ProcessingOptions, recordings: Sequence[Recording]) -> ProcessingOptions:
