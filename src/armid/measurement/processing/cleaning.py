@@ -393,7 +393,7 @@ def _needing_derivatives(recording: Recording) -> Recording:
         raise recording_error(
             "rows-not-consecutive",
             recording,
-            f"rows are not consecutive and have no {' and no '.join(lacking)}; such samples cannot be differentiated.",
+            f"rows are not consecutive and have no {' and no '.join(lacking)}; these cannot be differentiated.",
             "record velocity and acceleration too, or say consecutive = true if rows do follow each other.",
         )
     return recording
