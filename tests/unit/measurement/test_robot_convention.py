@@ -439,7 +439,7 @@ def test_shuffled_rows_are_found_to_be_separate_samples():
     result = read(shuffled, rate=RATE)
     assert result.recording.consecutive is False
     assert codes(result) == ["rows-not-consecutive"]
-    refused("dq and ddq are not recorded", replace(shuffled, dq=None, ddq=None), rate=RATE)
+    refused("have no dq and no ddq", replace(shuffled, dq=None, ddq=None), rate=RATE)
     insisted = read(shuffled, rate=RATE, consecutive=True)
     assert insisted.recording.consecutive is True and codes(insisted) == ["rows-not-consecutive"]
 
@@ -447,7 +447,7 @@ def test_shuffled_rows_are_found_to_be_separate_samples():
 def test_separate_samples_need_no_clock():
     result = read(recorded(time=None), consecutive=False)
     assert result.recording.consecutive is False and result.findings == ()
-    refused("ddq is not recorded", recorded(time=None, ddq=None), consecutive=False)
+    refused("have no ddq", recorded(time=None, ddq=None), consecutive=False)
 
 
 def test_a_wrong_rate_is_given_away_by_the_velocities():
