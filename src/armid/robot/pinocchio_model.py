@@ -40,12 +40,14 @@ class DescribedLimits:
         upper: Highest position [rad or m].
         velocity: Largest speed [rad/s or m/s].
         effort: Largest effort [N·m or N].
+        soft: Lowest and highest position at which the robot's controller stops the joint [rad or m].
     """
 
     lower: float = -math.inf
     upper: float = math.inf
     velocity: float = math.inf
     effort: float = math.inf
+    soft: tuple[float, float] = (-math.inf, math.inf)
 
 
 def limits_of(
@@ -256,6 +258,7 @@ def _joint(model: Any, i: int, limits: Mapping[str, DescribedLimits], source: st
         np.array([limit.lower, limit.upper]),
         limit.velocity,
         limit.effort,
+        np.array(limit.soft),
     )
 
 

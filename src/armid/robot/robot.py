@@ -105,6 +105,8 @@ class Joint:
         position_limits: Lower and upper limit, shape (2,) [rad or m]; infinite where unknown.
         velocity_limit: Largest speed [rad/s or m/s]; infinite where unknown.
         effort_limit: Largest effort [N·m or N]; infinite where unknown.
+        soft_limits: Positions at which the robot's controller stops the joint, shape (2,) [rad or m]; infinite where
+            unknown.
     """
 
     name: str
@@ -115,6 +117,7 @@ class Joint:
     position_limits: Array
     velocity_limit: float = math.inf
     effort_limit: float = math.inf
+    soft_limits: Array = (-math.inf, math.inf)  # pyright: ignore[reportAssignmentType]
 
     def __post_init__(self) -> None:
         axis = array(self.axis, (3,), f"axis of joint {self.name!r}")
@@ -129,9 +132,8 @@ class Joint:
             )
         object.__setattr__(self, "axis", array(axis / length, (3,), "axis"))
         object.__setattr__(self, "placement", array(self.placement, (4, 4), f"placement of joint {self.name!r}"))
-        object.__setattr__(
-            self, "position_limits", array(self.position_limits, (2,), "position_limits", finite=False)
-        )
+        for limits in ("position_limits", "soft_limits"):
+            object.__setattr__(self, limits, array(getattr(self, limits), (2,), limits, finite=False))
 
     @property
     def is_prismatic(self) -> bool:

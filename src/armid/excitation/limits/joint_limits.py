@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.errors import ArmidError, did_you_mean
+from armid.errors import ArmidError, Finding, did_you_mean
 from armid.excitation.limits.constraints import AmplitudeLimit, CoefficientLimit, ConstraintChannel, RangeLimit
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.series_basis import SeriesBasis
@@ -89,6 +89,36 @@ def described_limits(robot: Robot) -> Limits:
     return Limits(robot.joint_names, lower, upper, velocity, unknown, unknown, effort)
 
 
+def planned_limits(robot: Robot) -> Limits:
+    """Limits of the robot description for a motion, whose positions stay within the soft limits as well."""
+    limits = described_limits(robot)
+    soft = np.array([joint.soft_limits for joint in robot.joints])
+    return replace(limits, lower=np.maximum(limits.lower, soft[:, 0]), upper=np.minimum(limits.upper, soft[:, 1]))
+
+
+def soft_limits_used(robot: Robot, limits: Limits) -> Finding | None:
+    """Finding that names the joints which soft limits bound in a motion; `None` where there are none."""
+    planned, described = planned_limits(robot), described_limits(robot)
+    bounded = [
+        j for j in range(robot.n)
+        if (limits.lower[j], limits.upper[j]) == (planned.lower[j], planned.upper[j])
+        and (planned.lower[j], planned.upper[j]) != (described.lower[j], described.upper[j])
+    ]  # fmt: skip
+    if not bounded:
+        return None
+    ranges = ", ".join(
+        f"{robot.joint_names[j]} {limits.lower[j]:.4g} to {limits.upper[j]:.4g} {robot.joints[j].unit} "
+        f"(limit: {described.lower[j]:.4g} to {described.upper[j]:.4g})"
+        for j in bounded
+    )
+    evidence = (
+        "the robot's controller stops a joint at its soft limits (safety_controller in the description), so the plan "
+        f"keeps within them: {ranges}"
+    )
+    remedy = "set other limits with --limit JOINT.position=LOW:HIGH."
+    return Finding("soft-limits", "info", "", evidence, remedy)
+
+
 def limits_of(
     robot: Robot,
     given: Mapping[tuple[str, str], float | tuple[float, float]] | None = None,
@@ -96,7 +126,7 @@ def limits_of(
     acceleration: float | None = None,
     jerk: float | None = None,
 ) -> Limits:
-    """Limits of the robot description, with given limits in their place.
+    """Limits of a motion: those of the robot description, positions within its soft limits, unless others are given.
 
     Args:
         robot: The arm.
@@ -109,7 +139,7 @@ def limits_of(
         ArmidError: A joint or kind does not exist, or a joint has no limit of position or velocity; a continuous
             joint needs none of position.
     """
-    values = _given(described_limits(robot), robot, given or {}, acceleration, jerk)
+    values = _given(planned_limits(robot), robot, given or {}, acceleration, jerk)
     limits = Limits(robot.joint_names, **values)
     bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
     without = [

@@ -54,10 +54,8 @@ def read(text: str, *, source: str, locked: Mapping[str, float], tip: str | None
     limits: dict[str, DescribedLimits] = {}
     findings: list[Finding] = []
     for joint in _joints(root):
-        limit, finding = _prepare(joint, locked, source)
-        limits[joint.get("name", "")] = limit
-        if finding is not None:
-            findings.append(finding)
+        limits[joint.get("name", "")], found = _prepare(joint, locked, source)
+        findings.extend(found)
     bare = copy.deepcopy(root)
     bare.set("name", root.get("name") or Path(source).stem)  # urdfdom requires one
     for link in bare.iter("link"):
@@ -151,7 +149,9 @@ def _joints(root: ET.Element) -> list[ET.Element]:
     return root.findall("joint")
 
 
-def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tuple[DescribedLimits, Finding | None]:
+def _prepare(
+    joint: ET.Element, locked: Mapping[str, float], source: str
+) -> tuple[DescribedLimits, tuple[Finding, ...]]:
     """Checks a joint, changes it so that urdfdom accepts it, and returns its limits."""
     name, kind = joint.get("name", ""), joint.get("type", "")
     if kind in REFUSED and name in locked:
@@ -159,14 +159,16 @@ def _prepare(joint: ET.Element, locked: Mapping[str, float], source: str) -> tup
         kind = "fixed"
         joint.set("type", kind)
     if kind == "fixed":
-        return DescribedLimits(), None
+        return DescribedLimits(), ()
     if kind not in ONE_DEGREE:
         raise floating(source, name, kind, ", ".join((*ONE_DEGREE, "fixed")))
     _check_mimic(joint, locked, source)
     axis = joint.find("axis")
     if axis is not None and not any(numbers(axis, "xyz", 3, source, f"the axis of joint {name!r}") or [1.0]):
         raise RobotError(f"{source}: joint {name!r} has an axis of zero length.", remedy="give its direction.")
-    return _read_limit(joint, kind, source)
+    limits, unknown = _read_limit(joint, kind, source)
+    limits, unused = _with_soft_limits(joint, kind, limits, source)
+    return limits, tuple(finding for finding in (unknown, unused) if finding is not None)
 
 
 def _check_mimic(joint: ET.Element, locked: Mapping[str, float], source: str) -> None:
@@ -202,5 +204,36 @@ def _read_limit(joint: ET.Element, kind: str, source: str) -> tuple[DescribedLim
     limit.attrib.update(dict.fromkeys(LIMIT_KEYS, "0"))
     return found
 
+
+def _with_soft_limits(
+    joint: ET.Element, kind: str, limits: DescribedLimits, source: str
+) -> tuple[DescribedLimits, Finding | None]:
+    """Limits of a joint with the soft ones of its <safety_controller>, which is removed.
+
+    Soft limits need both ends and a range in common with the position limits; others are reported and not used. A
+    continuous joint has none.
+    """
+    controller = joint.find("safety_controller")
+    if controller is None:
+        return limits, None
+    joint.remove(controller)
+    name = joint.get("name", "")
+    where = f"the safety_controller of joint {name!r}"
+    low, high = (numbers(controller, key, 1, source, where) for key in SOFT_KEYS)
+    if low is None or high is None or kind == "continuous":
+        return limits, None
+    (lower,), (upper,) = low, high
+    if max(lower, limits.lower) < min(upper, limits.upper):
+        return replace(limits, soft=(lower, upper)), None
+    evidence = (
+        f"soft limits {lower:g} to {upper:g} of its safety_controller leave no range within the position limits; "
+        "they are not used"
+    )
+    remedy = "correct the soft limits in the description if the robot's controller has them"
+    return limits, Finding("limits-unknown", "info", name, evidence, remedy)
+
+
+SOFT_KEYS = ("soft_lower_limit", "soft_upper_limit")
+"""Attributes of <safety_controller> with the positions at which a controller stops a joint."""
 
 LIMIT_KEYS = ("lower", "upper", "velocity", "effort")

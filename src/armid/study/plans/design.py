@@ -20,7 +20,14 @@ from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.sensitivity import Columns
 from armid.excitation.design.sqp import DescentProblem, about_start
 from armid.excitation.limits.constraints import ConstraintChannel
-from armid.excitation.limits.joint_limits import Limits, limits_of, motion_channels, thesis_channels, torque_channel
+from armid.excitation.limits.joint_limits import (
+    Limits,
+    limits_of,
+    motion_channels,
+    soft_limits_used,
+    thesis_channels,
+    torque_channel,
+)
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.plan import Plan, seconds_for
 from armid.excitation.preflight import Expectation, Preflight, preflight, worst
@@ -192,7 +199,8 @@ def design_plan(
     _check_leads(plan, robot, collision)
     unfinished = unsettled(found, criterion.criterion, budget.budget)
     report = replace(report, weak=weak_motion(whole, x, limits, collision, settled=unfinished is None))
-    remarks = filter(None, (report.weak, unfinished, _unlimited(plan, limits, robot)))
+    soft = soft_limits_used(robot, limits)
+    remarks = filter(None, (report.weak, unfinished, soft, _unlimited(plan, limits, robot)))
     findings = (*placed.findings, *torque_findings, *remarks)
     return Designed(plan, whole, x, limits, found, report, findings, collision)
 

@@ -14,7 +14,7 @@ from armid.excitation.collision.closest_approach import closest_approaches
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.design.objective import CriterionGoal
 from armid.excitation.design.sensitivity import Columns
-from armid.excitation.limits.joint_limits import Limits, limits_of
+from armid.excitation.limits.joint_limits import Limits, limits_of, soft_limits_used
 from armid.excitation.limits.torque_limits import Torque
 from armid.excitation.point_to_point import (
     Moves,
@@ -165,7 +165,8 @@ def design_moves(model: DynamicsModel, goal: MovesGoal, constraints: DesignConst
     skipped = () if collision is None else collision.skipped
     found = _margins(moves.sample(CHECK_RATE), robot, limits, torque, criterion)
     report = Preflight(found, approaches, skipped, None, placed.unchecked)
-    findings = (*placed.findings, *torque_findings)
+    soft = soft_limits_used(robot, limits)
+    findings = (*placed.findings, *torque_findings, *(() if soft is None else (soft,)))
     return DesignedMoves(goal.kind, moves, model, limits, torque, report, findings, collision)
 
 
