@@ -108,7 +108,8 @@ def _worst_rows(report: Preflight) -> list[tuple[str, str, str, str]]:
         if m.limit != COLLISION
     ]
     if report.approaches:
-        nearest = min(report.approaches, key=lambda each: each.distance - each.asked)
+        changing = [each for each in report.approaches if not each.constant] or report.approaches
+        nearest = min(changing, key=lambda each: each.distance - each.asked)
         reached = f"{fixed(1000.0 * nearest.distance, 0)} mm distance, {fixed(1000.0 * nearest.asked, 0)} mm required"
         rows.append((COLLISION, nearest.pair, reached, fixed(nearest.time, 2)))
     return rows
@@ -169,7 +170,7 @@ def show_approaches(designed: Checked) -> Section | None:
                 TableCell(links_of(each.pair), kind="name"),
                 TableCell(fixed(distance, 0) + mark, distance),
                 TableCell(each.measured),
-                TableCell(fixed(each.time, 2), each.time),
+                TableCell("all poses", each.time) if each.constant else TableCell(fixed(each.time, 2), each.time),
                 around,
                 between,
                 TableCell(fixed(1000.0 * each.asked, 0), 1000.0 * each.asked),
@@ -189,9 +190,10 @@ def show_approaches(designed: Checked) -> Section | None:
         "of up to four slabs of a mesh, or its triangles, 50 times a second, and 250 near the minimum. In search: "
         "distance of the capsules around the bodies, or of hulls where capsules are too wide, on a grid of 1 kHz; "
         "certified: lower bound of it between the points, too. Required: less than the clearance where links are "
-        "built closer than that. ▲ marks pairs that come too close."
+        "built closer than that; those that keep the same distance in all poses stand last. ▲ marks pairs that come "
+        "too close."
     )
-    title = f"Closest approach of each of {len(rows)} pairs of links, the nearest first"
+    title = f"Closest approach of each of {len(rows)} pairs of links, the nearest first, constant distances last"
     table = Table("approaches", title, columns, rows, note, folded=len(rows) > MANY)
     skipped = [each.account for each in report.skipped]
     return Section("Closest approaches", {"skipped": skipped, "why": NOT_LOOKED_AT}, (table,))
@@ -203,11 +205,11 @@ def links_of(pair: str) -> str:
 
 
 def nearest_of_links(approaches: Sequence[ClosestApproach]) -> list[ClosestApproach]:
-    """Closest approach of each pair of links over all their bodies, nearest first."""
+    """Closest approach of each pair of links over all their bodies, nearest first, constant distances last."""
     nearest: dict[str, ClosestApproach] = {}
-    for each in sorted(approaches, key=lambda approach: (approach.kept, approach.distance)):
+    for each in sorted(approaches, key=lambda approach: (approach.kept, approach.constant, approach.distance)):
         nearest.setdefault(links_of(each.pair), each)
-    return sorted(nearest.values(), key=lambda approach: approach.distance)
+    return sorted(nearest.values(), key=lambda approach: (approach.constant, approach.distance))
 
 
 def show_expected(designed: Checked) -> Section | None:

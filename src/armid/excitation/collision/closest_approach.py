@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armid.excitation.collision.coal import distances, too_close
+from armid.excitation.collision.coal import distances, too_close, whole
 from armid.excitation.collision.collision_model import CollisionOptions
 from armid.excitation.collision.convex_hulls import parts_of
 from armid.values import Array
@@ -29,6 +29,13 @@ close are searched in all poses."""
 FIRST = 8
 """Number of poses, those with the closest capsules, that are measured before the others."""
 
+CONSTANT = 3e-3
+"""Largest change of a distance that counts as constant [m]. Hulls of links that turn closely past each other change
+it by up to 2.5 mm, measured on TIAGo's wrist."""
+
+MOMENTS = 24
+"""Number of poses in which a distance is tested for being constant."""
+
 ROUNDING = 1e-6
 """Tolerance [m] for the difference of Coal's iterative distances from those of the certificate."""
 
@@ -43,6 +50,8 @@ class ClosestApproach:
         time: Time of the closest approach [s].
         asked: Required distance [m].
         measured: What the distance was measured with: `bodies`, `hulls` or `triangles`.
+        constant: Whether the distance is the same in all poses of the motion, as of neighbouring links that turn
+            closely past each other.
     """
 
     pair: str
@@ -50,6 +59,7 @@ class ClosestApproach:
     time: float
     asked: float
     measured: str = "bodies"
+    constant: bool = False
 
     @property
     def kept(self) -> bool:
@@ -60,7 +70,7 @@ class ClosestApproach:
 def closest_approaches(
     collision: CollisionOptions, times: Array, poses: tuple[Array, Array]
 ) -> tuple[ClosestApproach, ...]:
-    """Closest approach of every checked pair, nearest first.
+    """Closest approach of every checked pair, nearest first, and pairs of constant distance last.
 
     Args:
         collision: Pairs of bodies.
@@ -68,18 +78,50 @@ def closest_approaches(
         poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links at these times.
     """
     found: list[ClosestApproach] = []
+    bound = collision.every.bodies.distances(poses) if len(collision.pairs) else np.zeros((len(times), 0))
+    constant = np.isfinite(constant_distances(collision, poses, bound)).tolist()
     if len(collision.pairs):
-        bound = collision.every.bodies.distances(poses)
         for k, label in enumerate(collision.every.labels):
             distance, at = _least(collision, collision.pairs[k], bound[:, k], poses)
             meshes = any(collision.shapes[i].kind in ("mesh", "cylinder") for i in collision.pairs[k])
             by, asked = "hulls" if meshes else "bodies", float(collision.every.margins[k])
-            found.append(ClosestApproach(label, distance, float(times[at]), asked, by))
-    for pair, kept in zip(collision.measured, collision.kept, strict=True):
+            found.append(ClosestApproach(label, distance, float(times[at]), asked, by, constant[k]))
+    for k, (pair, kept) in enumerate(zip(collision.measured, collision.kept, strict=True), len(collision.pairs)):
         distance, at = _by_triangles(collision, pair, float(kept), poses)
         label = " - ".join(collision.shapes[i].name for i in pair)
-        found.append(ClosestApproach(label, distance, float(times[at]), float(kept), "triangles"))
-    return tuple(sorted(found, key=lambda each: each.distance))
+        found.append(ClosestApproach(label, distance, float(times[at]), float(kept), "triangles", constant[k]))
+    return tuple(sorted(found, key=lambda each: (each.constant, each.distance)))
+
+
+def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], bound: Array) -> Array:
+    """Distances of pairs that are built close to each other and keep the same distance in all poses.
+
+    Built close are pairs whose required distance is smaller than that of others. A distance below the required one
+    is not constant.
+
+    Args:
+        collision: Pairs of bodies.
+        poses: Rotations (N, n, 3, 3) and origins (N, n, 3) of the links.
+        bound: Lower bounds of the distances of `collision.pairs` in these poses, shape (N, m) [m].
+
+    Returns:
+        Distances of `collision.pairs` and then `collision.measured` [m]; NaN for pairs whose distance changes, and
+        for all pairs where there is a single pose. Shape (m + r,).
+    """
+    count = len(collision.pairs)
+    result = np.full(count + len(collision.measured), np.nan)
+    if len(poses[1]) < 2:
+        return result
+    moments = np.unique(np.linspace(0, len(poses[1]) - 1, MOMENTS).astype(np.intp))
+    some = poses[0][moments], poses[1][moments]
+    required = np.concatenate([collision.every.margins if count else [], collision.kept])
+    for k in np.flatnonzero(required < required.max(initial=0.0)).tolist():
+        pair = collision.pairs[[k]] if k < count else collision.measured[[k - count]]
+        apart = distances(collision.shapes, pair, some, parts_of if k < count else whole)[:, 0]
+        apart = np.maximum(apart, bound[moments, k]) if k < count else apart
+        if np.ptp(apart) <= CONSTANT and apart.min() >= required[k] - ROUNDING:
+            result[k] = apart.min()
+    return result
 
 
 def _least(

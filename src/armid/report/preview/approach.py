@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.excitation.collision.closest_approach import constant_distances
 from armid.excitation.collision.coal import nearest, whole
 from armid.excitation.collision.collision_model import CollisionOptions, looked_at, make_collision_model
 from armid.excitation.collision.convex_hulls import parts_of
@@ -36,6 +37,8 @@ class NearestBodies:
         pair: Index of the pair in `pairs`, shape (M,).
         points: Nearest points of the two in the base frame, shape (M, 2, 3) [m].
         pairs: Names of all checked pairs.
+        constant: Pairs that are built close and keep the same distance in all poses, with their distances [m];
+            they are never the nearest pair.
     """
 
     time: Array
@@ -43,6 +46,7 @@ class NearestBodies:
     pair: NDArray[np.intp]
     points: Array
     pairs: tuple[str, ...]
+    constant: tuple[tuple[str, float], ...] = ()
 
 
 def bodies_to_watch(robot: Robot, surroundings: tuple[Shape, ...] = ()) -> CollisionOptions | None:
@@ -75,6 +79,8 @@ def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBod
     turned, placed = forward_kinematics(robot, clip.q[moments])
     bound = np.full((len(moments), len(pairs)), -np.inf)
     bound[:, :count] = collision.every.bodies.distances((turned, placed)) if count else 0.0
+    gaps = constant_distances(collision, (turned, placed), bound[:, :count])
+    bound[:, np.isfinite(gaps)] = np.inf
     samples = len(moments)
     distance, pair, points = np.full(samples, np.inf), np.zeros(samples, np.intp), np.zeros((samples, 2, 3))
     for k, order in enumerate(bound.argsort(axis=1)):
@@ -87,4 +93,5 @@ def closest(robot: Robot, clip: Clip, collision: CollisionOptions) -> NearestBod
             if separation < distance[k]:
                 distance[k], pair[k], points[k] = separation, m, (first[0, 0], second[0, 0])
     names = tuple(f"{shapes[a].name} – {shapes[b].name}" for a, b in pairs)
-    return NearestBodies(clip.time[moments], distance, pair, points, names)
+    constant = tuple((names[k], float(gaps[k])) for k in np.flatnonzero(np.isfinite(gaps)))
+    return NearestBodies(clip.time[moments], distance, pair, points, names, constant)

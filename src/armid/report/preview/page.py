@@ -71,6 +71,7 @@ def render_preview(preview: Preview) -> str:
             joints=[(joint.name, joint.unit) for joint in robot.joints],
             layers=[(k, layer.name, layer.note) for k, layer in enumerate(preview.layers)],
             measured=approach is not None,
+            constant="" if approach is None else _constant_text(approach),
             collision_note=preview.collision_note,
             has_bodies=bool(record["bodies"]),
             missing=missing,
@@ -116,6 +117,12 @@ def _approach_record(approach: NearestBodies) -> dict[str, Any]:
         "distance": packed(approach.distance),
         "points": packed(approach.points),
     }
+
+
+def _constant_text(approach: NearestBodies) -> str:
+    """Sentence that names the pairs of constant distance; empty without any."""
+    pairs = "; ".join(f"{pair} {1000.0 * distance:.1f} mm" for pair, distance in approach.constant)
+    return f"Built close, at the same distance in all poses, and not in the chart: {pairs}." if pairs else ""
 
 
 def _down(gravity: Array) -> list[float]:

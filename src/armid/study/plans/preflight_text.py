@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from armid.errors import Finding
 from armid.excitation.certification import Margin
-from armid.excitation.preflight import Expectation
+from armid.excitation.collision.closest_approach import ClosestApproach
+from armid.excitation.preflight import Expectation, Preflight
 from armid.study.plans.design import Designed
 from armid.study.plans.moves import DesignedMoves
 from armid.study.records import finding_record
@@ -59,7 +61,14 @@ def report_record(designed: Checked) -> dict[str, Any]:
             for m in report.margins
         ],
         "approaches": [
-            {"pair": a.pair, "distance": a.distance, "time": a.time, "asked": a.asked, "measured": a.measured}
+            {
+                "pair": a.pair,
+                "distance": a.distance,
+                "time": a.time,
+                "asked": a.asked,
+                "measured": a.measured,
+                "constant": a.constant,
+            }
             for a in report.approaches
         ],
         "skipped_pairs": [
@@ -108,13 +117,7 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
         *(_limit_line(m, designed) for m in report.margins if m.limit != "collision"),
     ]
     if report.approaches:
-        lines += ["", f"closest approaches (what each pair should keep; {MEASURED})"]
-        lines += [
-            f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s  ({1000 * a.asked:.0f} mm; {a.measured})"
-            for a in report.approaches[:MOST_LINES]
-        ]
-        if len(report.approaches) > MOST_LINES:
-            lines.append(f"  … {len(report.approaches) - MOST_LINES} more pairs are further apart")
+        lines += _approach_lines(report)
     if report.skipped:
         left = "; ".join(each.account for each in report.skipped)
         lines += ["", f"not looked at {NOT_LOOKED_AT}: {left}"]
@@ -123,6 +126,28 @@ def report_text(designed: Checked, *, findings: bool = True) -> str:
     if findings:
         lines += ["", *(_finding_line(finding) for finding in findings_of(designed))]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _approach_lines(report: Preflight) -> list[str]:
+    """Lines with the closest approaches, pairs of constant distance last."""
+    changing = [each for each in report.approaches if not each.constant]
+    constant = [each for each in report.approaches if each.constant]
+    lines = ["", f"closest approaches (required distance; {MEASURED})"]
+    lines += [
+        f"  {a.pair:<40}{1000 * a.distance:8.0f} mm at {a.time:6.2f} s  ({1000 * a.asked:.0f} mm; {a.measured})"
+        for a in changing[:MOST_LINES]
+    ]
+    if len(changing) > MOST_LINES:
+        lines.append(f"  … {len(changing) - MOST_LINES} more pairs are further apart")
+    if constant:
+        lines.append(f"  {constant_text(constant)}")
+    return lines
+
+
+def constant_text(constant: Sequence[ClosestApproach]) -> str:
+    """Sentence that names pairs of constant distance, with their distances and the required ones."""
+    pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.asked:.1f} mm)" for a in constant)
+    return f"built closer than the clearance, at the same distance in all poses: {pairs}"
 
 
 def _criterion_lines(designed: Designed) -> list[str]:

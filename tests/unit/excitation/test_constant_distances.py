@@ -1,0 +1,103 @@
+"""Neighbours at the same distance in every pose are not taken for the closest approach."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armid.excitation.collision.closest_approach import ClosestApproach, closest_approaches
+from armid.excitation.preflight import Preflight
+from armid.model.motion import Motion
+from armid.report.preflight_page import nearest_of_links
+from armid.report.preview.approach import bodies_to_watch, closest
+from armid.report.preview.clip import clip_of_motion
+from armid.report.preview.page import Preview, render_preview
+from armid.robot import Robot, load_robot
+from armid.robot.kinematics import forward_kinematics
+from armid.study.plans.preflight_text import constant_text
+
+GAP = 0.002
+"""Distance of the two spheres on the common axis in every pose [m]."""
+
+MEASURED = 1e-6
+"""Accuracy of Coal's iterative distances [m]."""
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """Two links on one axis; a sphere of the last turns on the axis close to the base's, another passes a post."""
+    sphere = '<collision><origin xyz="{}"/><geometry><sphere radius="{}"/></geometry></collision>'
+    joint = (
+        '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="9"/></joint>'
+    )
+    path = tmp_path_factory.mktemp("wheel") / "wheel.urdf"
+    path.write_text(
+        '<robot name="wheel">'
+        f'<link name="base">{sphere.format("0 0 0", 0.05)}{sphere.format("0 0.4 0.3", 0.05)}</link>'
+        f'<link name="between"/><link name="rim">{sphere.format(f"0 0 {0.1 + GAP}", 0.05)}'
+        f"{sphere.format('0.4 0 0.3', 0.05)}</link>"
+        + joint.format("one", "base", "between")
+        + joint.format("two", "between", "rim")
+        + "</robot>"
+    )
+    return load_robot(path)
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    time = np.linspace(0.0, 10.0, 501)
+    phase = 2.0 * np.pi * time / 10.0
+    q = np.column_stack([0.6 * np.sin(phase), 0.5 * np.sin(phase)])
+    return Motion(time, q, np.gradient(q, time, axis=0), np.zeros_like(q))
+
+
+def test_the_list_begins_with_the_closest_pair_whose_distance_changes(robot: Robot, motion: Motion):
+    watched = bodies_to_watch(robot)
+    assert watched is not None
+    found = closest_approaches(watched, motion.time, forward_kinematics(robot, motion.q))
+    *changing, last = found
+    assert last.constant and last.distance == pytest.approx(GAP, abs=MEASURED) and last.kept
+    assert changing and not any(each.constant for each in changing)
+    assert changing[0].distance == min(each.distance for each in changing) > GAP
+    assert [each.pair for each in nearest_of_links((last, *changing))][-1] == last.pair
+    assert constant_text([last]).endswith(f"all poses: {last.pair} 2.0 mm ({1000 * last.asked:.1f} mm)")
+
+
+def test_the_preview_draws_the_pair_whose_distance_changes_and_names_the_other(robot: Robot, motion: Motion):
+    watched, clip = bodies_to_watch(robot), clip_of_motion(motion, "wheel")
+    assert watched is not None
+    found = closest(robot, clip, watched)
+    assert found is not None and found.distance.min() > 10.0 * GAP
+    ((pair, distance),) = found.constant
+    assert pair not in {found.pairs[k] for k in found.pair} and distance == pytest.approx(GAP, abs=MEASURED)
+    assert f"{pair} 2.0 mm" in render_preview(Preview(robot, clip, collision=watched))
+
+
+def test_a_pair_that_is_too_close_in_every_pose_heads_the_list(robot: Robot, motion: Motion):
+    watched = bodies_to_watch(robot)
+    assert watched is not None
+    near = watched.every.margins < watched.every.margins.max()
+    closer = replace(watched.every, margin=np.where(near, 2.0 * GAP, watched.every.margins))
+    found = closest_approaches(replace(watched, every=closer), motion.time, forward_kinematics(robot, motion.q))
+    assert not found[0].constant and found[0].distance == pytest.approx(GAP, abs=MEASURED)
+    assert Preflight((), found, (), None).verdict == "fail"
+
+
+def test_an_arm_in_one_pose_has_no_constant_distances(robot: Robot, motion: Motion):
+    watched = bodies_to_watch(robot)
+    assert watched is not None
+    found = closest_approaches(watched, motion.time[:1], forward_kinematics(robot, motion.q[:1]))
+    assert not any(each.constant for each in found)
+
+
+def test_links_with_a_body_at_constant_distance_are_named_by_the_one_that_comes_closest():
+    found = nearest_of_links(
+        [
+            ClosestApproach("base - hand", 0.001, 0.0, 0.0005, constant=True),
+            ClosestApproach("base - hand (2)", 0.030, 1.0, 0.02),
+        ]
+    )
+    assert [each.pair for each in found] == ["base - hand (2)"]
