@@ -41,6 +41,7 @@ EFFECTS: Mapping[str, str] = {
     "contact": "External forces are attributed to parameters of the arm.",
     "description-rounded": "Without the rounding to multiples of 15° there would be spurious base parameters.",
     "topic-chosen": "None: the others have no joints of the arm, or are commands.",
+    "rests-left-out": "None: friction at rest is any torque up to its bound, and the rows beside the rest remain.",
     "sticking": "No law of the velocity describes dry friction at rest, which is any torque up to its bound.",
     "standstill": "At standstill, static friction and gravity cannot be separated, yet such rows have full weight.",
 }

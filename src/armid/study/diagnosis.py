@@ -146,7 +146,7 @@ def diagnose_recording(
         else:
             recording = read.recording
             told = [each for each in read.findings if each.code != "effort-possible"]  # said with the error
-            noted += [*told, *_sticking(recording, processing)]
+            noted += [*told, *_standstill(recording, processing)]
             break
     evidence = LogEvidence(robot, raw, how, recording, tuple(noted), model, EXPLAINS, processing.saturation)
     if any(f.code == "current-without-gain" and f.severity == "error" for f in noted):
@@ -163,14 +163,14 @@ def _no_effort(raw: Recording) -> Finding:
     return Finding("effort-missing", "error", "effort", evidence, remedy)
 
 
-def _sticking(recording: Recording, processing: ProcessingOptions) -> list[Finding]:
-    """Findings on joints at rest while others move; none for a log that cannot be processed."""
+def _standstill(recording: Recording, processing: ProcessingOptions) -> list[Finding]:
+    """Findings on joints at rest while others move, and on rests; none for a log that cannot be processed."""
     plain = replace(processing, edges="drop", average=False, saturation=None)
     try:
         found = process_recording(recording, plain)[1]
     except ArmidError:
         return []
-    told = [each for each in found if each.code == "sticking"]
+    told = [each for each in found if each.code in ("sticking", "rests-left-out")]
     return [replace(each, channel="") if each.channel == recording.source else each for each in told]
 
 

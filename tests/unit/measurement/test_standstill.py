@@ -16,7 +16,8 @@ from armid.lab.sensors import Sensing, SensorChannel
 from armid.lab.simulation import Simulated, simulate
 from armid.measurement.log_format import LogFormat
 from armid.measurement.processing.options import THESIS, ProcessingOptions
-from armid.measurement.processing.standstill import BESIDE, SLIDING, position_noise, standing
+from armid.measurement.processing.standstill import BESIDE, SLIDING, position_noise, standing, sticks_and_rests
+from armid.measurement.recording import Recording
 from armid.measurement.robot_convention import to_robot_convention
 from armid.model.dynamics import DynamicsModel
 from armid.model.terms import Coulomb, RigidBody, Viscous
@@ -93,11 +94,16 @@ def test_all_joints_at_rest_for_a_moment_between_motions_stand(noise: float):
     assert not found[~near].any()
 
 
+def at_rest_every(period: float) -> np.ndarray:
+    """Three joints for 24 s, with velocities and accelerations of zero where each period begins."""
+    x = 2.0 * np.pi * clock(24.0, RATE) / period
+    return np.column_stack([np.sin(x) ** 3 + c * (1.0 - np.cos(x)) ** 2 for c in (0.3, -0.4, 0.5)])
+
+
 def test_a_motion_that_begins_and_ends_at_rest_stands_where_it_begins_anew():
     """Velocities and accelerations are zero there and no joint stays: each is left out until it slides for sure."""
     period, t = 8.0, clock(24.0, RATE)
-    x = 2.0 * np.pi * t / period
-    q = np.column_stack([np.sin(x) ** 3 + c * (1.0 - np.cos(x)) ** 2 for c in (0.3, -0.4, 0.5)])
+    q = at_rest_every(period)
     dq = np.gradient(q, 1.0 / RATE, axis=0)
     found = standing(q + NOISE * np.random.default_rng(1).normal(size=q.shape), RATE)
     away = np.abs((t + period / 2.0) % period - period / 2.0)
@@ -105,6 +111,30 @@ def test_a_motion_that_begins_and_ends_at_rest_stands_where_it_begins_anew():
     assert found[inner & (away < 0.05)].all()
     assert not found[away > BESIDE + SLACK].any()
     assert not found[np.abs(dq) > 1.5 * SLIDING * dq.std(axis=0)].any()
+
+
+def test_a_rest_at_the_seam_of_repetitions_is_no_sticking():
+    """It is left out under a name of its own."""
+    t, q = clock(24.0, RATE), at_rest_every(8.0)[:, :2]
+    processing = ProcessingOptions(cutoff=20.0, decimate=100.0)
+    run, (finding,) = one(log := recording(t, q=q), processing)
+    assert (finding.code, finding.severity) == ("rests-left-out", "info")
+    assert all(name in finding.evidence for name in log.channels) and "repeated motion begins" in finding.evidence
+    kept, silent = one(log, replace(processing, standstill="keep"))
+    assert not silent and run.mask.sum() < kept.mask.sum()
+    sticks, rests = sticks_and_rests(q, RATE)
+    assert not sticks.any() and np.array_equal(rests, standing(q, RATE))
+
+
+def test_the_doctor_names_a_rest_at_the_seam_as_an_identification_does():
+    robot, q = small_arm().robot, at_rest_every(8.0)
+    effort = 10.0 * np.sign(np.gradient(q, axis=0))
+    log = Recording(clock(24.0, RATE), q, effort=effort, source="log.csv", joint_names=robot.joint_names)
+    found = diagnose_recording(robot, log, LogFormat())
+    read = to_robot_convention(log, LogFormat(), robot).recording
+    (named,) = (f for f in one(read, ProcessingOptions())[1] if f.code == "rests-left-out")
+    assert "sticking" not in codes(found)
+    assert [f.evidence for f in found if f.code == "rests-left-out"] == [named.evidence]
 
 
 def test_an_arm_that_rests_for_long_does_so_while_one_joint_creeps():

@@ -19,14 +19,14 @@ from armid.measurement.observations import Observations, ObservedRun
 from armid.measurement.processing.alignment import average, check_closed, whole_periods, windows
 from armid.measurement.processing.differentiation import differentiate
 from armid.measurement.processing.options import ProcessingOptions
-from armid.measurement.processing.output_grid import MOST_STILL, edge_margin, moving, run_of, separate_rows
+from armid.measurement.processing.output_grid import edge_margin, moving, run_of, separate_rows
 from armid.measurement.processing.period import find_period
 from armid.measurement.processing.resampling import Stretch, gather, is_even, jitter, resample_uniform, stretches
-from armid.measurement.processing.standstill import position_noise, standing
+from armid.measurement.processing.standstill import position_noise, standstill_findings, sticks_and_rests
 from armid.measurement.recording import Recording
 from armid.model.motion import Motion
 from armid.remedy import Remedy, setting
-from armid.values import Array, array
+from armid.values import array
 
 SHORTEST = 4
 """Samples that the one-sided differences at the ends of a run need."""
@@ -117,7 +117,7 @@ def process_recording(
     if processing.edges == "periodic":
         pieces = _circles(pieces, processing, period, start, recording.source, findings)
     repeats = None if period is None or start is None or processing.average else (period, start)
-    runs, still = list[ObservedRun](), list[NDArray[np.bool_]]()
+    runs, still = list[ObservedRun](), list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]()
     for piece in pieces:
         margin, run = edge_margin(processing, piece.rate), None
         if piece.samples >= max(SHORTEST, 2 * margin + 1):
@@ -127,7 +127,7 @@ def process_recording(
             findings.append(_nothing_left(piece, margin, recording.source))
         else:
             runs.append(run)
-            still.append(standing(piece.q, piece.rate, noise))
+            still.append(sticks_and_rests(piece.q, piece.rate, noise))
     if not runs:
         raise _no_row(recording, findings)
     return _moving(runs, still, processing, recording, findings), tuple(findings)
@@ -213,7 +213,7 @@ def _without_saturated(
 
 def _moving(
     runs: Sequence[ObservedRun],
-    still: Sequence[NDArray[np.bool_]],
+    still: Sequence[tuple[NDArray[np.bool_], NDArray[np.bool_]]],
     processing: ProcessingOptions,
     recording: Recording,
     findings: list[Finding],
@@ -221,31 +221,10 @@ def _moving(
     """Runs with rows at standstill masked, where the options ask for it."""
     if processing.standstill == "keep":
         return tuple(runs)
-    kept, share = moving(runs, still, processing)
-    findings.extend(_standstill_findings(recording, share))
+    kept, share = moving(runs, [sticks | rests for sticks, rests in still], processing)
+    parts = (moving(runs, part, processing)[1] for part in zip(*still, strict=True))
+    findings.extend(standstill_findings(recording, share, *parts))
     return tuple(kept)
-
-
-def _standstill_findings(recording: Recording, share: Array) -> list[Finding]:
-    """Findings about rows left out because of standstill, and about joints that mostly stand still."""
-    spared = share > MOST_STILL
-    gone = np.flatnonzero((share > 0.0) & ~spared)
-    findings = [
-        Finding(
-            "sticking",
-            "warning",
-            recording.channels[j],
-            f"{recording.source}: The joint mostly stands still, which reaches {share[j]:.0%} of its rows. They "
-            "count, as too few others are left, and friction at rest biases the estimate by up to its bound.",
-            "record motion without rests, or with faster reversals of this joint.",
-        )
-        for j in np.flatnonzero(spared)
-    ]
-    if len(gone):
-        shares = ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in gone)
-        evidence = f"Joints stand while others move, as where they stick at a reversal; rows not counted: {shares}."
-        findings.append(Finding("sticking", "info", recording.source, evidence))
-    return findings
 
 
 def _separate(

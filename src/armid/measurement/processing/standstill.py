@@ -22,7 +22,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from armid.errors import Finding
 from armid.maths.median import median
+from armid.measurement.processing.output_grid import MOST_STILL
+from armid.measurement.recording import Recording
 from armid.values import Array
 
 SPAN = 0.024
@@ -80,6 +83,20 @@ BESIDE = 0.5
 def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bool_]:
     """Mask of samples at which a joint stands still while others move, or all for a moment between motions.
 
+    The arguments are those of `sticks_and_rests`.
+
+    Returns:
+        Flags (N, n).
+    """
+    sticks, rests = sticks_and_rests(q, rate, noise)
+    return sticks | rests
+
+
+def sticks_and_rests(
+    q: Array, rate: float, noise: Array | None = None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Masks of samples at which a joint stands still while others move, and at which all rest between motions.
+
     A joint that never moves has none, nor one whose noise hides whether it does.
 
     Args:
@@ -89,12 +106,12 @@ def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bo
             to an even grid, positions that were rounded seem to have none.
 
     Returns:
-        Flags (N, n).
+        Flags (N, n) of each.
     """
-    flags = np.zeros(q.shape, dtype=np.bool_)
+    flags, moments = np.zeros(q.shape, dtype=np.bool_), np.zeros(q.shape, dtype=np.bool_)
     half = max(NARROWEST, round(SPAN * rate / 2))
     if len(q) <= 2 * half:
-        return flags
+        return flags, moments
     speed = _speed(q, half, rate)
     usual = np.sqrt(np.mean(speed**2, axis=0))
     noise = position_noise(q, np.arange(len(q)) / rate) if noise is None else noise
@@ -111,8 +128,45 @@ def standing(q: Array, rate: float, noise: Array | None = None) -> NDArray[np.bo
             for begin, end in ends[departure > LINGERS]:
                 flags[max(0, begin - half) : end + half, j] = True
     if several:
-        flags[:, seen] |= _moments(speed[:, seen] / usual[seen], limit[seen] / usual[seen], rate)
-    return flags
+        moments[:, seen] = _moments(speed[:, seen] / usual[seen], limit[seen] / usual[seen], rate)
+    return flags, moments
+
+
+def standstill_findings(recording: Recording, share: Array, sticks: Array, rests: Array) -> list[Finding]:
+    """Findings about rows left out because of standstill, and about joints that mostly stand still.
+
+    Args:
+        recording: The recording.
+        share: Share of each joint's rows that standstill reaches, shape (n,).
+        sticks: Share that is reached by its sticking alone, shape (n,).
+        rests: Share that is reached by rests of all joints between motions, shape (n,).
+    """
+    spared = share > MOST_STILL
+    findings = [
+        Finding(
+            "sticking",
+            "warning",
+            recording.channels[j],
+            f"{recording.source}: The joint mostly stands still, which reaches {share[j]:.0%} of its rows. They "
+            "count, as too few others are left, and friction at rest biases the estimate by up to its bound.",
+            "record motion without rests, or with faster reversals of this joint.",
+        )
+        for j in np.flatnonzero(spared)
+    ]
+    for code, part, evidence in (
+        ("sticking", sticks, "Joints stand while others move, as where they stick at a reversal; rows not counted"),
+        (
+            "rests-left-out",
+            rests,
+            f"All joints rest for less than {LONG:g} s between motions, as where a repeated motion begins anew; rows "
+            "not counted",
+        ),
+    ):
+        gone = np.flatnonzero((part > 0.0) & ~spared)
+        if len(gone):
+            shares = ", ".join(f"{recording.channels[j]} {part[j]:.0%}" for j in gone)
+            findings.append(Finding(code, "info", recording.source, f"{evidence}: {shares}."))
+    return findings
 
 
 def position_noise(q: Array, time: Array) -> Array:

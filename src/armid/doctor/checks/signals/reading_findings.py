@@ -25,6 +25,7 @@ CODES = (
     "motor-side",
     "position-offset",
     "position-wrapped",
+    "rests-left-out",
     "rows-not-consecutive",
     "rows-repeated",
     "standstill",
