@@ -199,11 +199,11 @@ def _followers(outline: JointOutline, at: Mapping[str, float]) -> tuple[dict[str
     for leader, names in moved.items():
         where = ", ".join(f"{name} at {led[name]:.4g}" for name in names)
         if leader:
-            what = f"joints that follow {leader} are locked: {where}; their motion with {leader} is not modelled"
+            what = f"joints that mimic {leader} move with it; the model keeps them locked instead: {where}"
             advice = f"lock {leader}, too, if it does not move in the recordings"
             findings.append(Finding("joint-follows", "info", leader, what, advice))
         else:
-            what = f"joints that follow locked joints are locked, too: {where}"
+            what = f"these joints mimic locked joints, so they are locked, too: {where}"
             findings.append(Finding("joint-follows", "info", "", what))
     return led, tuple(findings)
 
@@ -220,9 +220,11 @@ def _said(
     names = [joint.name + (f" at {joint.rest:.4g}" if joint.rest else "") for joint in listed]
     more = f" and {len(free) - len(listed)} more" if len(listed) < len(free) else ""
     held = len(free) + len(locked) + led
-    following = f", {led} of which {'follows' if led == 1 else 'follow'} others" if led else ""
-    what = f"{held} of {len(outline.joints)} joints are locked{following}; at zero where no position is stated: "
-    as_asked = f"{', '.join(locked)} by name; since others were selected, " if locked else ""
+    total = len(outline.joints)
+    following = f", {led} of them because {'it mimics' if led == 1 else 'they mimic'} others" if led else ""
+    what = f"{total - held} of {total} joints move, so the other {held} are locked{following}; "
+    what += "at 0 unless a position stands beside the name: "
+    as_asked = f"{', '.join(locked)} (by name), " if locked else ""
     remedy = (
         "if joints on the way to the tip do not move, leave them out with --lock, or with --only." if by_tip else ""
     )

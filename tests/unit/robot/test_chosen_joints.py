@@ -102,7 +102,7 @@ def test_what_was_held_is_said(two):
     found = {finding.code: finding for finding in load_robot(two, only=["left_[12]"]).findings}
     assert found["joints-held"].severity == "info"
     assert "torso at 0.1" in found["joints-held"].evidence and "right_2 at 0.5" in found["joints-held"].evidence
-    assert "joints are locked, 2 of which follow others; at zero" in found["joints-held"].evidence
+    assert "are locked, 2 of them because they mimic others; at 0" in found["joints-held"].evidence
     assert not found["joints-held"].remedy
     assert "left_other at 0.02" in found["joint-follows"].evidence
     by_tip = {finding.code: finding for finding in load_robot(two, tip="left_fore").findings}
@@ -115,16 +115,16 @@ def test_joints_that_were_locked_by_name_count_among_those_that_are_held(two):
     (said,) = (finding.evidence for finding in robot.findings if finding.code == "joints-held")
     every = load_robot(two, lock=["root"])
     joints = len({*every.described_joints, "root"} | {held.name for held in every.held})
-    assert said.startswith(f"{joints - 2} of {joints} joints are locked"), said
-    assert "root, right_2 by name; since others were selected, " in said and said.count("right_2") == 1
+    assert said.startswith(f"2 of {joints} joints move, so the other {joints - 2} are locked"), said
+    assert "root, right_2 (by name), " in said and said.count("right_2") == 1
 
 
 def test_a_follower_of_a_joint_that_moves_is_held_and_said(two):
     robot = load_robot(two, lock={"root": 0.0, "right_finger": 0.05})
     assert "left_finger" in robot.joint_names and not any("other" in name for name in robot.joint_names)
     moving, held = [finding for finding in robot.findings if finding.code == "joint-follows"]
-    assert moving.channel == "left_finger" and "is not modelled" in moving.evidence
-    assert "right_other at -0.03" in held.evidence and "not modelled" not in held.evidence
+    assert moving.channel == "left_finger" and "the model keeps them locked" in moving.evidence
+    assert "right_other at -0.03" in held.evidence and "move with it" not in held.evidence
 
 
 def test_a_row_of_followers(tmp_path):
@@ -283,7 +283,8 @@ def test_many_held_joints_are_counted(tmp_path):
     chain = "".join(joint(f"j{k}", f"l{k}", f"l{k + 1}", lower=0.2 if k == 30 else -1.0) for k in range(40))
     path.write_text(f'<robot name="many"><link name="l0"/>{chain}</robot>')
     (found,) = [f for f in load_robot(path, only="j1").findings if f.code == "joints-held"]
-    assert "39 of 40" in found.evidence and "j30 at 0.2" in found.evidence and found.evidence.endswith("and 26 more")
+    assert "the other 39 are locked" in found.evidence
+    assert "j30 at 0.2" in found.evidence and found.evidence.endswith("and 26 more")
 
 
 def test_commas_and_repeated_options(two):

@@ -57,11 +57,11 @@ def test_torque_that_nothing_limits_is_said_not_to_be_judged(weightless, tmp_pat
     (said,) = evidence(weightless, "torque-unjudged")
     assert said == "torque of any joint is not judged: no effort limit is given, and no mass"
     text, record = report_text(weightless), report_record(weightless)
-    assert "of velocity limits, 100 % may be used; torque is not judged" in text and record["torque_share"] is None
+    assert "may use 100 % of each velocity limit; its torque is not judged" in text and record["torque_share"] is None
     judged = planned(tmp_path, effort="90", inertial=INERTIAL)
     assert not evidence(judged, "torque-unjudged")
-    assert "of torque limits, 90 % may be used" in report_text(judged)
-    assert "of torque limits, 90 % may be used" in render_preflight(judged)
+    assert "so the plan may use 90 % of each torque limit, the bound below" in report_text(judged)
+    assert "so the plan may use 90 % of each torque limit" in render_preflight(judged)
     assert report_record(judged)["torque_share"] == pytest.approx(0.9)
 
 

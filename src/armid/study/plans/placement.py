@@ -104,8 +104,9 @@ def _among_bodies(
         start = chosen.pose
         if not chosen.usual:
             evidence = (
-                f"the usual start pose leaves less room; the motion is planned about {_numbers(start)}, "
-                f"about which {100 * chosen.free_share:.0f} % of the swings that were tried are free"
+                "limits, bodies or torque leave less room at the usual start pose, so the motion starts from "
+                f"{_positions(robot, start)}; random moves out of it are free for {100 * chosen.free_share:.0f} % of "
+                "their length on average"
             )
             findings = (_chosen(evidence),)
     collision = kept_apart(cell, start)
@@ -135,12 +136,16 @@ def _without_bodies(robot: Robot, limits: Limits, holds: Holds) -> tuple[Array, 
     if holds(usual[None])[0]:
         return usual, ()
     chosen = choose_start(empty_collision_model(robot), limits, holds)
-    evidence = f"the joints cannot hold the usual start pose; the motion is planned about {_numbers(chosen.pose)}"
+    evidence = (
+        "the joints cannot hold the usual start pose within their torque limits, so the motion starts from "
+        f"{_positions(robot, chosen.pose)}"
+    )
     return chosen.pose, (_chosen(evidence),)
 
 
-def _numbers(pose: Array) -> str:
-    return " ".join(f"{q:g}" for q in pose)
+def _positions(robot: Robot, pose: Array) -> str:
+    """Pose as text, joint by joint with units."""
+    return ", ".join(f"{joint.name} {q:.4g} {joint.unit}" for joint, q in zip(robot.joints, pose, strict=True))
 
 
 def _chosen(evidence: str) -> Finding:

@@ -202,11 +202,16 @@ def torque_share(designed: Checked) -> float | None:
 
 
 def margins_text(designed: Checked) -> str:
-    """Shares of the velocity and torque limits that the plan may use."""
+    """Sentence with the shares of the velocity and torque limits that the plan may use."""
     share = torque_share(designed)
-    torque = "torque is not judged" if share is None else f"of torque limits, {100.0 * share:.0f} % may be used"
-    more = "" if share is None else f" (bounds below are without the other {100.0 * (1.0 - share):.0f} %)"
-    return f"of velocity limits, 100 % may be used; {torque}{more if share != 1.0 else ''}"
+    if share is None:
+        return "the plan may use 100 % of each velocity limit; its torque is not judged"
+    if share == 1.0:
+        return "the plan may use 100 % of each velocity limit and of each torque limit"
+    return (
+        f"predicted torques are uncertain, so the plan may use {100.0 * share:.0f} % of each torque limit, the bound "
+        "below; of each velocity limit it may use 100 %"
+    )
 
 
 def _finding_line(finding: Finding) -> str:
