@@ -7,7 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from labs import write_arm
+
+STEPS = ("start pose", "search", "limits", "bodies", "files", "preview")
+"""Beginnings of the lines that `armid excite` prints in a pipe."""
 
 
 def program(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -114,3 +119,16 @@ def test_colours_and_bars_vanish_in_a_pipe(tmp_path: Path):
     done = program("excite", "small.urdf", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "\x1b" not in done.stdout + done.stderr and "\r" not in done.stderr and "━" not in done.stderr
+    steps = [line.split(":")[0] for line in done.stderr.splitlines() if line.split(":")[0] in STEPS]
+    assert steps == ["start pose", "search", "limits", "bodies", "files", "preview"]
+    assert "search: the best motion within 0.5 s (--budget)\n" in done.stderr
+
+
+@pytest.mark.parametrize("experiment", ["poses", "sweeps"])
+def test_long_steps_are_told_in_a_pipe(experiment: str, tmp_path: Path):
+    write_arm(tmp_path)
+    done = program("excite", "small.urdf", "--experiment", experiment, "--poses", "3", "--no-report", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert [line.split(":")[0] for line in done.stderr.splitlines()][:2] == [experiment, "files"]
+    done = program("excite", "small.urdf", "--experiment", experiment, "--json", "--out", "b", cwd=tmp_path)
+    assert "files:" not in done.stderr

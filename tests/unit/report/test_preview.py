@@ -15,6 +15,7 @@ from armid.excitation.builtin_plans import builtin_plan
 from armid.excitation.collision.coal import distances
 from armid.excitation.collision.collision_model import pairs_of_bodies
 from armid.excitation.fourier import save_plan
+from armid.excitation.limits.joint_limits import limits_of
 from armid.excitation.plan import Plan
 from armid.excitation.point_to_point import Moves
 from armid.maths.inertia import com_inertia_to_vector
@@ -24,12 +25,12 @@ from armid.report.preview.clip import FRAMES, MAX_FRAMES, Clip, clip_of_plan, cl
 from armid.report.preview.masses import ellipsoid_of
 from armid.report.preview.meshes import mesh_record, simplified
 from armid.report.preview.page import Preview, render_preview
-from armid.report.preview.scene import bodies_of
+from armid.report.preview.scene import bodies_of, joint_records
 from armid.report.preview.sources import preview_of
 from armid.robot import Robot, load_robot
 from armid.robot.kinematics import forward_kinematics
 from armid.robot.shapes import Shape
-from armid.study.plans.plan_files import is_plan, read_whole_plan, shape_records
+from armid.study.plans.plan_files import is_plan, limits_record, read_whole_plan, shape_records
 from armid.study.records import to_json
 from labs import small_plan, small_recording, write_arm
 from reports import Page
@@ -194,6 +195,25 @@ def test_poses_are_read_back(tmp_path: Path):
     (tmp_path / "plan.json").write_text(to_json(record))
     back, _ = read_whole_plan(str(tmp_path))
     assert np.array_equal(back.at(np.array([0.3, 2.0])).q, moves.at(np.array([0.3, 2.0])).q)
+
+
+def test_a_plan_is_drawn_under_the_limits_that_it_was_designed_under(tmp_path: Path):
+    robot = load_robot(write_arm(tmp_path))
+    given = {("joint_1", "position"): (-0.5, 0.7), ("joint_2", "velocity"): 0.3}
+    limits = limits_of(robot, given)
+    save_plan(small_plan(1), tmp_path / "plan.json")
+    record = json.loads((tmp_path / "plan.json").read_text()) | {"joints": robot.joint_names}
+    drawn = preview_of(robot, str(tmp_path))
+    assert drawn.limits is None and "Limits are those of the description" in Page(render_preview(drawn)).prose
+    (tmp_path / "plan.json").write_text(to_json(record | {"joint_limits": limits_record(limits)}))
+    drawn = preview_of(robot, str(tmp_path))
+    assert drawn.limits is not None and np.array_equal(drawn.limits.effort, limits.effort)
+    assert "Limits are those that the plan was designed under" in Page(render_preview(drawn)).prose
+    first, second, *_ = joint_records(robot, drawn.limits)
+    assert (first["low"], first["high"], second["fastest"]) == (-0.5, 0.7, 0.3)
+    (tmp_path / "plan.json").write_text(to_json(record | {"joint_limits": {"lower": 1}}))
+    with pytest.raises(ArmidError, match="joint_limits"):
+        preview_of(robot, str(tmp_path))
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"stretches": 1}', '{"robot": "x"}'])

@@ -133,9 +133,24 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
 """Annotation and default of each option, by name; a table, because a signature of this length is hard to read."""
 
 
+STEPS = {
+    "start pose": "start pose: choose it and read the meshes, usually some seconds",
+    "search": "search: the best motion within {budget:g} s (--budget)",
+    "certificate of the limits": "limits: certify them between the points of the grid, usually some seconds",
+    "closest approaches": "bodies: measure the distance of each pair, usually some seconds",
+    "poses": "poses: choose {poses} of them and the ways between, usually some seconds",
+    "sweeps": "sweeps: find the free range of each joint, usually some seconds",
+    "files": "files: write the motions",
+    "preview": "preview: draw the arm",
+}
+"""Line for each stage of a design where standard error is no terminal."""
+
+
 @contextmanager
 def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None, Progress, Stage]]:
     """Process pool for the search, and callbacks for a line on standard error: the best value so far, and stages.
+
+    Where standard error is no terminal, each stage is one line of `STEPS` when it begins.
 
     The pool is made first: before other threads run, processes can be forked, which takes no time.
     """
@@ -159,8 +174,13 @@ def _search_context(options: dict[str, Any]) -> Generator[tuple[Executor | None,
             share = min(seconds / budget, 1.0)
             tell(f"{criterion} {value:.4g}, {plural(descents, 'descent')}", share)
 
+        begun = set[str]()
+
         def report_stage(name: str) -> None:
             tell(name, share)
+            if not (options["json"] or sys.stderr.isatty() or name in begun):
+                begun.add(name)
+                print(STEPS[name].format_map(options), file=sys.stderr, flush=True)
 
         yield pool, report, report_stage
 
@@ -199,6 +219,8 @@ def excite(robot: str, **options: Any) -> None:
     model = build_model(arm, model_choice(options["terms"], default=BASE_TERMS))
     rate, rehearsal = options["format_rate"], options["rehearsal"]
     with _search_context(options) as (pool, tell, stage):
+        if options["experiment"] in STEPS:
+            stage(options["experiment"])
         designed = (
             run_request(model, options, executor=pool, progress=tell, stage=stage)
             if options["experiment"] == "series" else run_experiment(model, options)

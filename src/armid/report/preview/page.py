@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from armid.excitation.collision.collision_model import CollisionOptions
+from armid.excitation.limits.joint_limits import Limits, described_limits
 from armid.report.plots.encoding import compressed, embedded, packed
 from armid.report.preview.approach import NearestBodies, closest
 from armid.report.preview.clip import Clip
@@ -35,6 +36,7 @@ class Preview:
         collision: Bodies and pairs to check for collisions; `None` if collisions are not checked.
         layers: Inertias of the links, by source.
         collision_note: Verdict of a plan's collision check, or the reason why there is none.
+        limits: Limits of the joints that a plan was designed under; `None` for those of the description.
     """
 
     robot: Robot
@@ -43,6 +45,7 @@ class Preview:
     collision: CollisionOptions | None = None
     layers: Sequence[MassLayer] = ()
     collision_note: str = ""
+    limits: Limits | None = None
 
 
 def write_preview(preview: Preview, path: Path | str) -> Path:
@@ -73,6 +76,7 @@ def render_preview(preview: Preview) -> str:
             measured=approach is not None,
             constant="" if approach is None else _constant_text(approach),
             collision_note=preview.collision_note,
+            designed_limits=preview.limits is not None,
             has_bodies=bool(record["bodies"]),
             missing=missing,
             bare=not record["bodies"] or bool(missing),
@@ -92,7 +96,7 @@ def _scene(preview: Preview, approach: NearestBodies | None) -> tuple[dict[str, 
     _, path = frame_pose(robot, clip.q)
     _, origins = forward_kinematics(robot, clip.q)
     record = {
-        "joints": joint_records(robot),
+        "joints": joint_records(robot, preview.limits or described_limits(robot)),
         "tip": {"link": robot.tip.parent, "placement": robot.tip.placement.T.ravel().tolist()},
         "down": _down(robot.gravity),
         "reach": reach_of(path, origins),

@@ -10,6 +10,7 @@ import numpy as np
 
 from armid.errors import ArmidError
 from armid.excitation.collision.coal import mesh_faces
+from armid.excitation.limits.joint_limits import Limits
 from armid.report.preview.meshes import MAX_TRIANGLES, mesh_record, simplified
 from armid.robot.robot import Robot
 from armid.robot.shapes import Shape
@@ -25,7 +26,7 @@ Bodies = tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]
 """Bodies for the page's script, their meshes, and messages about bodies that could not be drawn."""
 
 
-def joint_records(robot: Robot) -> list[dict[str, Any]]:
+def joint_records(robot: Robot, limits: Limits) -> list[dict[str, Any]]:
     """Joints for the page's script; unknown limits are null."""
     return [
         {
@@ -35,11 +36,11 @@ def joint_records(robot: Robot) -> list[dict[str, Any]]:
             "axis": joint.axis.tolist(),
             "placement": _columns(joint.placement),
             "unit": joint.unit,
-            "low": _finite(float(joint.position_limits[0])),
-            "high": _finite(float(joint.position_limits[1])),
-            "fastest": _finite(joint.velocity_limit),
+            "low": _finite(float(limits.lower[j])),
+            "high": _finite(float(limits.upper[j])),
+            "fastest": _finite(float(limits.velocity[j])),
         }
-        for joint in robot.joints
+        for j, joint in enumerate(robot.joints)
     ]
 
 

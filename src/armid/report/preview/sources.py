@@ -23,7 +23,7 @@ from armid.study.config import RecordingChoice
 from armid.study.identify import read_choice
 from armid.study.plans.design import Designed
 from armid.study.plans.moves import DesignedMoves
-from armid.study.plans.plan_files import is_plan, motion_of_plan, read_whole_plan
+from armid.study.plans.plan_files import is_plan, limits_of_plan, motion_of_plan, read_whole_plan
 from armid.values import Array
 
 
@@ -50,7 +50,7 @@ def preview_of(
     Raises:
         ArmidError: The motion cannot be read or is of another arm.
     """
-    around = tuple(surroundings)
+    around, limits = tuple(surroundings), None
     if motion is None:
         clip = still(_rest(robot), "standing")
     elif isinstance(motion, Run):
@@ -58,6 +58,7 @@ def preview_of(
     elif is_plan(motion):
         plan, known = read_whole_plan(motion)
         clip, around = clip_of_plan(plan, motion), (*around, *known)
+        limits = limits_of_plan(motion, robot)
     else:
         clip = _of_file(motion, robot, reading or LogFormat())
     if clip.q.shape[1] != robot.n:
@@ -66,7 +67,7 @@ def preview_of(
             remedy="give a plan or recording of this arm.",
         )
     collision, note = _collision_options(robot, around)
-    return Preview(robot, clip, around, collision, _layers(robot, estimate), note)
+    return Preview(robot, clip, around, collision, _layers(robot, estimate), note, limits)
 
 
 def preview_of_design(designed: Designed | DesignedMoves) -> Preview:
@@ -75,7 +76,8 @@ def preview_of_design(designed: Designed | DesignedMoves) -> Preview:
     clip = clip_of_plan(designed.plan, "designed plan")
     around = () if collision is None else collision.surroundings
     note = designed.preflight.sentence
-    return Preview(robot, clip, around, collision, _layers(robot, None), note[:1].upper() + note[1:])
+    layers = _layers(robot, None)
+    return Preview(robot, clip, around, collision, layers, note[:1].upper() + note[1:], designed.limits)
 
 
 def _collision_options(robot: Robot, around: tuple[Shape, ...]) -> tuple[CollisionOptions | None, str]:

@@ -164,11 +164,8 @@ def design_plan(
     Raises:
         ArmidError: Limits are missing, contradict each other or the start pose, or cannot be kept.
     """
-    if budget.budget is not None and not budget.budget > 0.0:
-        raise ArmidError(f"The budget is {budget.budget} s.", remedy="give some seconds; ten are enough for one arm.")
+    _check_times(goal, budget)
     criterion, robot = goal.goal, goal.goal.model.robot
-    if not goal.duration > 0.0:
-        raise ArmidError(f"The duration must be positive; found {goal.duration} s.")
     limits = limits_of(robot, constraints.given, acceleration=constraints.acceleration, jerk=constraints.jerk)
     if constraints.envelope is not None:
         limits = limits.narrowed(constraints.envelope, by_joint=constraints.envelope_by_joint)
@@ -191,6 +188,7 @@ def design_plan(
     problem = DescentProblem(criterion, basis, (*channels, *near), scale)
     pool = nullcontext(executor) if executor or not budget.workers else single_threaded_pool(budget.workers)
     with pool as workers:
+        stage("search")
         seed, seconds, rounds = budget.seed, budget.budget, budget.rounds
         found = search(problem, seed=seed, budget=seconds, rounds=rounds, executor=workers, progress=progress)
     whole = replace(problem, channels=(*channels, *every))
@@ -199,10 +197,17 @@ def design_plan(
     _check_leads(plan, robot, collision)
     unfinished = unsettled(found, criterion.criterion, budget.budget)
     report = replace(report, weak=weak_motion(whole, x, limits, collision, settled=unfinished is None))
-    soft = soft_limits_used(robot, limits)
-    remarks = filter(None, (report.weak, unfinished, soft, _unlimited(plan, limits, robot)))
-    findings = (*placed.findings, *torque_findings, *remarks)
+    remarks = (report.weak, unfinished, soft_limits_used(robot, limits), _unlimited(plan, limits, robot))
+    findings = (*placed.findings, *torque_findings, *filter(None, remarks))
     return Designed(plan, whole, x, limits, found, report, findings, collision)
+
+
+def _check_times(goal: DesignGoal, budget: SearchBudget) -> None:
+    """Refuses a duration or a budget that is not positive."""
+    if budget.budget is not None and not budget.budget > 0.0:
+        raise ArmidError(f"The budget is {budget.budget} s.", remedy="give some seconds; ten are enough for one arm.")
+    if not goal.duration > 0.0:
+        raise ArmidError(f"The duration must be positive; found {goal.duration} s.")
 
 
 def _unlimited(plan: Plan, limits: Limits, robot: Robot) -> Finding | None:

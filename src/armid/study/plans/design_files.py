@@ -16,7 +16,7 @@ from armid.robot.robot import Robot
 from armid.study.atomic_folder import refuse, whole_folder
 from armid.study.plans.design import Designed
 from armid.study.plans.moves import DesignedMoves
-from armid.study.plans.plan_files import PLAN_FILE, shape_records
+from armid.study.plans.plan_files import PLAN_FILE, limits_record, shape_records
 from armid.study.plans.preflight_text import report_record, report_text
 from armid.study.records import finding_record, to_json
 from armid.values import replace_file
@@ -77,6 +77,7 @@ def design_record(designed: Designed) -> dict[str, Any]:
         "rate": goal.rate,
         "descents": designed.search.descents,
         "interrupted": designed.search.interrupted,
+        "joint_limits": limits_record(designed.limits),
         **_verdict_record(designed),
         "surroundings": [] if designed.collision is None else shape_records(designed.collision.surroundings),
     }
@@ -94,6 +95,7 @@ def _moves_record(designed: DesignedMoves) -> dict[str, Any]:
             {"kind": kind, "seconds": seconds} for kind, seconds in zip(moves.kinds, moves.seconds, strict=True)
         ],
         "duration": moves.duration,
+        "joint_limits": limits_record(designed.limits),
         **_verdict_record(designed),
     }
 

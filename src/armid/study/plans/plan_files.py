@@ -13,6 +13,7 @@ from armid.errors import ArmidError
 from armid.excitation.builtin_plans import PLANS, builtin_plan
 from armid.excitation.formats import FORMATS
 from armid.excitation.fourier import PLAN_FILE, Excitation, load_plan
+from armid.excitation.limits.joint_limits import Limits
 from armid.excitation.plan import Plan
 from armid.excitation.point_to_point import Moves
 from armid.model.motion import Motion
@@ -105,6 +106,46 @@ def read_whole_plan(name: str) -> tuple[Plan | Moves, tuple[Shape, ...]]:
         return plan, tuple(_shape(each) for each in record.get("surroundings", ()))
     except (KeyError, TypeError, ValueError) as error:
         raise ArmidError(f"{path} is no plan: {error}.", remedy="design it again with armid excite.") from error
+
+
+def limits_of_plan(name: str, robot: Robot) -> Limits | None:
+    """Limits of the joints that a plan was designed under; `None` where the file has none of these joints.
+
+    Args:
+        name: A built-in plan, a `plan.json` or a folder with one.
+        robot: The arm.
+
+    Raises:
+        ArmidError: The limits cannot be read.
+    """
+    path = Path(name) / PLAN_FILE if Path(name).is_dir() else Path(name)
+    if name in PLANS or not path.is_file():
+        return None
+    try:
+        record: Any = json.loads(path.read_text(encoding="utf-8"))
+        limits = record.get("joint_limits")
+        if limits is None or tuple(record.get("joints", ())) != robot.joint_names:
+            return None
+        values = {
+            key: np.array([unknown if x is None else x for x in limits[key]], dtype=np.float64)
+            for key, unknown in LIMITS_LEFT_OUT.items()
+        }
+        return Limits(robot.joint_names, **values)
+    except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
+        raise ArmidError(
+            f"The joint_limits of {path} cannot be read: {error}.", remedy="design it again with armid excite."
+        ) from error
+
+
+LIMITS_LEFT_OUT = {"lower": -np.inf, "upper": np.inf} | dict.fromkeys(
+    ("velocity", "acceleration", "jerk", "effort"), np.inf
+)
+"""Limits of a joint in a `plan.json` where they are null."""
+
+
+def limits_record(limits: Limits) -> dict[str, Any]:
+    """Limits of the joints, for a `plan.json`."""
+    return {key: getattr(limits, key) for key in LIMITS_LEFT_OUT}
 
 
 def shape_records(shapes: Sequence[Shape]) -> list[dict[str, Any]]:

@@ -48,7 +48,7 @@
   });
   rows.forEach(({ position, velocity }, j) => {
     position.classList.toggle("open", !bounded[j]);
-    position.title = bounded[j] ? `${digits(ranges[j][0], 2)} to ${digits(ranges[j][1], 2)} ${joints[j].unit}` : "no stops known; the bar is the range of this motion";
+    position.title = bounded[j] ? `${digits(ranges[j][0], 2)} to ${digits(ranges[j][1], 2)} ${joints[j].unit}` : "no limits known; the bar is the range of this motion";
     velocity.hidden = joints[j].fastest === null;
   });
 
