@@ -153,20 +153,21 @@ def standstill_findings(recording: Recording, share: Array, sticks: Array, rests
         )
         for j in np.flatnonzero(spared)
     ]
-    for code, part, evidence in (
-        ("sticking", sticks, "Joints stand while others move, as where they stick at a reversal; rows not counted"),
-        (
-            "rests-left-out",
-            rests,
+    if (gone := _shares(recording, np.where(spared, 0.0, sticks))) != "":
+        evidence = f"Joints stand while others move, as where they stick at a reversal; rows not counted: {gone}."
+        findings.append(Finding("sticking", "info", recording.source, evidence))
+    if (gone := _shares(recording, np.where(spared, 0.0, rests))) != "":
+        evidence = (
             f"All joints rest for less than {LONG:g} s between motions, as where a repeated motion begins anew; rows "
-            "not counted",
-        ),
-    ):
-        gone = np.flatnonzero((part > 0.0) & ~spared)
-        if len(gone):
-            shares = ", ".join(f"{recording.channels[j]} {part[j]:.0%}" for j in gone)
-            findings.append(Finding(code, "info", recording.source, f"{evidence}: {shares}."))
+            f"not counted: {gone}."
+        )
+        findings.append(Finding("rests-left-out", "info", recording.source, evidence))
     return findings
+
+
+def _shares(recording: Recording, share: Array) -> str:
+    """Channels with a share above zero, as text."""
+    return ", ".join(f"{recording.channels[j]} {share[j]:.0%}" for j in np.flatnonzero(share > 0.0))
 
 
 def position_noise(q: Array, time: Array) -> Array:
