@@ -29,6 +29,9 @@ close are searched in all poses."""
 FIRST = 8
 """Number of poses, those with the closest capsules, that are measured before the others."""
 
+NEAR = 0.05
+"""Lower bound of a distance [m] up to which a pair is tested for a constant distance: others do not head a list."""
+
 CONSTANT = 3e-3
 """Largest change of a distance that counts as constant [m]. Hulls of links that turn closely past each other change
 it by up to 2.5 mm, measured on TIAGo's wrist."""
@@ -94,10 +97,10 @@ def closest_approaches(
 
 
 def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], bound: Array) -> Array:
-    """Distances of pairs that are built close to each other and keep the same distance in all poses.
+    """Distances of pairs of links that are built close to each other and keep the same distance in all poses.
 
-    Built close are pairs whose required distance is smaller than that of others. A distance below the required one
-    is not constant.
+    A distance below the required one does not count, nor one to the surroundings, nor where all are constant because
+    the arm hardly moves.
 
     Args:
         collision: Pairs of bodies.
@@ -115,13 +118,14 @@ def constant_distances(collision: CollisionOptions, poses: tuple[Array, Array], 
     moments = np.unique(np.linspace(0, len(poses[1]) - 1, MOMENTS).astype(np.intp))
     some = poses[0][moments], poses[1][moments]
     required = np.concatenate([collision.every.margins if count else [], collision.kept])
-    for k in np.flatnonzero(required < required.max(initial=0.0)).tolist():
+    near = np.flatnonzero(bound.min(axis=0) < NEAR).tolist()
+    for k in (*near, *range(count, len(result))):
         pair = collision.pairs[[k]] if k < count else collision.measured[[k - count]]
         apart = distances(collision.shapes, pair, some, parts_of if k < count else whole)[:, 0]
         apart = np.maximum(apart, bound[moments, k]) if k < count else apart
-        if np.ptp(apart) <= CONSTANT and apart.min() >= required[k] - ROUNDING:
+        if np.ptp(apart) <= CONSTANT and apart.min() >= required[k] - ROUNDING and pair.max() < collision.own:
             result[k] = apart.min()
-    return result
+    return np.full(len(result), np.nan) if np.isfinite(result).all() else result
 
 
 def _least(

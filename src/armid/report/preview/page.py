@@ -126,7 +126,7 @@ def _approach_record(approach: NearestBodies) -> dict[str, Any]:
 def _constant_text(approach: NearestBodies) -> str:
     """Sentence that names the pairs of constant distance; empty without any."""
     pairs = "; ".join(f"{pair} {1000.0 * distance:.1f} mm" for pair, distance in approach.constant)
-    return f"Built close, at the same distance in all poses, and not in the chart: {pairs}." if pairs else ""
+    return f"Not in the chart are neighbours whose distance stays the same in all poses: {pairs}." if pairs else ""
 
 
 def _down(gravity: Array) -> list[float]:

@@ -147,7 +147,7 @@ def _approach_lines(report: Preflight) -> list[str]:
 def constant_text(constant: Sequence[ClosestApproach]) -> str:
     """Sentence that names pairs of constant distance, with their distances and the required ones."""
     pairs = "; ".join(f"{a.pair} {1000 * a.distance:.1f} mm ({1000 * a.asked:.1f} mm)" for a in constant)
-    return f"built closer than the clearance, at the same distance in all poses: {pairs}"
+    return f"neighbours whose distance stays the same in all poses (required distance): {pairs}"
 
 
 def _criterion_lines(designed: Designed) -> list[str]:
