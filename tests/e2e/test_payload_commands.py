@@ -265,6 +265,21 @@ def test_friction_is_recalibrated(armid: Armid, tmp_path: Path):
         assert armid("validate", out, seen)[0] == 2
 
 
+@pytest.mark.parametrize("let_change", [(), ("--tool",), ("--all",)])
+def test_screen_record_and_page_list_the_same_changes(armid: Armid, tmp_path: Path, let_change: tuple[str, ...]):
+    command = ("recalibrate", "run", "warm.npz", "--out", tmp_path / "new", *let_change)
+    _, screen, _ = armid(*command)
+    on_screen = re.findall(r"^│ (\w+)\s+│", screen, re.MULTILINE)
+    record = json.loads((tmp_path / "new" / "changes.json").read_text())
+    assert set(on_screen) == {each["name"] for each in record["changes"] if each["beyond"]}
+    armid("report", "run", tmp_path / "new", "--out", tmp_path / "change.html")
+    page = (tmp_path / "change.html").read_text(encoding="utf-8")
+    (on_page,) = re.findall(r'changed beyond their intervals; .*?<p class="names">(.*?)</p>', page, re.DOTALL)
+    assert on_page.split(", ") == on_screen
+    assert f"<b>{len(on_screen)} of {len(record['changes'])}</b>" in page
+    assert "is that of the recalibration" in page
+
+
 def test_recalibration_shows_what_the_earlier_run_would_have_left(armid: Armid, tmp_path: Path):
     command = ("recalibrate", "run", "warm.npz", "--validate", "later.npz", "--out", tmp_path / "new")
     code, text, err = armid(*command)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from armid.errors import ArmidError
+from armid.estimation.estimate import averaged
+from armid.estimation.update.recalibration import ParameterChange, changed
 from armid.model.base_formulas import base_formulas
 from armid.model.parameter_name import ParameterName
 from armid.report.data.joint_names import label_of
@@ -15,6 +17,7 @@ from armid.report.data.number_format import decimals_of, fixed, short
 from armid.report.data.page_data import PageData
 from armid.report.section import Section, effort_unit
 from armid.report.tables import Column, Table, TableCell
+from armid.runs.changes import recorded_changes
 from armid.values import Array
 
 BY_CHANCE = 0.05
@@ -39,31 +42,31 @@ class RunChange:
     """Change of a parameter that means the same in both runs.
 
     Attributes:
-        name: The parameter.
-        unit: Its unit.
-        before: Its earlier value.
-        after: Its later value.
+        change: The change with half of its own 95 % interval.
+        unit: Unit of the parameter.
         before_half: Half of the earlier 95 % interval.
         after_half: Half of the later one.
     """
 
-    name: str
+    change: ParameterChange
     unit: str
-    before: float
-    after: float
     before_half: float
     after_half: float
 
     @property
+    def name(self) -> str:
+        """The parameter."""
+        return self.change.name
+
+    @property
     def difference(self) -> float:
         """Later less earlier."""
-        return self.after - self.before
+        return self.change.change
 
     @property
     def size(self) -> float:
         """Change divided by half of its own interval; above 1 noise alone does not explain it."""
-        half = float(np.hypot(self.before_half, self.after_half))
-        return abs(self.difference) / half if half > 0.0 else float(np.inf if self.difference else 0.0)
+        return self.change.size
 
 
 def pair_of(before: PageData, after: PageData) -> Pair:
@@ -87,43 +90,69 @@ def pair_of(before: PageData, after: PageData) -> Pair:
 
 
 def changes(pair: Pair) -> list[RunChange]:
-    """Changes of parameters in both runs, largest first; parameters with different groupings are excluded."""
+    """Changes of parameters in both runs, largest first; parameters with different groupings are excluded.
+
+    Where the later run was recalibrated from the earlier one, they are those of the recalibration, whose intervals
+    know what both runs share. Otherwise the two estimates are compared as independent.
+    """
+    recorded = recorded_changes(pair.before.run, pair.after.run)
+    result = _independent(pair) if recorded is None else _recorded(pair, recorded)
+    return sorted(result, key=lambda change: -change.size)
+
+
+def _recorded(pair: Pair, recorded: Iterable[ParameterChange]) -> list[RunChange]:
+    """Changes of a recalibration, beside the intervals of the two runs."""
+    base = pair.after.run.estimate.base
+    units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
+    halves: list[dict[str, float]] = []
+    for each in _both(pair):
+        intervals = averaged(each.run.estimate.base.names, each.run.estimate.fit).intervals
+        halves.append(
+            dict(zip(each.run.estimate.base.names, map(float, 0.5 * np.ptp(intervals, axis=1)), strict=True))
+        )
+    return [RunChange(each, units[each.name], *(half[each.name] for half in halves)) for each in recorded]
+
+
+def _independent(pair: Pair) -> list[RunChange]:
+    """Differences of two independent estimates; the interval of each follows from both."""
     formulas = [
         dict(zip(m.run.estimate.base.names, base_formulas(m.run.estimate.base), strict=True)) for m in _both(pair)
     ]
     result: list[RunChange] = []
     values = [_values(m) for m in _both(pair)]
     units = dict(zip(pair.before.run.estimate.base.names, pair.before.run.estimate.base.units, strict=True))
-    for name, (before, before_half) in values[0].items():
+    for name, (before, before_half, before_deviation) in values[0].items():
         if name in values[1] and formulas[0][name.of_all] == formulas[1].get(name.of_all):
-            after, after_half = values[1][name]
-            result.append(RunChange(name, units[name.of_all], before, after, before_half, after_half))
-    return sorted(result, key=lambda change: -change.size)
+            after, after_half, after_deviation = values[1][name]
+            deviation = float(np.hypot(before_deviation, after_deviation))
+            half = float(np.hypot(before_half, after_half))
+            change = ParameterChange(name, before, after, after - before, deviation, half)
+            result.append(RunChange(change, units[name.of_all], before_half, after_half))
+    return result
 
 
 def _both(pair: Pair) -> tuple[PageData, PageData]:
     return pair.before, pair.after
 
 
-def _values(page_data: PageData) -> dict[ParameterName, tuple[float, float]]:
-    """Value and half interval of each parameter."""
+def _values(page_data: PageData) -> dict[ParameterName, tuple[float, float, float]]:
+    """Value, half interval and standard deviation of each parameter."""
     fit = page_data.run.estimate.fit
     half = 0.5 * np.ptp(page_data.run.estimate.intervals, axis=1)
-    return {name: (float(x), float(h)) for name, x, h in zip(fit.names, fit.values, half, strict=True)}
+    numbers = zip(fit.names, fit.values, half, fit.deviation, strict=True)
+    return {name: (float(x), float(h), float(d)) for name, x, h, d in numbers}
 
 
 def _show_changes(pair: Pair) -> Section:
     all_changes = changes(pair)
-    beyond = [each.name for each in all_changes if each.size > 1.0]
+    beyond = [each.name for each in changed(each.change for each in all_changes)]
     shared = {each.name for each in all_changes}
+    recalibrated = recorded_changes(pair.before.run, pair.after.run) is not None
     content = {
         "beyond": beyond,
         "count": len(all_changes),
         "chance": round(BY_CHANCE * len(all_changes)),
-        "only": [
-            (page_data.run.folder, [name for name in page_data.run.estimate.fit.names if name not in shared])
-            for page_data in _both(pair)
-        ],
+        "only": [(page_data.run.folder, _only(page_data, shared)) for page_data in _both(pair)],
     }
     columns = (
         Column("parameter", words=True),
@@ -136,21 +165,32 @@ def _show_changes(pair: Pair) -> Section:
     rows: list[list[TableCell]] = []
     for each in all_changes:
         decimals = decimals_of(min(each.before_half, each.after_half) or abs(each.difference))
-        mark = " ▲" if each.size > 1.0 else ""
+        mark = " ▲" if each.change.beyond else ""
         rows.append(
             [
                 TableCell(each.name, kind="name"),
-                TableCell(f"{fixed(each.before, decimals)} ± {fixed(each.before_half, decimals)}", each.before),
-                TableCell(f"{fixed(each.after, decimals)} ± {fixed(each.after_half, decimals)}", each.after),
+                TableCell(
+                    f"{fixed(each.change.before, decimals)} ± {fixed(each.before_half, decimals)}", each.change.before
+                ),
+                TableCell(
+                    f"{fixed(each.change.after, decimals)} ± {fixed(each.after_half, decimals)}", each.change.after
+                ),
                 TableCell(fixed(each.difference, decimals), each.difference),
                 TableCell(each.unit),
                 TableCell(fixed(each.size, 2) + mark, each.size, kind="poor" if mark else ""),
             ]
         )
-    note = "± half of the 95 % interval. The interval of a change follows from both; ▲ marks changes beyond it."
+    origin = "is that of the recalibration" if recalibrated else "follows from both"
+    note = f"± half of the 95 % interval. The interval of a change {origin}; ▲ marks changes beyond it."
     return Section(
         "Changes", content, (Table("changes", "Parameters, the largest change first", columns, rows, note),)
     )
+
+
+def _only(page_data: PageData, shared: Collection[str]) -> list[str]:
+    """Parameters of a run that are not compared; a copy of one recording counts as compared with the parameter."""
+    names = page_data.run.estimate.fit.names
+    return [name for name in names if name not in shared and name.of_all not in shared]
 
 
 def _show_errors(pair: Pair) -> Section:

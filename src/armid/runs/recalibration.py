@@ -34,6 +34,9 @@ Changed = Literal["friction", "tool", "all"]
 RECALIBRATED = ", recalibrated"
 """Suffix of the method's name, since the method's properties do not hold for the new values."""
 
+EARLIER_RUN = "earlier run"
+"""Name of the digest of the earlier estimate among the inputs of a recalibrated one."""
+
 SAME_ERROR = 1.5
 """Ratio of the torque error on the new recordings to that of the earlier training from which more has changed than
 was estimated."""
@@ -98,7 +101,7 @@ def recalibrate(
         findings=new_recordings.findings,
         made_from=(
             InputDigest("robot", run.robot.sha256),
-            InputDigest("earlier run", sha256_of_file(Path(run.folder) / "estimate.npz")),
+            InputDigest(EARLIER_RUN, sha256_of_file(Path(run.folder) / "estimate.npz")),
             *(InputDigest("train", each.recording.sha256) for each in new_recordings.recordings),
             InputDigest("options", digest(changed)),
         ),
@@ -263,27 +266,3 @@ def _older_validation(error: float, earlier: float, new: float) -> Finding:
         "change, so that its verdict says nothing of the new values.",
         "validate on a recording of after the change that was not recalibrated on: --validate RECORDING.",
     )
-
-
-def changes_record(recalibration: Recalibration) -> dict[str, Any]:
-    """The contents of `changes.json`: every base parameter before and after."""
-    base = recalibration.result.estimate.base
-    units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
-    return {
-        "earlier": recalibration.earlier,
-        "let_change": recalibration.changed,
-        "rms_before": [{"path": score.path, "rms": score.rms} for score in recalibration.before],
-        "changes": [
-            {
-                "name": each.name,
-                "unit": units[each.name],
-                "before": each.before,
-                "after": each.after,
-                "change": each.change,
-                "deviation": each.deviation,
-                "ratio": each.ratio,
-                "beyond": each.beyond,
-            }
-            for each in recalibration.changes
-        ],
-    }

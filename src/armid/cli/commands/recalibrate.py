@@ -41,27 +41,28 @@ def recalibrate(
         armid recalibrate runs/spring other_tool.csv --tool
     """
     from armid.cli.console import print_findings
-    from armid.runs.recalibration import changes_record
+    from armid.runs.changes import CHANGES, changes_record
     from armid.runs.recalibration import recalibrate as stage
     from armid.runs.run import load_run, refuse_folder, save_run
     from armid.study.records import estimate_record, to_json, validation_record
 
     if tool and everything:
         raise StudyError("--tool and --all are given.", remedy="give one: --all includes the tool.")
-    changed: Changed = "tool" if tool else "all" if everything else "friction"
+    let_change: Changed = "tool" if tool else "all" if everything else "friction"
     earlier = load_run(run)
     folder = run_folder(out, f"{earlier.robot.name}-recalibrated")
     if folder.resolve() == Path(run).resolve():
         raise OutputError(f"{folder} is the earlier run.", remedy="choose another folder with --out.")
     refuse_folder(folder)
     reading = changed_reading(earlier.reading, rate, torque_sign, columns)
-    recalibration = stage(earlier, recordings, reading, changed=changed, held_out=validate or [])
-    save_run(recalibration.result, folder)
+    recalibration = stage(earlier, recordings, reading, changed=let_change, held_out=validate or [])
+    changes = changes_record(recalibration)
+    save_run(recalibration.result, folder, further_records={CHANGES: changes})
     if json:
         record = estimate_record(recalibration.result.estimate)
         record["run"] = str(folder)
         record["validation"] = validation_record(recalibration.result.validation)
-        sys.stdout.write(to_json({**record, **changes_record(recalibration)}) + "\n")
+        sys.stdout.write(to_json({**record, **changes}) + "\n")
     else:
         _report(recalibration, len(recordings))
         sys.stdout.write(f"\nrun written to {folder}\n")
@@ -77,12 +78,13 @@ def _report(recalibration: Recalibration, recordings: int) -> None:
 
     from armid.cli.console import output_console, print_verdict, validation_table
     from armid.cli.identification_result import intervals_line
+    from armid.estimation.update.recalibration import changed
     from armid.notebook import plural
 
     console, result = output_console(), recalibration.result
     base = result.estimate.base
     units: dict[str, str] = dict(zip(base.names, base.units, strict=True))
-    beyond = sorted((each for each in recalibration.changes if each.beyond), key=lambda each: -each.ratio)
+    beyond = changed(recalibration.changes)
     table = Table(
         title=f"{escape(result.robot.name)}: changed beyond their 95 % intervals since {recalibration.earlier}"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +31,7 @@ class ParameterChange:
         change: The difference. For a parameter with separate values it is taken within the joint solution, where
             common errors, of torque scales too, cancel; so it can differ slightly from after minus before.
         deviation: Standard deviation of the change.
-        beyond: Whether zero is outside the 95 % interval of the change.
+        half: Half of the 95 % interval of the change.
     """
 
     name: str
@@ -38,12 +39,29 @@ class ParameterChange:
     after: float
     change: float
     deviation: float
-    beyond: bool
+    half: float
+
+    @property
+    def size(self) -> float:
+        """The change over half of its 95 % interval; above 1 noise alone does not explain it."""
+        if self.half > 0.0:
+            return abs(self.change) / self.half
+        return float(np.inf) if self.change else 0.0
+
+    @property
+    def beyond(self) -> bool:
+        """Test of zero lying outside the 95 % interval of the change."""
+        return self.size > 1.0
 
     @property
     def ratio(self) -> float:
         """The change in standard deviations."""
         return abs(self.change) / self.deviation if self.deviation > 0.0 else 0.0
+
+
+def changed(changes: Iterable[ParameterChange]) -> list[ParameterChange]:
+    """The changes beyond their 95 % intervals, largest first: the list that screen, record and page show."""
+    return sorted((each for each in changes if each.beyond), key=lambda each: -each.size)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -141,10 +159,10 @@ def _changes(
     has_own_value = difference.any(axis=1)
     change = np.where(has_own_value, difference @ solved.values, estimate.values - before)
     deviation = np.sqrt(np.where(has_own_value, variance, apart))
-    beyond = np.abs(change) > student_quantile(estimate.freedom) * deviation
+    half = student_quantile(estimate.freedom) * deviation
     return tuple(
         ParameterChange(
-            name, float(before[k]), float(estimate.values[k]), float(change[k]), float(deviation[k]), bool(beyond[k])
+            name, float(before[k]), float(estimate.values[k]), float(change[k]), float(deviation[k]), float(half[k])
         )
         for k, name in enumerate(names)
     )
